@@ -1,0 +1,4 @@
+"""sparsepop_py"""
+from .polynomial import *
+from .problem import *
+from .errors import *

@@ -1,0 +1,258 @@
+"""The polynomial optimization problem: what is asked.
+
+    minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import symbolic
+from .errors import ProblemError
+from .polynomial import Constraint, Kind, Polynomial, total
+from .system import PolynomialSystem
+
+__all__ = ["Problem"]
+
+Sense = Literal["min", "max"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Problem:
+    """A polynomial optimization problem, always stored as a minimisation.
+
+    Parameters
+    ----------
+    objective : Polynomial, number or sympy expression
+        The polynomial f to be minimised.
+    constraints : iterable of Constraint or sympy relation
+        Inequalities g >= 0 and equalities h == 0, as comparisons make them.
+    lower, upper : float or array_like (n,), optional
+        Simple bounds, -inf and +inf where there are none.
+    names : sequence of str, optional
+        Names of the variables; those of the objective when left out.
+    squares : iterable of Polynomial or (weight, Polynomial), optional
+        The objective as a constant plus a (non-negatively weighted) sum of squares.
+        Expanding hides this form, and with it a box for the variables:
+        ``weight * r(x)^2 <= f(x) - constant``. The identity is checked exactly.
+    sense : {"min", "max"}
+        A memo for readers and writers of files: ``"max"`` says that the problem was
+        given as a maximisation, and that ``objective`` is the negative of what was
+        given. Bounds always refer to ``objective``.
+
+    Raises
+    ------
+    ProblemError
+        If dimensions, names or bounds do not fit; the message names the field.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2, ["x", "y"])
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 == 1], lower=-1, upper=1)
+    >>> problem.violation([0.6, 0.8])
+    0.0
+    """
+
+    objective: Polynomial
+    constraints: tuple[Constraint, ...]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    names: tuple[str, ...]
+    squares: tuple[tuple[float, Polynomial], ...]
+    sense: Sense
+
+    def __init__(
+        self,
+        objective: Any,
+        constraints: Iterable[Any] = (),
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        names: Sequence[str] | None = None,
+        squares: Iterable[Any] | None = None,
+        sense: Sense = "min",
+    ) -> None:
+        rows = [constraints] if isinstance(constraints, Constraint) else list(constraints)
+        objective, rows = symbolic.convert(objective, rows, names)
+        objective = _as_objective(objective, rows)
+        n = objective.dimension
+        for number, row in enumerate(rows):
+            _check_constraint(number, row, n)
+        if sense not in ("min", "max"):
+            raise ProblemError(f"sense: found {sense!r}, expected 'min' or 'max'")
+        low, high = _bounds("lower", lower, n, -np.inf), _bounds("upper", upper, n, np.inf)
+        wrong = np.flatnonzero((low > high) | (low == np.inf) | (high == -np.inf))
+        if wrong.size:
+            v = int(wrong[0])
+            raise ProblemError(
+                f"lower, upper: found [{low[v]}, {high[v]}] for variable {v + 1}, "
+                "expected lower <= upper"
+            )
+        fields = {
+            "objective": objective,
+            "constraints": tuple(rows),
+            "lower": low,
+            "upper": high,
+            "names": _names(names, objective),
+            "squares": _squares(squares, objective),
+            "sense": sense,
+        }
+        for key, value in fields.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables n."""
+        return self.objective.dimension
+
+    @property
+    def degree(self) -> int:
+        """Largest degree of objective and constraints."""
+        return max([self.objective.degree, *(c.polynomial.degree for c in self.constraints)])
+
+    @cached_property
+    def rows(self) -> PolynomialSystem:
+        """The constraints stacked for fast evaluation; row i is constraint i."""
+        return PolynomialSystem.stack([c.polynomial for c in self.constraints], self.dimension)
+
+    @cached_property
+    def equality(self) -> NDArray[np.bool_]:
+        """Which constraints are equalities, shape (m,)."""
+        return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
+
+    def violation(self, x: ArrayLike) -> float:
+        """Largest violation of constraints and bounds at ``x``, in the user's units.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+
+        Returns
+        -------
+        float
+            0.0 when every constraint and bound holds as evaluated in floating point.
+        """
+        point = np.asarray(x, float)
+        if point.shape != (self.dimension,):
+            raise ProblemError(f"x: found shape {point.shape}, expected ({self.dimension},)")
+        values = self.rows.values(point)
+        worst = np.where(self.equality, np.abs(values), -values)
+        parts = [worst, self.lower - point, point - self.upper, np.zeros(1)]
+        return float(np.max(np.concatenate(parts)))
+
+    def with_objective(self, objective: Polynomial) -> Problem:
+        """The same feasible set with another objective."""
+        return Problem(
+            objective, self.constraints, self.lower, self.upper, self.names, sense="min"
+        )
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of the exact doubles of objective, constraints and bounds."""
+        digest = hashlib.sha256()
+        for polynomial, kind in [
+            (self.objective, "objective"),
+            *((c.polynomial, c.kind.name) for c in self.constraints),
+        ]:
+            digest.update(kind.encode())
+            digest.update(np.int64(polynomial.words.shape).tobytes())
+            digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
+            digest.update(np.ascontiguousarray(polynomial.coefficients, "<f8").tobytes())
+        for bound in (self.lower, self.upper):
+            digest.update((bound + 0.0).astype("<f8").tobytes())
+        return digest.hexdigest()
+
+    def __str__(self) -> str:
+        lines = [f"min {self.objective}"]
+        lines += [f"  s.t. {constraint}" for constraint in self.constraints]
+        for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
+            if np.isfinite(low) or np.isfinite(high):
+                lines.append(f"  {low:g} <= {name} <= {high:g}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        equalities = int(self.equality.sum())
+        return (
+            f"<Problem: {self.dimension} variables, {len(self.constraints) - equalities} "
+            f"inequalities, {equalities} equalities, degree {self.degree}>"
+        )
+
+
+def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
+    if isinstance(objective, Polynomial):
+        return objective
+    first = next((row for row in rows if isinstance(row, Constraint)), None)
+    if first is not None and np.isscalar(objective):
+        return total([first.polynomial * 0.0, float(objective)])  # type: ignore[arg-type]
+    raise ProblemError(
+        f"objective: found {type(objective).__name__}, expected a Polynomial "
+        "(see sparsepop_py.variables) or a sympy expression"
+    )
+
+
+def _check_constraint(number: int, row: Any, n: int) -> None:
+    if not isinstance(row, Constraint):
+        raise ProblemError(
+            f"constraints[{number}]: found {type(row).__name__}, expected a comparison of "
+            "polynomials such as x1 + x2 >= 1"
+        )
+    if row.polynomial.dimension != n:
+        raise ProblemError(
+            f"constraints[{number}]: found {row.polynomial.dimension} variables, expected {n}"
+        )
+
+
+def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDArray[np.float64]:
+    try:
+        values = np.array(default if given is None else given, float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{field}: found {given!r}, expected numbers") from None
+    if values.ndim == 0:
+        values = np.full(n, float(values))
+    if values.shape != (n,):
+        raise ProblemError(f"{field}: found shape {values.shape}, expected ({n},)")
+    if np.any(np.isnan(values)):
+        where = int(np.flatnonzero(np.isnan(values))[0]) + 1
+        raise ProblemError(f"{field}: found NaN for variable {where}, expected a number")
+    values.flags.writeable = False
+    return values
+
+
+def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...]:
+    n = objective.dimension
+    if names is None:
+        return objective.names or tuple(f"x{v + 1}" for v in range(n))
+    labels = tuple(str(name) for name in names)
+    if len(labels) != n or len(set(labels)) != n:
+        raise ProblemError(f"names: found {len(labels)} names, expected {n} distinct ones")
+    return labels
+
+
+def _squares(
+    squares: Iterable[Any] | None, objective: Polynomial
+) -> tuple[tuple[float, Polynomial], ...]:
+    pairs = []
+    for item in squares or ():
+        weight, polynomial = item if isinstance(item, tuple) else (1.0, item)
+        if not isinstance(polynomial, Polynomial) or polynomial.dimension != objective.dimension:
+            raise ProblemError("squares: expected polynomials in the objective's variables")
+        if not float(weight) >= 0:
+            raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
+        pairs.append((float(weight), polynomial))
+    if pairs:
+        rest = total([objective, *(p * p * -w for w, p in pairs)])
+        rest = rest - rest.constant_term
+        scale = max(np.abs(objective.coefficients).max(initial=1.0), 1.0)
+        if np.abs(rest.coefficients).max(initial=0.0) > 1e-9 * scale:
+            raise ProblemError(
+                "squares: their sum differs from the objective by more than a constant: "
+                f"{rest!r}"
+            )
+    return tuple(pairs)

@@ -1,0 +1,94 @@
+"""Many polynomials stacked into one sparse object, for values and derivatives.
+
+Row i holds polynomial i. Distinct monomials are evaluated once; values and
+Jacobians are sparse products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from . import monomials
+from .monomials import Words
+from .polynomial import Polynomial
+
+__all__ = ["PolynomialSystem"]
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialSystem:
+    """Stacked polynomials.
+
+    Parameters
+    ----------
+    words : (T, D) int32
+        The monomial of each term, repeated when several rows share it.
+    coefficients : (T,) float
+    row : (T,) int
+        The polynomial of each term, ascending.
+    size : int
+        Number of polynomials m.
+    dimension : int
+        Number of variables n.
+    """
+
+    words: Words
+    coefficients: NDArray[np.float64]
+    row: NDArray[np.int64]
+    size: int
+    dimension: int
+
+    @staticmethod
+    def stack(polynomials: Sequence[Polynomial], dimension: int) -> PolynomialSystem:
+        """Stack polynomials in ``dimension`` variables."""
+        width = max([1, *(p.words.shape[1] for p in polynomials)])
+        words = [monomials.widen(p.words, width) for p in polynomials]
+        counts = [p.terms for p in polynomials]
+        return PolynomialSystem(
+            np.concatenate([*words, np.zeros((0, width), np.int32)]),
+            np.concatenate([*(p.coefficients for p in polynomials), np.zeros(0)]),
+            np.repeat(np.arange(len(polynomials)), np.array(counts, int)),
+            len(polynomials),
+            dimension,
+        )
+
+    def take(self, rows: NDArray) -> PolynomialSystem:
+        """The system of the chosen rows, in the order given."""
+        number = np.full(self.size, -1)
+        number[rows] = np.arange(len(rows))
+        keep = np.flatnonzero(number[self.row] >= 0)
+        keep = keep[np.argsort(number[self.row[keep]], kind="stable")]
+        return PolynomialSystem(
+            self.words[keep],
+            self.coefficients[keep],
+            number[self.row[keep]],
+            len(rows),
+            self.dimension,
+        )
+
+    def values(self, x: NDArray) -> NDArray[np.float64]:
+        """Values at ``x`` of shape (n,), giving (m,)."""
+        terms = self.coefficients * monomials.evaluate(self.words, x)
+        return np.bincount(self.row, weights=terms, minlength=self.size)
+
+    @cached_property
+    def _gradient(self) -> tuple[NDArray, NDArray, NDArray, Words]:
+        """Terms of all partial derivatives: row, variable, coefficient, word."""
+        term, variable, power = monomials.runs(self.words)
+        words = self.words[term].copy()
+        slot = np.argmax(words == (variable + 1)[:, None], axis=1)
+        words[np.arange(term.size), slot] = 0
+        words.sort(axis=1)
+        return self.row[term], variable, self.coefficients[term] * power, words
+
+    def jacobian(self, x: NDArray) -> sps.csr_array:
+        """Jacobian at ``x`` of shape (n,), sparse (m, n)."""
+        row, variable, coefficient, words = self._gradient
+        values = coefficient * monomials.evaluate(words, x)
+        return sps.csr_array((values, (row, variable)), shape=(self.size, self.dimension))
