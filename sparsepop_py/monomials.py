@@ -144,6 +144,7 @@ def full_basis(variables: int, degree: int) -> Words:
     >>> full_basis(2, 2).tolist()
     [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]]
     """
+    if degree == 0:
+        return np.zeros((1, 1), np.int32)
     letters = combinations_with_replacement(range(variables + 1), degree)
-    words = np.array(list(letters), np.int32).reshape(-1, degree)
-    return words if degree else np.zeros((1, 1), np.int32)
+    return np.array(list(letters), np.int32).reshape(-1, degree)

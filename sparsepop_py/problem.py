@@ -123,6 +123,11 @@ class Problem:
         return PolynomialSystem.stack([c.polynomial for c in self.constraints], self.dimension)
 
     @cached_property
+    def objective_row(self) -> PolynomialSystem:
+        """The objective as a system of one row."""
+        return PolynomialSystem.stack([self.objective], self.dimension)
+
+    @cached_property
     def equality(self) -> NDArray[np.bool_]:
         """Which constraints are equalities, shape (m,)."""
         return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)

@@ -72,6 +72,14 @@ class PolynomialSystem:
             self.dimension,
         )
 
+    def terms_of(self, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Terms of the chosen rows: position in ``rows`` and term number, both (L,)."""
+        first = np.searchsorted(self.row, np.arange(self.size + 1))
+        count = first[rows + 1] - first[rows]
+        position = np.repeat(np.arange(len(rows)), count)
+        within = np.arange(position.size) - (np.cumsum(count) - count)[position]
+        return position, first[rows][position] + within
+
     def values(self, x: NDArray) -> NDArray[np.float64]:
         """Values at ``x`` of shape (n,), giving (m,)."""
         terms = self.coefficients * monomials.evaluate(self.words, x)

@@ -1,0 +1,1 @@
+"""What is proved, and how anyone re-checks it without a solver."""

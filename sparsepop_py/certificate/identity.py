@@ -1,0 +1,284 @@
+"""The safe bound: a polynomial identity whose remainder is paid for.
+
+With x = centre + scale * t, any multipliers at all give the identity
+
+    f(x) = sum_k sigma_k(t) g_k(x) + sum_j lambda_j(t) h_j(x) + r(t),
+    sigma_k = |L_k' b_k(t)|^2 + floor_k |b_k(t)|^2 >= 0,
+
+where r is whatever remains. On the feasible set g_k >= 0 and h_j = 0, so f(x) >= r(t).
+Where the variables are boxed, |t^a| <= 1 (and t^a in [0, 1] for even a), hence
+f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed variable is instead
+moved into the Gram matrix of a moment block: a symmetric change E keeps
+floor * I + E positive semidefinite as long as the row sums of |E| stay below the floor
+(Gershgorin). Squares are stored by their factors, so no eigenvalue has to be verified:
+the bound holds for every L, every lambda and every rounding of them. Good multipliers
+make it good, none can make it wrong.
+
+References
+----------
+C. Jansson, D. Chaykin, C. Keil, Rigorous error bounds for the optimal value in
+semidefinite programming, SIAM J. Numer. Anal. 46, 2007 (bounded variables).
+H. Peyrl, P. Parrilo, Computing sum of squares decompositions with rational coefficients,
+Theoret. Comput. Sci. 409, 2008 (absorbing the residual).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import monomials
+from ..enclosure import expand_affine
+from ..monomials import Words
+from ..presolve.scaling import Scaling
+from ..rounding import Interval, gram, sum_by, up
+from ..system import PolynomialSystem
+
+__all__ = ["Evaluated", "Identity", "Multipliers"]
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Multipliers of one shape.
+
+    Parameters
+    ----------
+    generator : (K,) int
+        0 for the constant 1, i >= 1 for constraint i - 1, m + 1 + j for the bounds of
+        variable j.
+    basis : (K, s, D) int32
+        Monomials in t, as words.
+    values : (K, s) or (K, s, r) float
+        Coefficients of the free multiplier of an equality, or the factor L of squares.
+    floor : float
+        The floor of these squares, >= 0.
+    """
+
+    generator: NDArray[np.int64]
+    basis: Words
+    values: NDArray
+    floor: float = 0.0
+
+    @property
+    def free(self) -> bool:
+        """Whether these multiply equalities."""
+        return self.values.ndim == 2
+
+    def terms(self) -> tuple[Words, Interval]:
+        """Monomials and coefficients of each multiplier, shapes (K, R, D') and (K, R)."""
+        if self.free:
+            return self.basis, Interval.point(self.values.astype(float))
+        j, i = np.tril_indices(self.basis.shape[1])
+        matrix = gram(self.values.astype(float))
+        shift = np.where(i == j, self.floor, 0.0)
+        entry = Interval(matrix.lo[:, i, j], matrix.hi[:, i, j]) + Interval.point(shift)
+        weight = Interval.point(np.where(i == j, 1.0, 2.0))
+        return monomials.multiply(self.basis[:, i], self.basis[:, j]), entry * weight
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers are stored."""
+        return self.values.size
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What an identity proves.
+
+    Parameters
+    ----------
+    bound : float
+        Proved lower bound of the objective, -inf when the identity does not close.
+    correction : float
+        What the remainder cost: the sum of |r_a| over the box.
+    floor : float
+        What is left of the floor: sum_k floor |b_k|^2 is contained in the squares.
+    reason : str
+        Why the bound is -inf, else empty.
+    """
+
+    bound: float
+    correction: float
+    floor: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Identity:
+    """Multipliers in scaled variables.
+
+    Parameters
+    ----------
+    scaling : Scaling
+        Its box is an assumption here; whoever uses the bound has to prove it.
+    multipliers : tuple of Multipliers
+    """
+
+    scaling: Scaling
+    multipliers: tuple[Multipliers, ...]
+
+    def evaluate(
+        self,
+        constraints: PolynomialSystem,
+        equality: NDArray[np.bool_],
+        objective: PolynomialSystem,
+    ) -> Evaluated:
+        """The bound that this identity proves on the box of its scaling.
+
+        Parameters
+        ----------
+        constraints : PolynomialSystem
+            The constraints that generators 1..m refer to.
+        equality : (m,) bool
+            Which of them are equalities; only these may have free multipliers.
+        objective : PolynomialSystem
+            One row, the objective.
+        """
+        remainder = self._malformed(constraints.size, equality) or self._remainder(
+            constraints, objective
+        )
+        if isinstance(remainder, str):
+            return Evaluated(-np.inf, np.inf, 0.0, remainder)
+        words, value = remainder
+        constant = ~words.any(axis=1)
+        covered = np.append(True, self.scaling.boxed)[words].all(axis=1)
+        paid = covered & ~constant
+        loss = _loss(words[paid], value[paid])
+        rest = ~covered & ((value.lo != 0) | (value.hi != 0))
+        floor, reason = self._absorb(words[rest], value[rest].magnitude())
+        if reason:
+            return Evaluated(-np.inf, loss, 0.0, reason)
+        base = float(value.lo[constant][0]) if constant.any() else 0.0
+        bound = float(np.nextafter(base - loss, -np.inf)) if loss else base
+        if not np.isfinite(bound):
+            return Evaluated(-np.inf, loss, 0.0, "the multipliers overflow")
+        return Evaluated(bound, loss, floor)
+
+    def _malformed(self, size: int, equality: NDArray[np.bool_]) -> str:
+        """Why the multipliers make no sense for these constraints, empty if they do."""
+        n = self.scaling.centre.size
+        equal = np.concatenate([[False], equality, np.zeros(n, bool)])
+        for group in self.multipliers:
+            if np.any(group.generator < 0) or np.any(group.generator > size + n):
+                return "a multiplier refers to a constraint that does not exist"
+            if group.free and not np.all(equal[group.generator]):
+                return "a multiplier without sign refers to an inequality"
+            if np.any(group.basis < 0) or np.any(group.basis > n) or not group.floor >= 0:
+                return "a multiplier has a malformed basis or floor"
+            if not np.all(np.isfinite(group.values)):
+                return "a multiplier is not finite"
+        return ""
+
+    def _remainder(
+        self, constraints: PolynomialSystem, objective: PolynomialSystem
+    ) -> tuple[Words, Interval]:
+        """Words and coefficients of r."""
+        n, scaling = constraints.dimension, self.scaling
+        generators = _Generators.of(constraints, scaling)
+        words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
+        all_words, all_values = [words], [value]
+        for group in self.multipliers:
+            product, weight = group.terms()
+            block, term = generators.system.terms_of(group.generator)
+            joined = monomials.multiply(product[block], generators.system.words[term][:, None, :])
+            coefficient = generators.value[term]
+            part = -(weight[block] * Interval(coefficient.lo[:, None], coefficient.hi[:, None]))
+            all_words.append(monomials.trim(joined.reshape(-1, joined.shape[-1])))
+            all_values.append(Interval(part.lo.ravel(), part.hi.ravel()))
+        width = max(w.shape[1] for w in all_words)
+        distinct, number = monomials.collect(
+            np.concatenate([monomials.widen(w, width) for w in all_words]), n
+        )
+        terms = Interval(
+            np.concatenate([v.lo for v in all_values]), np.concatenate([v.hi for v in all_values])
+        )
+        return distinct, sum_by(number, terms, distinct.shape[0])
+
+    def _absorb(self, words: Words, size: NDArray) -> tuple[float, str]:
+        """Move monomials into the floors; what is left of the least floor, or a reason."""
+        groups = [g for g in self.multipliers if not g.free and g.floor > 0]
+        groups = [g for g in groups if np.all(g.generator == 0)]
+        if not groups:
+            reason = "" if words.shape[0] == 0 else (
+                "the remainder has monomials of variables without finite bounds"
+            )
+            return 0.0, reason
+        floors, left = [], words.shape[0]
+        width = max([words.shape[1], *(2 * g.basis.shape[2] for g in groups)])
+        keys = monomials.pack(monomials.widen(words, width), self.scaling.centre.size)
+        open_ = np.ones(words.shape[0], bool)
+        for group in groups:
+            j, i = np.tril_indices(group.basis.shape[1])
+            product = monomials.multiply(group.basis[:, i], group.basis[:, j])
+            count = product.shape[1]
+            flat = monomials.widen(product.reshape(-1, product.shape[2]), width)
+            available, first = np.unique(
+                monomials.pack(flat, self.scaling.centre.size), return_index=True
+            )
+            place = np.minimum(np.searchsorted(available, keys), available.size - 1)
+            hit = open_ & (available[place] == keys)
+            spot = first[place[hit]]
+            block, pair = np.divmod(spot, count)
+            share = np.where(i[pair] == j[pair], size[hit], 0.5 * size[hit])
+            off = i[pair] != j[pair]
+            index = np.concatenate([block * group.basis.shape[1] + i[pair],
+                                    (block * group.basis.shape[1] + j[pair])[off]])
+            shares = np.concatenate([share, share[off]])
+            sums = sum_by(index, Interval.point(shares), group.basis.shape[0] * group.basis.shape[1])
+            floors.append(float(np.nextafter(group.floor - sums.hi.max(initial=0.0), -np.inf)))
+            open_ &= ~hit
+            left -= int(hit.sum())
+        if left:
+            return 0.0, "the remainder has monomials outside every moment block"
+        if min(floors) < 0:
+            return 0.0, "the remainder is larger than the margin of the moment blocks"
+        return min(floors), ""
+
+
+def _loss(words: Words, value: Interval) -> float:
+    """Upper bound of -min r over the box, monomial by monomial."""
+    if words.shape[0] == 0:
+        return 0.0
+    row, _, power = monomials.runs(words)
+    odd = np.bincount(row, weights=power % 2, minlength=words.shape[0]) > 0
+    cost = np.where(odd, value.magnitude(), np.maximum(0.0, -value.lo))
+    total = sum_by(np.zeros(cost.size, int), Interval.point(cost), 1)
+    return float(up(total.hi)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class _Generators:
+    """What multipliers multiply, in t: 1, the constraints, and the bounds of each variable."""
+
+    system: PolynomialSystem
+    value: Interval
+
+    @staticmethod
+    def of(constraints: PolynomialSystem, scaling: Scaling) -> _Generators:
+        n, m = constraints.dimension, constraints.size
+        words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
+        letter = np.arange(1, n + 1, dtype=np.int32)
+        zero = np.zeros(n, np.int32)
+        boxed = scaling.boxed & (scaling.scale > 0)
+        width = max(2, words.shape[1])
+        index = np.arange(n) + m + 1
+        rows = np.concatenate([np.zeros(1, int), row + 1, index, index, index])
+        parts = [
+            np.zeros((1, 2), np.int32),
+            words,
+            np.stack([zero, zero], 1),
+            np.stack([zero, letter], 1),
+            np.stack([letter, letter], 1),
+        ]
+        bounds = [boxed * 1.0, np.where(boxed, 0.0, scaling.side), boxed * -1.0]
+        lo = np.concatenate([np.ones(1), value.lo, *bounds])
+        hi = np.concatenate([np.ones(1), value.hi, *bounds])
+        stacked = np.concatenate([monomials.widen(w, width) for w in parts])
+        keep = np.flatnonzero((lo != 0) | (hi != 0))
+        keep = keep[np.argsort(rows[keep], kind="stable")]
+        system = PolynomialSystem(
+            stacked[keep], 0.5 * (lo + hi)[keep], rows[keep], m + 1 + n, n
+        )
+        return _Generators(system, Interval(lo[keep], hi[keep]))

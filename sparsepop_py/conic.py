@@ -1,0 +1,178 @@
+"""Conic programs in one convention, always in moment form.
+
+    minimise  q'y + offset   subject to   A y + s = b,   s in K,
+
+y being the moments without the constant, K a product of zero cones, non-negative rows
+and positive semidefinite cones (upper triangle column by column, off-diagonal entries
+times sqrt 2). A solution carries (y, s, z) with z in K* (free on zero rows),
+stationarity q + A'z = 0 and dual value offset - b'z. Solvers may be fed another form;
+what comes back is translated into this one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from .errors import FormatError
+from .polynomial import Polynomial
+from .relaxation import Relaxation
+
+__all__ = ["Cones", "ConicProgram", "ConicSolution", "assemble", "split_dual"]
+
+_ROOT2 = float(np.sqrt(2.0))
+
+
+@dataclass(frozen=True)
+class Cones:
+    """The cone K, in the order of the rows.
+
+    Parameters
+    ----------
+    zero : int
+        Rows that must vanish.
+    nonnegative : int
+        Rows that must not be negative.
+    psd : tuple of int
+        Sizes of the semidefinite blocks, each with s (s + 1) / 2 rows.
+    """
+
+    zero: int
+    nonnegative: int
+    psd: tuple[int, ...]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows R."""
+        return self.zero + self.nonnegative + sum(s * (s + 1) // 2 for s in self.psd)
+
+
+@dataclass(frozen=True, eq=False)
+class ConicProgram:
+    """min q'y + offset, A y + s = b, s in K.
+
+    Parameters
+    ----------
+    q : (M,) float
+    A : csc (R, M)
+    b : (R,) float
+    cones : Cones
+    offset : float
+    """
+
+    q: NDArray[np.float64]
+    A: sps.csc_array
+    b: NDArray[np.float64]
+    cones: Cones
+    offset: float = 0.0
+
+    def save(self, path: str | Path) -> None:
+        """Write the program as a NumPy ``.npz`` archive, read back by :meth:`load`."""
+        np.savez_compressed(
+            path,
+            q=self.q,
+            b=self.b,
+            offset=self.offset,
+            data=self.A.data,
+            indices=self.A.indices,
+            indptr=self.A.indptr,
+            zero=self.cones.zero,
+            nonnegative=self.cones.nonnegative,
+            psd=np.array(self.cones.psd, int),
+        )
+
+    @staticmethod
+    def load(path: str | Path) -> ConicProgram:
+        """Read a program that :meth:`save` wrote.
+
+        Raises
+        ------
+        FormatError
+            If the file is missing or is no such archive.
+        """
+        try:
+            with np.load(path) as file:
+                shape = (file["b"].size, file["q"].size)
+                matrix = sps.csc_array((file["data"], file["indices"], file["indptr"]), shape=shape)
+                sizes = tuple(int(s) for s in file["psd"])
+                cones = Cones(int(file["zero"]), int(file["nonnegative"]), sizes)
+                return ConicProgram(file["q"], matrix, file["b"], cones, float(file["offset"]))
+        except (OSError, KeyError, ValueError) as error:
+            raise FormatError(f"{path}: expected a saved conic program: {error}") from error
+
+    def __str__(self) -> str:
+        return (
+            f"conic program: {self.q.size} moments, {self.b.size} rows "
+            f"({self.cones.zero} zero, {self.cones.nonnegative} linear, "
+            f"{len(self.cones.psd)} semidefinite blocks up to {max(self.cones.psd, default=0)})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ConicSolution:
+    """What a solver returned, in the convention of this module. No value here is a bound.
+
+    Parameters
+    ----------
+    status : {"solved", "almost", "infeasible", "unbounded", "failed"}
+        As the solver sees the moment form; ``detail`` holds its own words.
+    y, s, z : arrays (M,), (R,), (R,)
+    primal, dual : float
+        q'y + offset and offset - b'z, recomputed here.
+    residual : float
+        Largest entry of |q + A'z|, recomputed here.
+    iterations : int
+    seconds : float
+        CPU seconds spent in the solver.
+    solver : str
+    detail : str
+    """
+
+    status: str
+    y: NDArray[np.float64]
+    s: NDArray[np.float64]
+    z: NDArray[np.float64]
+    primal: float
+    dual: float
+    residual: float
+    iterations: int
+    seconds: float
+    solver: str
+    detail: str = ""
+
+
+def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
+    """Put an objective on a relaxation.
+
+    Raises
+    ------
+    ProblemError
+        If the objective has a monomial that the relaxation does not hold.
+    """
+    q, offset = relaxation.objective_vector(objective)
+    A, b = relaxation.scaled_rows
+    linear = sum(g.count for g in relaxation.groups if not g.free and g.size == 1)
+    psd = [g.size for g in relaxation.groups for _ in range(g.count) if not g.free and g.size > 1]
+    return ConicProgram(q, A, b, Cones(relaxation.equality_rows, linear, tuple(psd)), offset)
+
+
+def split_dual(relaxation: Relaxation, z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The dual z as one array a group: (K, s) for free groups, else (K, s, s) symmetric."""
+    parts, offset = [], 0
+    for group in relaxation.groups:
+        total = group.count * group.rows_each
+        part = z[offset : offset + total].reshape(group.count, group.rows_each)
+        offset += total
+        if group.free:
+            parts.append(part.copy())
+            continue
+        i, j = group.pairs
+        weight = np.where(i == j, 1.0, 1.0 / _ROOT2)
+        matrix = np.zeros((group.count, group.size, group.size))
+        matrix[:, i, j] = matrix[:, j, i] = part * weight
+        parts.append(matrix)
+    return parts

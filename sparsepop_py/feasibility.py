@@ -1,0 +1,407 @@
+"""What is attained: points whose existence near a floating-point vector is proved.
+
+A vector of doubles satisfies equations only nearly, so its value may lie below the true
+minimum. A :class:`ProvedPoint` is more: a feasible point exists within ``radius`` of
+``x``, and the objective there is at most ``value``. Two proofs are tried.
+
+Exact repair. Some variables, as many as there are equalities and entering them jointly
+linearly, are solved for in rationals while all others keep their doubles; then every
+constraint and bound is checked exactly.
+
+Krawczyk's test. For equalities F(v) = 0 in as many variables v, a box X around an
+approximate zero m with K(X) = m - C F(m) + (I - C F'(X)) (X - m) inside X contains a
+zero (Krawczyk 1969; Neumaier 1990, section 5.1). Inequalities and bounds are then
+checked over X.
+
+Before either, the vector is pulled off nearly active inequalities by a linear program,
+so that the last digits of the solved variables cannot violate them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import monomials
+from .enclosure import jacobian_range, range_over
+from .linear import solve_lp
+from .problem import Problem
+from .rounding import Interval, exact_values
+from .system import PolynomialSystem
+
+__all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
+
+_NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedPoint:
+    """A feasible point that provably exists.
+
+    Parameters
+    ----------
+    x : (n,) float
+        Approximation of the point.
+    value : float
+        Upper end of the objective at the point.
+    radius : float
+        The point lies within ``radius`` of ``x`` in every coordinate.
+    proof : {"exact", "krawczyk"}
+    rows, solved : (r,) int
+        Equalities that were solved, and the variables they were solved for.
+    """
+
+    x: NDArray[np.float64]
+    value: float
+    radius: float
+    proof: Literal["exact", "krawczyk"]
+    rows: NDArray[np.int64]
+    solved: NDArray[np.int64]
+
+    def recheck(self, problem: Problem) -> ProvedPoint | None:
+        """Repeat the proof for ``problem``; None if it fails."""
+        return prove_point(problem, self.x, self.rows, self.solved, self.proof)
+
+
+def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | None:
+    """Look for a feasible point near ``x`` and prove that it exists.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : (n,) float
+        A nearly feasible vector, as a local search returns it.
+
+    Returns
+    -------
+    ProvedPoint or None
+        The first candidate that passes; candidates further inside cost more objective.
+
+    Examples
+    --------
+    >>> import numpy as np, sparsepop_py as sp
+    >>> a, b = sp.variables(2)
+    >>> circle = sp.Problem(a + b, [a**2 + b**2 == 1])
+    >>> point = prove_feasible(circle, np.array([-0.7071, -0.7071]))
+    >>> point.proof, point.radius < 1e-12
+    ('krawczyk', True)
+    """
+    x = np.clip(np.asarray(x, float), problem.lower, problem.upper)
+    if not np.all(np.isfinite(x)):
+        return None
+    for candidate in _candidates(problem, x):
+        for rows, solved, proof in _plans(problem, candidate):
+            proved = prove_point(problem, candidate, rows, solved, proof)
+            if proved is not None:
+                return proved
+    return None
+
+
+def prove_point(
+    problem: Problem,
+    x: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    solved: NDArray[np.int64],
+    proof: str,
+) -> ProvedPoint | None:
+    """Carry out one proof: solve ``rows`` for the variables ``solved``, check all the rest."""
+    if proof == "exact":
+        return _prove_exactly(problem, x, rows, solved)
+    return _prove_by_krawczyk(problem, x, rows, solved)
+
+
+# ---- candidates -----------------------------------------------------------------------------
+
+
+def _candidates(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
+    """The vector snapped to bounds and round numbers, then pulled inside more and more."""
+    size = 1.0 + np.abs(x)
+    snapped = np.where(x - problem.lower <= _NEAR * size, problem.lower, x)
+    snapped = np.where(problem.upper - x <= _NEAR * size, problem.upper, snapped)
+    rounded = np.round(snapped, 4)
+    inside = (rounded >= problem.lower) & (rounded <= problem.upper)
+    rounded = np.where(inside & (np.abs(rounded - snapped) <= 1e-6 * size), rounded, snapped)
+    yield rounded
+    if np.any(rounded != snapped):
+        yield snapped
+    if len(problem.constraints):
+        for depth in (1e-9, 1e-8, 1e-7, 1e-6, 1e-5):
+            for start in (snapped, x):
+                pulled = _pull_inside(problem, start, depth)
+                if pulled is not None:
+                    yield pulled
+
+
+def _pull_inside(problem: Problem, x: NDArray, depth: float) -> NDArray[np.float64] | None:
+    """Move by a linear program to where nearly active inequalities hold with a margin.
+
+    maximise t, then minimise f' d, subject to the linearised rows h + h' d = 0, g + g' d >= t |g'| for nearly
+    active g, bounds with margin t for variables off their bounds, 0 <= t <= depth.
+    """
+    n = problem.dimension
+    values, jacobian = problem.rows.values(x), problem.rows.jacobian(x)
+    size = np.sqrt(np.asarray(jacobian.power(2).sum(axis=1)).ravel())
+    reach = 1e2 * depth * (1.0 + np.abs(x))
+    near = ~problem.equality & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
+    at_bound = (x == problem.lower) | (x == problem.upper)
+    low = np.where(at_bound, 0.0, np.maximum(-reach, problem.lower + depth - x))
+    high = np.where(at_bound, 0.0, np.minimum(reach, problem.upper - depth - x))
+    crossed = low > high
+    low, high = np.where(crossed, 0.0, low), np.where(crossed, 0.0, high)
+    equal = np.flatnonzero(problem.equality & (size > 0))
+    active = np.flatnonzero(near)
+    slope = problem.objective_row.jacobian(x).toarray().ravel()
+    slope = slope / max(1e-300, np.abs(slope).sum())
+    step = solve_lp(
+        np.append(1e-3 * slope, -1.0),
+        (jacobian[active], size[active], values[active]),
+        (jacobian[equal], -values[equal]),
+        (np.append(low, 0.0), np.append(high, depth)),
+    )
+    if step is None:
+        return None
+    return np.clip(x + step[:n], problem.lower, problem.upper)
+
+
+# ---- plans ----------------------------------------------------------------------------------
+
+
+def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str]]:
+    """Which equalities to solve for which variables, and how."""
+    equal = np.flatnonzero(problem.equality)
+    nothing = np.zeros(0, np.int64)
+    if equal.size == 0:
+        yield nothing, nothing, "exact"
+        return
+    system = problem.rows.take(equal)
+    jacobian = system.jacobian(x).toarray()
+    room = np.minimum(x - problem.lower, problem.upper - x)
+    weight = np.clip(room, 0.0, 1.0)
+    couplings = _couplings(system)
+    for blocked in (couplings, None):
+        rows, solved = _pivots(jacobian, weight, blocked)
+        proof = "krawczyk" if blocked is None else "exact"
+        yield equal[rows], solved, proof
+
+
+def _couplings(system: PolynomialSystem) -> set[tuple[int, int]]:
+    """Pairs of variables that occur in one term (a variable with itself when squared)."""
+    pairs = set()
+    for letters in np.unique(system.words, axis=0):
+        used = letters[letters > 0] - 1
+        for position, a in enumerate(used):
+            for b in used[position + 1 :]:
+                pairs.add((int(a), int(b)))
+    return pairs
+
+
+def _pivots(
+    jacobian: NDArray, weight: NDArray, blocked: set[tuple[int, int]] | None
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of a well-conditioned square part, by elimination with full pivoting.
+
+    Columns are weighted by their distance to the bounds; with ``blocked``, no two chosen
+    columns may occur in one term, so that the rows are linear in them jointly.
+    """
+    matrix = jacobian * weight
+    allowed = np.ones(matrix.shape[1], bool)
+    if blocked is not None:
+        for a, b in blocked:
+            if a == b:
+                allowed[a] = False
+    neighbours: dict[int, list[int]] = {}
+    for a, b in blocked or ():
+        neighbours.setdefault(a, []).append(b)
+        neighbours.setdefault(b, []).append(a)
+    rows, columns = [], []
+    left = np.ones(matrix.shape[0], bool)
+    scale = np.abs(matrix).max(axis=1, initial=0.0)
+    for _ in range(min(matrix.shape)):
+        size = np.abs(matrix) * left[:, None] * allowed[None, :]
+        row, column = np.unravel_index(np.argmax(size), size.shape)
+        if size[row, column] <= 1e-9 * max(1e-3, scale[row]):
+            break
+        pivot = matrix[row] / matrix[row, column]
+        left[row] = allowed[column] = False
+        for other in neighbours.get(int(column), ()):
+            allowed[other] = False
+        matrix = matrix - np.outer(matrix[:, column] * left, pivot)
+        rows.append(int(row))
+        columns.append(int(column))
+    return np.array(rows, np.int64), np.array(columns, np.int64)
+
+
+# ---- proofs ---------------------------------------------------------------------------------
+
+
+def _prove_exactly(
+    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+) -> ProvedPoint | None:
+    exact = [Fraction(value) for value in x.tolist()]
+    if rows.size:
+        solution = _solve_rationally(problem.rows.take(rows), exact, solved.tolist())
+        if solution is None:
+            return None
+        for variable, value in solution.items():
+            exact[variable] = value
+    if not _holds_exactly(problem, exact):
+        return None
+    objective = problem.objective_row
+    value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
+    point = np.array([float(v) for v in exact])
+    radius = max((abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)), default=0)
+    upper = float(Interval.of_fraction(value).hi)
+    kept = x.copy()
+    kept[solved] = point[solved]
+    return ProvedPoint(kept, upper, float(radius) * (1 + 1e-15), "exact", rows, solved)
+
+
+def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
+    for value, low, high in zip(x, problem.lower.tolist(), problem.upper.tolist(), strict=True):
+        if (low != -np.inf and value < Fraction(low)) or (
+            high != np.inf and value > Fraction(high)
+        ):
+            return False
+    system = problem.rows
+    values = exact_values(system.words, system.coefficients, system.row, system.size, x)
+    return all(
+        value == 0 if equal else value >= 0
+        for value, equal in zip(values, problem.equality.tolist(), strict=True)
+    )
+
+
+def _solve_rationally(
+    system: PolynomialSystem, x: list[Fraction], solved: list[int]
+) -> dict[int, Fraction] | None:
+    """Solve the rows, linear in ``solved``, exactly; None if they are not, or are singular."""
+    unknown = set(solved)
+    table: list[dict[int, Fraction]] = [{} for _ in range(system.size)]
+    for letters, coefficient, row in zip(
+        system.words.tolist(), system.coefficients.tolist(), system.row.tolist(), strict=True
+    ):
+        term, column = Fraction(coefficient), -1
+        for letter in letters:
+            if not letter:
+                continue
+            if letter - 1 in unknown:
+                if column >= 0:
+                    return None
+                column = letter - 1
+            else:
+                term *= x[letter - 1]
+        table[row][column] = table[row].get(column, Fraction(0)) + term
+    return _eliminate(table)
+
+
+def _eliminate(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
+    """Sparse rational elimination; key -1 holds the constant of each row (row sum = 0)."""
+    open_rows = set(range(len(table)))
+    where: dict[int, set[int]] = {}
+    for number, row in enumerate(table):
+        for key in row:
+            where.setdefault(key, set()).add(number)
+    order: list[tuple[int, dict[int, Fraction]]] = []
+    while open_rows:
+        number = min(open_rows, key=lambda r: len(table[r]))
+        open_rows.remove(number)
+        row = {key: value for key, value in table[number].items() if value or key == -1}
+        columns = [key for key in row if key >= 0]
+        if not columns:
+            return None
+        column = min(columns, key=lambda key: len(where[key]))
+        pivot = row.pop(column)
+        order.append((column, {key: -value / pivot for key, value in row.items()}))
+        for other in where[column] & open_rows:
+            factor = table[other].pop(column, Fraction(0))
+            for key, value in order[-1][1].items():
+                table[other][key] = table[other].get(key, Fraction(0)) + factor * value
+                where.setdefault(key, set()).add(other)
+    values = {-1: Fraction(1)}
+    for column, row in reversed(order):
+        values[column] = sum((values[key] * value for key, value in row.items()), Fraction(0))
+    del values[-1]
+    return values
+
+
+def _prove_by_krawczyk(
+    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+) -> ProvedPoint | None:
+    if rows.size == 0 or rows.size != solved.size or solved.size > 400:
+        return None
+    system = problem.rows.take(rows)
+    x = _newton(system, x, solved)
+    if x is None or np.any(x < problem.lower) or np.any(x > problem.upper):
+        return None
+    for radius in (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8):
+        box = _krawczyk(system, x, solved, radius)
+        if box is not None:
+            break
+    else:
+        return None
+    if np.any(box.lo < problem.lower) or np.any(box.hi > problem.upper):
+        return None
+    others = np.setdiff1d(np.arange(len(problem.constraints)), rows)
+    values = range_over(problem.rows.take(others), box)
+    equal = problem.equality[others]
+    if np.any(values.lo < 0) or np.any(values.hi[equal] > 0):
+        return None
+    value = float(range_over(problem.objective_row, box).hi[0])
+    spread = float(np.max(np.maximum(box.hi - x, x - box.lo)))
+    return ProvedPoint(x, value, float(np.nextafter(spread, np.inf)), "krawczyk", rows, solved)
+
+
+def _newton(system: PolynomialSystem, x: NDArray, solved: NDArray) -> NDArray | None:
+    x = x.copy()
+    for _ in range(6):
+        step = np.linalg.lstsq(
+            system.jacobian(x).toarray()[:, solved], -system.values(x), rcond=None
+        )[0]
+        if not np.all(np.isfinite(step)) or np.abs(step).max(initial=0.0) > 1e-2:
+            return None
+        x[solved] += step
+    return x
+
+
+def _krawczyk(
+    system: PolynomialSystem, x: NDArray, solved: NDArray, radius: float
+) -> Interval | None:
+    """A box around x in which the rows provably have a common zero, or None."""
+    spread = np.zeros(x.size)
+    spread[solved] = radius * (1.0 + np.abs(x[solved]))
+    box = Interval(x - spread, x + spread)
+    centre_jacobian = system.jacobian(x).toarray()[:, solved]
+    try:
+        inverse = np.linalg.inv(centre_jacobian)
+    except np.linalg.LinAlgError:
+        return None
+    slopes = jacobian_range(system, box)
+    slopes = Interval(slopes.lo[:, solved], slopes.hi[:, solved])
+    residual = range_over(system, Interval.point(x))
+    identity = Interval.point(np.eye(solved.size))
+    contraction = identity - _matmul(inverse, slopes)
+    image = -_matmul(inverse, residual[:, None]) + _interval_matmul(
+        contraction, (box - Interval.point(x))[solved][:, None]
+    )
+    image = Interval(image.lo[:, 0], image.hi[:, 0]) + Interval.point(x[solved])
+    inside = (image.lo > box.lo[solved]) & (image.hi < box.hi[solved])
+    if not np.all(inside):
+        return None
+    lo, hi = x.copy(), x.copy()
+    lo[solved], hi[solved] = image.lo, image.hi
+    return Interval(lo, hi)
+
+
+def _matmul(left: NDArray, right: Interval) -> Interval:
+    return _interval_matmul(Interval.point(left), right)
+
+
+def _interval_matmul(left: Interval, right: Interval) -> Interval:
+    total = left[:, 0, None] * right[0][None, :]
+    for k in range(1, left.lo.shape[1]):
+        total = total + left[:, k, None] * right[k][None, :]
+    return total

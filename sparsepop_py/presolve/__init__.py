@@ -1,0 +1,1 @@
+"""Finite boxes and scaling: what is done to a problem before it is relaxed."""

@@ -1,0 +1,269 @@
+"""Interval propagation: what each constraint says about each variable.
+
+A row says sum_k atom_k(x) in [lower, upper]. Over the current box every atom has a
+range, so atom_k lies in [lower, upper] minus the ranges of the others, and a variable
+in what the inverse of its atom makes of that. Atoms are monomials, and c1 x + c2 x^2
+taken together (completing the square bounds a variable from nothing). All rows are
+swept at once; every operation is rounded outward, so the box that results contains
+every point of the old box that satisfies the rows.
+
+References
+----------
+P. Belotti et al., Branching and bounds tightening techniques for non-convex MINLP,
+Optimization Methods and Software 24, 2009 (feasibility-based bound tightening).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import monomials
+from ..enclosure import Factors, product
+from ..rounding import Interval, down, sum_by, up
+from ..system import PolynomialSystem
+
+__all__ = ["Rows", "propagate", "sweep"]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Stacked polynomials with the interval that each must lie in.
+
+    Parameters
+    ----------
+    system : PolynomialSystem
+    target : Interval (m,)
+    """
+
+    system: PolynomialSystem
+    target: Interval
+
+    @cached_property
+    def _quadratic(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+        """Pairs c1 x + c2 x^2: row, variable, c1, c2, and which terms remain monomials."""
+        system = self.system
+        degree = monomials.degrees(system.words)
+        last = system.words[:, -1].astype(np.int64)
+        before = system.words[:, -2] if system.words.shape[1] > 1 else np.zeros_like(last)
+        key = system.row * (system.dimension + 1) + last
+        linear = np.flatnonzero(degree == 1)
+        square = np.flatnonzero((degree == 2) & (before == last))
+        _, one, two = np.intersect1d(key[linear], key[square], return_indices=True)
+        one, two = linear[one], square[two]
+        rest = np.ones(system.row.size, bool)
+        rest[one] = rest[two] = False
+        return (
+            system.row[one],
+            last[one] - 1,
+            system.coefficients[one],
+            system.coefficients[two],
+            np.flatnonzero(rest),
+        )
+
+    @cached_property
+    def _factors(self) -> Factors:
+        return Factors.of(self.system.words[self._quadratic[4]], self.system.dimension)
+
+
+def propagate(
+    rows: Rows, box: Interval, limit: int = 60, progress: float = 0.02
+) -> tuple[Interval, int]:
+    """Sweep until nothing moves much; returns the box and the number of sweeps.
+
+    An empty box (lo > hi somewhere) proves that no point satisfies rows and box.
+    """
+    for number in range(1, limit + 1):
+        tighter = sweep(rows, box)
+        if is_empty(tighter) or not _moved(box, tighter, progress):
+            return tighter, number
+        box = tighter
+    return box, limit
+
+
+def is_empty(box: Interval) -> bool:
+    """Whether the box holds no point."""
+    return bool(np.any(box.lo > box.hi))
+
+
+def _moved(old: Interval, new: Interval, progress: float) -> bool:
+    if np.any(np.isinf(old.lo) & np.isfinite(new.lo)):
+        return True
+    if np.any(np.isinf(old.hi) & np.isfinite(new.hi)):
+        return True
+    finite = np.isfinite(old.lo) & np.isfinite(old.hi)
+    with np.errstate(invalid="ignore", over="ignore"):
+        width, left = (old.hi - old.lo)[finite], (new.hi - new.lo)[finite]
+        half = ~finite & (
+            (np.isfinite(old.lo) & (new.lo - old.lo > 0.1 * (1 + np.abs(old.lo))))
+            | (np.isfinite(old.hi) & (old.hi - new.hi > 0.1 * (1 + np.abs(old.hi))))
+        )
+    return bool(np.any(width - left > progress * width) or np.any(half))
+
+
+def sweep(rows: Rows, box: Interval) -> Interval:
+    """One pass over all rows at once; the returned box lies in ``box``."""
+    system, target = rows.system, rows.target
+    q_row, q_var, c1, c2, plain = rows._quadratic
+    factors = rows._factors
+    ranges = factors.ranges(box)
+    monomial = Interval.point(system.coefficients[plain]) * product(ranges)
+    quadratic = _quadratic_range(c1, c2, box[q_var])
+    atoms = Interval(
+        np.append(monomial.lo, quadratic.lo), np.append(monomial.hi, quadratic.hi)
+    )
+    row = np.append(system.row[plain], q_row)
+    allowed = _allowed(row, atoms, target, system.size)
+    lo, hi = box.lo.copy(), box.hi.copy()
+    if np.any(allowed.lo > allowed.hi):
+        return Interval(np.full_like(lo, np.inf), np.full_like(hi, -np.inf))
+    split = plain.size
+    _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:])
+    _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
+    return Interval(lo, hi)
+
+
+def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:
+    """Where each atom must lie: the target of its row minus the other atoms, and its range."""
+    ends = []
+    for end, infinity in ((atoms.lo, -np.inf), (atoms.hi, np.inf)):
+        endless = end == infinity
+        finite = np.where(endless, 0.0, end)
+        total = sum_by(row, Interval.point(finite), size)
+        count = np.bincount(row, weights=endless, minlength=size)[row]
+        others = total[row] - Interval.point(finite)
+        blocked = count - endless > 0
+        rest = others.lo if infinity < 0 else others.hi
+        ends.append(np.where(blocked, infinity, rest))
+    rest = Interval(ends[0], ends[1])
+    asked = target[row] - rest
+    return asked.intersect(atoms)
+
+
+def _quadratic_range(c1: NDArray, c2: NDArray, x: Interval) -> Interval:
+    """Range of c1 x + c2 x^2."""
+    a, b = Interval.point(c1), Interval.point(c2)
+    ends = []
+    for end in (x.lo, x.hi):
+        finite = np.isfinite(end)
+        point = Interval.point(np.where(finite, end, 0.0))
+        value = point * (a + b * point)
+        infinite = np.where(c2 > 0, np.inf, -np.inf)
+        ends.append(
+            Interval(np.where(finite, value.lo, infinite), np.where(finite, value.hi, infinite))
+        )
+    vertex, depth = _vertex(a, b)
+    outside = (vertex.hi < x.lo) | (vertex.lo > x.hi)
+    lo, hi = np.minimum(ends[0].lo, ends[1].lo), np.maximum(ends[0].hi, ends[1].hi)
+    lo = np.where((c2 > 0) & ~outside, np.minimum(lo, depth.lo), lo)
+    hi = np.where((c2 < 0) & ~outside, np.maximum(hi, depth.hi), hi)
+    return Interval(lo, hi)
+
+
+def _vertex(a: Interval, b: Interval) -> tuple[Interval, Interval]:
+    """Place and value of the extremum of a x + b x^2."""
+    twice = b * Interval.point(2.0)
+    vertex = -(a / twice)
+    return vertex, -(a * a) / (twice * Interval.point(2.0))
+
+
+def _tighten_quadratics(
+    lo: NDArray, hi: NDArray, variable: NDArray, c1: NDArray, c2: NDArray, box: Interval,
+    allowed: Interval,
+) -> None:
+    """Solve c1 x + c2 x^2 in ``allowed``: |x - vertex| between two radii."""
+    vertex, depth = _vertex(Interval.point(c1), Interval.point(c2))
+    squared = (allowed - depth) / Interval.point(c2)
+    empty = squared.hi < 0
+    outer = up(np.sqrt(np.where(empty, 0.0, squared.hi)))
+    inner = down(np.sqrt(np.maximum(squared.lo, 0.0)))
+    x = box[variable]
+    new_lo = np.where(empty, np.inf, down(vertex.lo - outer))
+    new_hi = np.where(empty, -np.inf, up(vertex.hi + outer))
+    gap = inner > 0
+    beyond_left = gap & (x.lo > up(vertex.hi - inner))
+    beyond_right = gap & (x.hi < down(vertex.lo + inner))
+    new_lo = np.where(beyond_left, np.maximum(new_lo, down(vertex.lo + inner)), new_lo)
+    new_hi = np.where(beyond_right, np.minimum(new_hi, up(vertex.hi - inner)), new_hi)
+    np.maximum.at(lo, variable, new_lo)
+    np.minimum.at(hi, variable, new_hi)
+
+
+def _tighten_monomials(
+    lo: NDArray, hi: NDArray, rows: Rows, factors: Factors, ranges: Interval, allowed: Interval
+) -> None:
+    """Solve coefficient * product of powers in ``allowed`` for each factor."""
+    coefficient = Interval.point(rows.system.coefficients[rows._quadratic[4]])
+    slots = factors.variable.shape[1]
+    one = Interval.point(np.ones(factors.variable.shape[0]))
+    ahead = [one]
+    for slot in range(slots - 1):
+        ahead.append(ahead[-1] * ranges[:, slot])
+    behind = one
+    for slot in reversed(range(slots)):
+        real = factors.power[:, slot] > 0
+        if real.any():
+            others = (coefficient * ahead[slot] * behind)[real]
+            power = factors.power[real, slot]
+            variable = factors.variable[real, slot]
+            x = Interval(lo, hi)[variable]
+            wanted = _root(_quotient(allowed[real], others), power, x)
+            np.maximum.at(lo, variable, wanted.lo)
+            np.minimum.at(hi, variable, wanted.hi)
+        behind = behind * ranges[:, slot]
+
+
+def _quotient(target: Interval, divisor: Interval) -> Interval:
+    """Hull of all q with q * d in ``target`` for some d in ``divisor``."""
+    both = (target.lo <= 0) & (target.hi >= 0) & (divisor.lo <= 0) & (divisor.hi >= 0)
+    straddles = (divisor.lo < 0) & (divisor.hi > 0)
+    nothing = (divisor.lo == 0) & (divisor.hi == 0) & ~both
+    whole = both | straddles | nothing
+    with np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore"):
+        low = np.where(divisor.hi == 0, -np.inf, down(1.0 / divisor.hi))
+        high = np.where(divisor.lo == 0, np.inf, up(1.0 / divisor.lo))
+    quotient = target * Interval(np.where(whole, 0.0, low), np.where(whole, 0.0, high))
+    return Interval(
+        np.where(whole, -np.inf, quotient.lo), np.where(whole, np.inf, quotient.hi)
+    )
+
+
+def _root(value: Interval, power: NDArray, x: Interval) -> Interval:
+    """Hull of the z in x with z^power in ``value``."""
+    even = power % 2 == 0
+    far = _outer_root(np.maximum(np.abs(value.lo), np.abs(value.hi)), power)
+    high = _outer_root(np.abs(value.hi), power)
+    low = _outer_root(np.abs(value.lo), power)
+    near = _inner_root(np.maximum(value.lo, 0.0), power)
+    odd_lo = np.where(value.lo < 0, -low, near)
+    odd_hi = np.where(value.hi > 0, high, -_inner_root(np.abs(value.hi), power))
+    empty = even & (value.hi < 0)
+    even_lo = np.where(x.lo > -near, near, -far)
+    even_hi = np.where(x.hi < near, -near, far)
+    even_lo, even_hi = np.where(near > 0, even_lo, -high), np.where(near > 0, even_hi, high)
+    lo = np.where(even, np.where(empty, np.inf, even_lo), odd_lo)
+    hi = np.where(even, np.where(empty, -np.inf, even_hi), odd_hi)
+    return Interval(lo, hi)
+
+
+def _outer_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
+    """Upper bounds of value^(1/power) for value >= 0, checked by multiplication."""
+    return _checked_root(value, power, 1.0)
+
+
+def _inner_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
+    """Lower bounds of value^(1/power) for value >= 0, checked by multiplication."""
+    return _checked_root(value, power, -1.0)
+
+
+def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.float64]:
+    with np.errstate(over="ignore", under="ignore"):
+        root = np.where(power == 1, value, value ** (1.0 / power))
+        root = np.where(power == 1, root, root * (1.0 + side * 1e-15))
+    back = Interval.point(root).power(power)
+    holds = back.lo >= value if side > 0 else back.hi <= value
+    fallback = np.where(side > 0, np.inf, 0.0)
+    return np.where((power == 1) | holds | (value == 0), root, fallback)

@@ -1,0 +1,155 @@
+"""Affine scaling: boxed variables to [-1, 1], rows and objective to unit size.
+
+x = centre + scale * t. The box of t contains the box of x exactly, because the scale is
+rounded up; a box that is symmetric up to rounding keeps its centre at 0, so that sign
+symmetry survives. A variable without a finite box starts at its finite bound, if it has
+one, and keeps a scale from the data; a fixed variable has scale 0 and disappears.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..enclosure import expand_affine
+from ..polynomial import Constraint, Polynomial
+from ..problem import Problem
+from ..rounding import Interval
+from ..system import PolynomialSystem
+
+__all__ = ["Scaled", "Scaling"]
+
+_SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """x = centre + scale * t, with t in [-1, 1] where ``boxed``.
+
+    Parameters
+    ----------
+    centre, scale : (n,) float
+    boxed : (n,) bool
+        Fixed variables (scale 0) count as boxed.
+    side : (n,) int
+        Of a variable without a box: 1 if t >= 0 is known, -1 if t <= 0 is, else 0.
+    """
+
+    centre: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    boxed: NDArray[np.bool_]
+    side: NDArray[np.int64]
+
+    @staticmethod
+    def of_box(box: Interval, typical: NDArray[np.float64] | None = None) -> Scaling:
+        """Scaling of a box; ``typical`` (n,) gives the scale of variables without one."""
+        boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
+        low, high = np.where(boxed, box.lo, 0.0), np.where(boxed, box.hi, 0.0)
+        centre = 0.5 * low + 0.5 * high
+        half = 0.5 * high - 0.5 * low
+        centre = np.where(np.abs(centre) <= 1e-6 * half, 0.0, centre)
+        # dyadic numbers with few digits make scaled coefficients exact more often
+        centre = np.where(low < high, _rounded(centre, half), low)
+        reach = np.maximum(high - centre, centre - low) * _SLACK
+        scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
+        side = np.where(boxed, 0, np.where(np.isfinite(box.lo), 1, np.where(np.isfinite(box.hi), -1, 0)))
+        start = np.where(side > 0, box.lo, np.where(side < 0, box.hi, 0.0))
+        guess = np.ones(low.size) if typical is None else np.maximum(np.abs(typical - start), 1.0)
+        guess = 2.0 ** np.ceil(np.log2(guess))
+        return Scaling(
+            np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side
+        )
+
+    def contains(self, box: Interval) -> bool:
+        """Whether what is said of t holds on the box: t in [-1, 1] where boxed, and the sides."""
+        reach = Interval.point(self.scale)
+        low = (Interval.point(self.centre) - reach).hi
+        high = (Interval.point(self.centre) + reach).lo
+        fixed = self.scale == 0
+        low, high = np.where(fixed, self.centre, low), np.where(fixed, self.centre, high)
+        sides = ((self.side <= 0) | (box.lo >= self.centre)) & (
+            (self.side >= 0) | (box.hi <= self.centre)
+        )
+        inside = (low <= box.lo) & (box.hi <= high)
+        return bool(np.all(np.where(self.boxed, inside, sides)))
+
+    def point(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The x of a t."""
+        return self.centre + self.scale * t
+
+    def expand(self, system: PolynomialSystem) -> PolynomialSystem:
+        """The polynomials in t, rounded; what cannot be told from zero is dropped."""
+        words, row, value = expand_affine(system, self.centre, self.scale)
+        keep = np.flatnonzero((value.lo > 0) | (value.hi < 0))
+        return PolynomialSystem(
+            words[keep], value.middle()[keep], row[keep], system.size, system.dimension
+        )
+
+
+def _rounded(centre: NDArray, half: NDArray) -> NDArray[np.float64]:
+    """Centres rounded to a power of two well below the half width."""
+    with np.errstate(divide="ignore"):
+        grid = np.where(half > 0, 2.0 ** np.floor(np.log2(np.where(half > 0, half, 1.0)) - 8), 1.0)
+    return np.round(centre / grid) * grid
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """A problem in scaled variables, and how its sizes relate to the original's.
+
+    Parameters
+    ----------
+    problem : Problem
+        Objective and constraints divided by their largest coefficient.
+    scaling : Scaling
+    objectives : tuple of Polynomial
+        Every objective asked for, scaled; the first is ``problem.objective``.
+    objective_sizes : tuple of float
+    row_sizes : (m,) float
+        original objective = size * scaled objective, and likewise for each constraint.
+    """
+
+    problem: Problem
+    scaling: Scaling
+    objectives: tuple[Polynomial, ...]
+    objective_sizes: tuple[float, ...]
+    row_sizes: NDArray[np.float64]
+
+    @staticmethod
+    def of(problem: Problem, scaling: Scaling, objectives: tuple[Polynomial, ...]) -> Scaled:
+        """Scale constraints, bounds and objectives."""
+        n, m = problem.dimension, len(problem.constraints)
+        polynomials = [c.polynomial for c in problem.constraints] + list(objectives)
+        system = scaling.expand(PolynomialSystem.stack(polynomials, n))
+        largest = np.zeros(system.size)
+        varies = system.words.any(axis=1)
+        np.maximum.at(largest, system.row[varies], np.abs(system.coefficients[varies]))
+        size = np.where(largest > 0, largest, 1.0)
+        rows = _split(system, size)
+        constraints = [
+            Constraint(row, constraint.kind, constraint.name)
+            for row, constraint in zip(rows, problem.constraints, strict=False)
+        ]
+        low, high = _bounds(scaling)
+        scaled = Problem(rows[m], constraints, low, high, problem.names)
+        return Scaled(scaled, scaling, tuple(rows[m:]), tuple(size[m:].tolist()), size[:m])
+
+
+def _split(system: PolynomialSystem, size: NDArray) -> list[Polynomial]:
+    first = np.searchsorted(system.row, np.arange(system.size + 1))
+    return [
+        Polynomial.from_words(
+            system.words[a:b], system.coefficients[a:b] / size[k], system.dimension
+        )
+        for k, (a, b) in enumerate(zip(first[:-1], first[1:], strict=True))
+    ]
+
+
+def _bounds(scaling: Scaling) -> tuple[NDArray, NDArray]:
+    """[-1, 1] where boxed, [0, 0] where fixed, and 0 as the one finite bound elsewhere."""
+    one = np.where(scaling.scale == 0, 0.0, 1.0)
+    low = np.where(scaling.boxed, -one, np.where(scaling.side > 0, 0.0, -np.inf))
+    high = np.where(scaling.boxed, one, np.where(scaling.side < 0, 0.0, np.inf))
+    return low, high

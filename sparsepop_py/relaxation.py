@@ -1,0 +1,394 @@
+"""Moment relaxations: the problem, a family of cliques and an order make blocks.
+
+For a clique C and the vector v_d(C) of its monomials of degree at most d, the
+relaxation of order d asks of the moments y_a = L(x^a) that
+
+    M_d(y; C)                 = L(v_d v_d')              be positive semidefinite,
+    M_{d - ceil(deg g / 2)}(g y; C) = L(g v v')          likewise, for each g(x) >= 0,
+    L(h x^a)                  = 0                        for each h(x) == 0 and
+                                                         deg h + |a| <= 2d,
+
+with each constraint in one clique that holds its variables. A variable between finite
+bounds l <= x <= u enters by (u - x)(x - l) >= 0. Equalities put vectors into the kernel
+of the moment matrix; facial reduction drops as many monomials from its basis, which
+restores an interior. The relaxation knows no objective: it is built once and every
+objective of the same variables' sparsity can be put on it.
+
+References
+----------
+J. B. Lasserre, Global optimization with polynomials and the problem of moments, SIAM J.
+Optim. 11, 2001.
+H. Waki, S. Kim, M. Kojima, M. Muramatsu, Sums of squares and semidefinite program
+relaxations for polynomial optimization problems with structured sparsity, SIAM J. Optim.
+17, 2006.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from . import monomials
+from .basis import clique_bases, reduced_bases
+from .errors import ProblemError
+from .monomials import Words
+from .polynomial import Kind, Polynomial
+from .problem import Problem
+from .sparsity import Cliques, find_cliques
+from .system import PolynomialSystem
+
+__all__ = ["BlockGroup", "Relaxation", "relax"]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockGroup:
+    """Blocks of one size, stacked.
+
+    Parameters
+    ----------
+    free : bool
+        Rows L(g b_i) = 0 of an equality when true, matrices L(g b b') when false.
+    generator : (K,) int
+        What each block is made of: 0 the constant 1 (a moment matrix), i >= 1 constraint
+        i - 1, and m + 1 + j the bounds of variable j, with m constraints.
+    clique : (K,) int
+        The clique of each block.
+    basis : (K, s, D) int32
+        The monomials b of each block as words.
+    """
+
+    free: bool
+    generator: NDArray[np.int64]
+    clique: NDArray[np.int64]
+    basis: Words
+
+    @property
+    def size(self) -> int:
+        """Number of monomials s in each basis."""
+        return self.basis.shape[1]
+
+    @property
+    def count(self) -> int:
+        """Number of blocks K."""
+        return self.basis.shape[0]
+
+    @property
+    def rows_each(self) -> int:
+        """Rows of one block: s when free, s (s + 1) / 2 otherwise."""
+        return self.size if self.free else self.size * (self.size + 1) // 2
+
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows i <= columns j of the upper triangle, column by column."""
+        j, i = np.tril_indices(self.size)
+        return i, j
+
+    def products(self) -> Words:
+        """The monomial of every row, shape (K, rows_each, D')."""
+        if self.free:
+            return self.basis
+        i, j = self.pairs
+        return monomials.multiply(self.basis[:, i], self.basis[:, j])
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxation:
+    """A moment relaxation without objective.
+
+    Parameters
+    ----------
+    problem : Problem
+        The (scaled) problem that was relaxed.
+    cliques : Cliques
+    order : int
+        The relaxation order used, at least the least legal one.
+    groups : tuple of BlockGroup
+        Free groups first, then blocks of size one, then larger ones.
+    moments : (M, D) int32
+        The monomials of the moment variables y, without the constant.
+    entries : csr (R, M + 1)
+        Row r is the affine form of y in conic row r; column 0 holds its constant.
+    notes : tuple of str
+        What was changed on the way, such as a raised order.
+    """
+
+    problem: Problem
+    cliques: Cliques
+    order: int
+    groups: tuple[BlockGroup, ...]
+    moments: Words
+    entries: sps.csr_array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Number of conic rows R."""
+        return self.entries.shape[0]
+
+    @cached_property
+    def block_sizes(self) -> Counter[int]:
+        """How many positive semidefinite blocks there are of each size (1: linear rows)."""
+        sizes: Counter[int] = Counter()
+        for group in self.groups:
+            if not group.free:
+                sizes[group.size] += group.count
+        return sizes
+
+    @property
+    def equality_rows(self) -> int:
+        """Number of rows that say L(...) = 0."""
+        return sum(g.count * g.rows_each for g in self.groups if g.free)
+
+    @cached_property
+    def _keys(self) -> NDArray:
+        return monomials.pack(self.moments, self.problem.dimension)
+
+    def moment_numbers(self, words: Words) -> NDArray[np.int64]:
+        """Column of each word in ``entries`` (0: the constant, -1: not a moment here)."""
+        width = self.moments.shape[1]
+        words = monomials.trim(words)
+        if words.shape[1] > width:
+            outside = monomials.degrees(words) > width
+            words = np.where(outside[:, None], 0, words)[:, words.shape[1] - width :]
+        else:
+            outside = np.zeros(words.shape[0], bool)
+            words = monomials.widen(words, width)
+        keys = monomials.pack(words, self.problem.dimension)
+        place = np.minimum(np.searchsorted(self._keys, keys), max(0, self._keys.size - 1))
+        found = self._keys[place] == keys if self._keys.size else np.zeros(keys.size, bool)
+        number = np.where(found, place + 1, -1)
+        return np.where(words.any(axis=1), number, np.where(outside, -1, 0))
+
+    @cached_property
+    def scaled_rows(self) -> tuple[sps.csc_array, NDArray[np.float64]]:
+        """A and b of A y + s = b, off-diagonal rows of semidefinite blocks times sqrt 2."""
+        scale = [np.zeros(0)]
+        for group in self.groups:
+            weight = np.ones(group.rows_each)
+            if not group.free:
+                i, j = group.pairs
+                weight[i != j] = np.sqrt(2.0)
+            scale.append(np.tile(weight, group.count))
+        rows = np.repeat(np.arange(self.rows), np.diff(self.entries.indptr))
+        scaled = self.entries.copy()
+        scaled.data = scaled.data * np.concatenate(scale)[rows]
+        columns = scaled.tocsc()
+        return (-columns[:, 1:]).tocsc(), columns[:, [0]].toarray().ravel()
+
+    def objective_vector(self, objective: Polynomial) -> tuple[NDArray[np.float64], float]:
+        """Coefficients (M,) of L(objective) in the moments, and its constant.
+
+        Raises
+        ------
+        ProblemError
+            If the objective has a monomial that the relaxation does not hold.
+        """
+        number = self.moment_numbers(objective.words)
+        if np.any(number < 0):
+            bad = Polynomial.from_words(
+                objective.words[number < 0][:1], np.ones(1), objective.dimension, objective.names
+            )
+            raise ProblemError(
+                f"objective: the monomial {bad} is not among the moments of this relaxation; "
+                "name the objective when the cliques are found, or raise the order"
+            )
+        vector = np.bincount(
+            number, weights=objective.coefficients, minlength=self.moments.shape[0] + 1
+        )
+        return vector[1:], float(vector[0])
+
+    def __str__(self) -> str:
+        cliques = Counter(len(c) for c in self.cliques.members)
+        moments, rows = self.moments.shape[0], self.rows
+        lines = [
+            f"moment relaxation of order {self.order}: {self.problem.dimension} variables, "
+            f"{len(self.cliques.members)} cliques",
+            "  clique sizes   " + _histogram(cliques),
+            "  block sizes    " + _histogram(self.block_sizes),
+            f"  moments M = {moments}, conic rows R = {rows} "
+            f"({self.equality_rows} equalities), {self.entries.nnz} nonzeros",
+        ]
+        return "\n".join(lines + [f"  note: {note}" for note in self.notes])
+
+
+def _histogram(counts: Counter[int]) -> str:
+    return ", ".join(f"{size} x {counts[size]}" for size in sorted(counts)) or "none"
+
+
+def relax(
+    problem: Problem,
+    order: int | None = None,
+    *,
+    cliques: Cliques | None = None,
+    objectives: Sequence[Polynomial] = (),
+    reduce: bool = True,
+) -> Relaxation:
+    """Build the moment relaxation of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        Variables with finite bounds should have been scaled to [-1, 1].
+    order : int, optional
+        Relaxation order d; raised to the least legal one (with a note) when smaller.
+    cliques : Cliques, optional
+        Found from the problem when left out.
+    objectives : sequence of Polynomial
+        Further objectives that the relaxation must be able to carry.
+    reduce : bool
+        Whether equalities reduce the bases of moment matrices (facial reduction).
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x1, x2, x3 = sp.variables(3)
+    >>> problem = sp.Problem(x1 * x2 + x2 * x3, lower=-1, upper=1)
+    >>> print(sp.relax(problem, 2))
+    moment relaxation of order 2: 3 variables, 2 cliques
+      clique sizes   2 x 2
+      block sizes    3 x 3, 6 x 2
+      moments M = 23, conic rows R = 60 (0 equalities), 84 nonzeros
+    """
+    cliques = cliques or find_cliques(problem, objectives=objectives)
+    order, notes = _legal_order(problem, order, objectives)
+    generators = _generators(problem)
+    groups = _groups(problem, cliques, order, generators, reduce)
+    moments, entries = _entries(groups, generators, problem.dimension)
+    return Relaxation(problem, cliques, order, groups, moments, entries, notes)
+
+
+def _legal_order(
+    problem: Problem, order: int | None, objectives: Sequence[Polynomial]
+) -> tuple[int, tuple[str, ...]]:
+    degree = max([problem.degree, 1, *(f.degree for f in objectives)])
+    least = (degree + 1) // 2
+    if order is None or order == least:
+        return least, ()
+    if order < least:
+        return least, (f"order {order} raised to {least}, the least for degree {degree}",)
+    return order, ()
+
+
+def _generators(problem: Problem) -> PolynomialSystem:
+    """Rows: the constant 1, the constraints, and one polynomial for the bounds of each variable.
+
+    Both bounds finite: (u - x)(x - l). One finite: the linear form. None, or a fixed
+    variable: the zero polynomial, which makes no block.
+    """
+    n = problem.dimension
+    rows = problem.rows
+    low, high = np.isfinite(problem.lower), np.isfinite(problem.upper)
+    lower, upper = np.where(low, problem.lower, 0.0), np.where(high, problem.upper, 0.0)
+    letter = np.arange(1, n + 1, dtype=np.int32)
+    zero = np.zeros(n, np.int32)
+    free = problem.lower < problem.upper
+    both = low & high & free
+    single = (low ^ high) & free
+    sign = np.where(low, 1.0, -1.0)
+    words = [np.stack([zero, zero], 1), np.stack([zero, letter], 1), np.stack([letter] * 2, 1)]
+    values = [
+        np.where(both, -lower * upper, np.where(single, -sign * (lower + upper), 0.0)),
+        np.where(both, lower + upper, np.where(single, sign, 0.0)),
+        np.where(both, -1.0, 0.0),
+    ]
+    width = max(2, rows.words.shape[1])
+    index = np.arange(n) + rows.size + 1
+    all_words = np.concatenate(
+        [
+            np.zeros((1, width), np.int32),
+            monomials.widen(rows.words, width),
+            *(monomials.widen(w, width) for w in words),
+        ]
+    )
+    all_values = np.concatenate([np.ones(1), rows.coefficients, *values])
+    all_rows = np.concatenate([np.zeros(1, int), rows.row + 1, index, index, index])
+    keep = np.flatnonzero(all_values)
+    keep = keep[np.argsort(all_rows[keep], kind="stable")]
+    return PolynomialSystem(
+        all_words[keep], all_values[keep], all_rows[keep], rows.size + 1 + n, n
+    )
+
+
+def _groups(
+    problem: Problem,
+    cliques: Cliques,
+    order: int,
+    generators: PolynomialSystem,
+    reduce: bool,
+) -> tuple[BlockGroup, ...]:
+    """Every block of the relaxation, stacked by size."""
+    m = len(problem.constraints)
+    degree = np.zeros(generators.size, int)
+    np.maximum.at(degree, generators.row, monomials.degrees(generators.words))
+    fixed = problem.lower == problem.upper
+    home = np.concatenate([[-1], cliques.home, cliques.home_of_variable]).astype(int)
+    kind = np.zeros(generators.size, bool)
+    kind[1 : m + 1] = problem.equality
+    wanted: dict[tuple[bool, int], list[int]] = {}
+    for number in np.flatnonzero(degree):
+        if degree[number] == 0:
+            continue
+        free = bool(kind[number])
+        reach = 2 * order - degree[number] if free else order - (degree[number] + 1) // 2
+        wanted.setdefault((free, int(reach)), []).append(int(number))
+    members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
+    found: dict[tuple[bool, int], list[tuple[NDArray, NDArray, Words]]] = {}
+    if reduce and problem.equality.any():
+        moment = reduced_bases(problem, members, cliques.home, order)
+    else:
+        moment = clique_bases(members, np.arange(len(members)), order)
+    for place, basis in moment:
+        zero = np.zeros(place.size, int)
+        found.setdefault((False, basis.shape[1]), []).append((zero, place, basis))
+    for (free, reach), numbers in wanted.items():
+        index = np.array(numbers)
+        for place, basis in clique_bases(members, home[index], reach):
+            generator = index[place]
+            key = (free, basis.shape[1])
+            found.setdefault(key, []).append((generator, home[generator], basis))
+    groups = []
+    for free, size in sorted(found, key=lambda key: (not key[0], key[1])):
+        parts = found[free, size]
+        width = max(basis.shape[2] for _, _, basis in parts)
+        groups.append(
+            BlockGroup(
+                free,
+                np.concatenate([g for g, _, _ in parts]),
+                np.concatenate([c for _, c, _ in parts]),
+                np.concatenate([monomials.widen(b, width) for _, _, b in parts]),
+            )
+        )
+    return tuple(groups)
+
+
+def _entries(
+    groups: tuple[BlockGroup, ...], generators: PolynomialSystem, dimension: int
+) -> tuple[Words, sps.csr_array]:
+    """Moments and the affine form of every conic row, by one merge of all monomials."""
+    words, values, rows, offset = [], [], [], 0
+    for group in groups:
+        product = group.products()
+        block, term = generators.terms_of(group.generator)
+        joined = monomials.multiply(product[block], generators.words[term][:, None, :])
+        row = offset + block[:, None] * group.rows_each + np.arange(group.rows_each)
+        joined = monomials.trim(joined.reshape(-1, joined.shape[-1]))
+        words.append(joined)
+        values.append(np.repeat(generators.coefficients[term], group.rows_each))
+        rows.append(row.ravel())
+        offset += group.count * group.rows_each
+    width = max(w.shape[1] for w in words)
+    stacked = np.concatenate([monomials.widen(w, width) for w in words])
+    stacked = np.concatenate([np.zeros((1, width), np.int32), stacked])
+    distinct, number = monomials.collect(stacked, dimension)
+    entries = sps.csr_array(
+        (np.concatenate(values), (np.concatenate(rows), number[1:])),
+        shape=(offset, distinct.shape[0]),
+    )
+    entries.sum_duplicates()
+    return distinct[1:], entries

@@ -1,0 +1,107 @@
+"""The door to every solver that cvxpy knows (SCS, MOSEK, COPT, SDPA, CVXOPT ...).
+
+cvxpy compiles slowly (as long as the solve at a few hundred blocks), so it is imported
+only when asked for.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from ..conic import ConicProgram, ConicSolution
+from ..errors import SolverNotFound
+from .base import solution
+
+__all__ = ["solve"]
+
+_STATUS = {
+    "optimal": "solved",
+    "optimal_inaccurate": "almost",
+    "infeasible": "infeasible",
+    "infeasible_inaccurate": "infeasible",
+    "unbounded": "unbounded",
+    "unbounded_inaccurate": "unbounded",
+}
+_ROOT2 = float(np.sqrt(2.0))
+
+
+def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
+    """Solve a program by the cvxpy solver ``name``.
+
+    Raises
+    ------
+    SolverNotFound
+        If cvxpy or the solver is not installed.
+    """
+    try:
+        import cvxpy as cp
+    except ImportError as error:
+        raise SolverNotFound("solver: cvxpy is missing; install it with: pip install cvxpy") from error
+    if name.upper() not in cp.installed_solvers():
+        raise SolverNotFound(
+            f"solver: cvxpy has no installed solver {name!r}, found "
+            f"{', '.join(cp.installed_solvers())}"
+        )
+    y = cp.Variable(program.q.size)
+    slack = program.b - program.A @ y
+    cones = program.cones
+    constraints: list[Any] = []
+    if cones.zero:
+        constraints.append(slack[: cones.zero] == 0)
+    if cones.nonnegative:
+        constraints.append(slack[cones.zero : cones.zero + cones.nonnegative] >= 0)
+    offset = cones.zero + cones.nonnegative
+    for size in cones.psd:
+        count = size * (size + 1) // 2
+        matrix = cp.Variable((size, size), symmetric=True)
+        j, i = np.tril_indices(size)
+        weight = np.where(i == j, 1.0, _ROOT2)
+        entries = cp.multiply(weight, cp.hstack([matrix[a, c] for a, c in zip(i, j, strict=True)]))
+        constraints += [matrix >> 0, entries == slack[offset : offset + count]]
+        offset += count
+    problem = cp.Problem(cp.Minimize(program.q @ y), constraints)
+    start = time.process_time()
+    try:
+        problem.solve(solver=name.upper(), **settings)
+        detail = str(problem.status)
+    except cp.error.SolverError as error:
+        detail = str(error)
+    seconds = time.process_time() - start
+    stats = problem.solver_stats
+    moments = np.zeros(program.q.size) if y.value is None else y.value
+    return solution(
+        program,
+        _STATUS.get(detail, "failed"),
+        moments,
+        _multipliers(program, constraints),
+        int(getattr(stats, "num_iters", 0) or 0),
+        seconds,
+        f"cvxpy:{name}",
+        detail,
+    )
+
+
+def _multipliers(program: ConicProgram, constraints: list[Any]) -> np.ndarray:
+    """Duals in the convention of this package: z in K*, q + A'z = 0."""
+    z = np.zeros(program.b.size)
+    cones, index = program.cones, 0
+    if any(constraint.dual_value is None for constraint in constraints):
+        return z
+    if cones.zero:  # cvxpy: minimise f + dual * (b - A y), so z = -dual
+        z[: cones.zero] = -constraints[index].dual_value
+        index += 1
+    if cones.nonnegative:
+        z[cones.zero : cones.zero + cones.nonnegative] = constraints[index].dual_value
+        index += 1
+    offset = cones.zero + cones.nonnegative
+    for size in cones.psd:
+        j, i = np.tril_indices(size)
+        dual = np.asarray(constraints[index].dual_value)
+        count = i.size
+        z[offset : offset + count] = np.where(i == j, 1.0, _ROOT2) * dual[i, j]
+        offset += count
+        index += 2
+    return z

@@ -1,0 +1,329 @@
+"""Problems in SparsePOP's own data format: structs of MATLAB, dicts of numpy arrays.
+
+A polynomial struct has the fields ``typeCone`` (1: p >= 0, -1: p == 0), ``sizeCone``,
+``dimVar``, ``degree``, ``noTerms``, ``supports`` (noTerms x dimVar exponents) and
+``coef``. What scipy.io.loadmat makes of such structs is read too, in all its shapes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from . import monomials
+from .errors import ProblemError
+from .polynomial import Constraint, Kind, Polynomial, total
+from .problem import Problem
+
+__all__ = ["from_structs", "to_structs"]
+
+INFINITE = 1e10  # bounds of this magnitude stand for none
+_CONES = {2: "second-order cone", 3: "semidefinite"}
+
+
+def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:  # noqa: N803
+    """Problem of SparsePOP's four structs.
+
+    Parameters
+    ----------
+    objPoly : struct, or list of at least two structs
+        The objective; several polynomials are residuals, whose squares are added. A
+        struct is a dict, an object with attributes, or what ``scipy.io.loadmat`` makes
+        of a MATLAB struct.
+    ineqPolySys : list of structs, one struct, ``[]`` or None
+        The constraints; lists may be tuples, object arrays and cell arrays.
+    lbd, ubd : array_like (n,)
+        Bounds, row or column, dense or sparse; magnitudes of 1e10 or more are infinite.
+
+    Returns
+    -------
+    Problem
+        For residuals with ``squares`` given. All coefficients are kept, however small.
+
+    Raises
+    ------
+    ProblemError
+        Naming the field, such as ``ineqPolySys[2].degree: found 3, expected 2``
+        (counted from 0). Fields ``degree`` and ``sizeCone`` may be left out.
+
+    Examples
+    --------
+    >>> square = {"typeCone": 1, "dimVar": 1, "noTerms": 2, "supports": [[0], [2]],
+    ...           "coef": [-2.0, 1.0]}
+    >>> print(from_structs(square, [], [0], [1e10]))
+    min -2 + x1^2
+      0 <= x1 <= inf
+    """
+    items = _elements(objPoly, "objPoly")
+    if not items:
+        raise ProblemError("objPoly: found no polynomial, expected a struct or a list of structs")
+    single = len(items) == 1
+    labels = ["objPoly"] if single else [f"objPoly[{i}]" for i in range(len(items))]
+    parts = [_read(item, label) for item, label in zip(items, labels, strict=True)]
+    n = parts[0][0].dimension
+    for (residual, cone), label in zip(parts, labels, strict=True):
+        if abs(cone) > 1:
+            raise ProblemError(f"{label}.typeCone: found {cone}, expected 1")
+        _check_dimension(residual, n, label)
+    residuals = [residual for residual, _ in parts]
+    objective = residuals[0] if single else total([p * p for p in residuals])
+    rows = _elements(ineqPolySys, "ineqPolySys")
+    constraints = [_constraint(row, f"ineqPolySys[{i}]", n) for i, row in enumerate(rows)]
+    lower, upper = _bounds(lbd, "lbd", n), _bounds(ubd, "ubd", n)
+    _check_bounds(lower, upper)
+    lower[lower <= -INFINITE], upper[upper >= INFINITE] = -np.inf, np.inf
+    squares = None if single else [(1.0, residual) for residual in residuals]
+    return Problem(objective, constraints, lower, upper, squares=squares)
+
+
+def to_structs(
+    problem: Problem,
+) -> tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]:
+    """SparsePOP's four structs of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        Always written as the minimisation it is stored as; names are not part of structs.
+
+    Returns
+    -------
+    objPoly : dict
+    ineqPolySys : list of dict
+        With supports (noTerms, dimVar) and coef (noTerms, 1) as doubles, like MATLAB's.
+    lbd, ubd : (n,) float
+        With -1e10 and 1e10 where there is no bound.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> objective, rows, lbd, ubd = to_structs(sp.Problem(x * y, [x + y == 1], lower=0))
+    >>> objective["supports"], rows[0]["typeCone"], lbd, ubd
+    (array([[1., 1.]]), -1, array([0., 0.]), array([1.e+10, 1.e+10]))
+    """
+    rows = [
+        _struct(row.polynomial, -1 if row.kind is Kind.ZERO else 1) for row in problem.constraints
+    ]
+    lower = np.where(problem.lower <= -INFINITE, -INFINITE, problem.lower)
+    upper = np.where(problem.upper >= INFINITE, INFINITE, problem.upper)
+    return _struct(problem.objective, 1), rows, lower, upper
+
+
+def _struct(polynomial: Polynomial, cone: int) -> dict[str, Any]:
+    supports = polynomial.exponents.toarray().astype(float)
+    values = polynomial.coefficients
+    if not polynomial.terms:  # SparsePOP has no empty polynomial: zero is one term
+        supports, values = np.zeros((1, polynomial.dimension)), np.zeros(1)
+    return {
+        "typeCone": cone,
+        "sizeCone": 1,
+        "dimVar": polynomial.dimension,
+        "degree": polynomial.degree,
+        "noTerms": values.size,
+        "supports": supports,
+        "coef": values.reshape(-1, 1).copy(),
+    }
+
+
+# ---- containers -------------------------------------------------------------------------
+
+
+def _elements(given: Any, label: str) -> list[Any]:
+    """The structs of a list, cell array, struct array or single struct."""
+    if given is None or (isinstance(given, Mapping) and not given):
+        return []
+    if isinstance(given, (list, tuple)):
+        return list(given)
+    if isinstance(given, np.ndarray):
+        if given.dtype.names is not None or given.dtype == object:
+            return list(given.ravel())
+        if given.size == 0:
+            return []
+    if isinstance(given, (str, bytes, float, int, np.ndarray, np.number)):
+        raise ProblemError(f"{label}: found {_kind(given)}, expected a struct or a list of structs")
+    return [given]
+
+
+def _kind(item: Any) -> str:
+    return f"an array of {item.dtype}" if isinstance(item, np.ndarray) else type(item).__name__
+
+
+@dataclass(frozen=True, slots=True)
+class _Struct:
+    """One struct, whatever it is made of."""
+
+    item: Any
+    label: str
+
+    def error(self, field: str, found: Any, expected: str) -> ProblemError:
+        return ProblemError(f"{self.label}.{field}: found {found}, expected {expected}")
+
+    def get(self, field: str) -> Any:
+        """Value of a field, or None if it is absent or empty."""
+        if isinstance(self.item, Mapping):
+            value = self.item.get(field)
+        elif isinstance(self.item, np.void):
+            value = self.item[field] if field in (self.item.dtype.names or ()) else None
+        else:
+            value = getattr(self.item, field, None)
+        while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
+            value = value.ravel()[0]
+        return value
+
+    def required(self, field: str) -> Any:
+        value = self.get(field)
+        if value is None:
+            raise self.error(field, "nothing", "a value: the field is missing")
+        return value
+
+    def integer(self, field: str) -> int:
+        value = _array(self.required(field), f"{self.label}.{field}")
+        if value.size != 1:
+            raise self.error(field, f"{value.size} values", "one integer")
+        number = float(value.ravel()[0])
+        if not number.is_integer():
+            raise self.error(field, number, "an integer")
+        return int(number)
+
+    def optional(self, field: str, default: int) -> int:
+        value = self.get(field)
+        absent = value is None or (not sps.issparse(value) and np.size(value) == 0)
+        return default if absent else self.integer(field)
+
+
+def _array(value: Any, label: str) -> NDArray[np.float64]:
+    """Dense copy as doubles."""
+    dense = value.toarray() if sps.issparse(value) else value
+    try:
+        array = np.asarray(dense)
+        if array.dtype.kind not in "biuf":
+            raise TypeError
+        return array.astype(float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{label}: found {_kind(value)}, expected real numbers") from None
+
+
+# ---- polynomials ------------------------------------------------------------------------
+
+
+def _read(item: Any, label: str) -> tuple[Polynomial, int]:
+    """Polynomial and typeCone of a struct, every field checked."""
+    while isinstance(item, np.ndarray) and item.size == 1:  # a struct in a cell
+        item = item.ravel()[0]
+    if item is None or isinstance(item, (list, tuple, str, float, int, np.ndarray, np.number)):
+        raise ProblemError(f"{label}: found {_kind(item)}, expected a polynomial struct")
+    struct = _Struct(item, label)
+    cone = struct.integer("typeCone")
+    if cone in _CONES:
+        raise struct.error(
+            "typeCone",
+            f"{cone} ({_CONES[cone]})",
+            "1 or -1: second-order cone and semidefinite constraints are not supported yet",
+        )
+    if cone not in (-1, 0, 1):
+        raise struct.error("typeCone", cone, "1 or -1")
+    size = struct.optional("sizeCone", 1)
+    if size != 1:
+        raise struct.error("sizeCone", size, f"1 for typeCone {cone}")
+    n, terms = struct.integer("dimVar"), struct.integer("noTerms")
+    if n < 1:
+        raise struct.error("dimVar", n, "a positive integer")
+    supports = _supports(struct, n, terms)
+    coefficients = _coefficients(struct, terms)
+    degree = int(supports.sum(axis=1).max(initial=0))
+    stated = struct.optional("degree", degree)
+    if stated != degree:
+        raise struct.error("degree", stated, f"{degree}, the largest row sum of supports")
+    words = monomials.from_exponents(supports)
+    _check_distinct(struct, words, n)
+    return Polynomial.from_words(words, coefficients, n), cone
+
+
+def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
+    """Exponents (noTerms, dimVar); a copy, so that sorting leaves the input as it is."""
+    given = struct.required("supports")
+    if sps.issparse(given):
+        matrix = sps.csr_array(given, copy=True).astype(float)
+        matrix.sum_duplicates()
+    else:
+        array = _array(given, f"{struct.label}.supports")
+        if array.ndim < 2:  # squeezed: a column of powers, or one row
+            array = array.reshape((-1, 1) if n == 1 else (1, -1) if array.size else (0, n))
+        if array.ndim > 2:
+            raise struct.error("supports", f"{array.ndim} dimensions", "a matrix")
+        _check_exponents(struct, array.ravel())
+        matrix = sps.csr_array(array)
+    _check_exponents(struct, matrix.data)
+    if matrix.shape[1] != n and not (terms == 0 and matrix.shape[0] == 0):
+        raise struct.error("supports", f"{matrix.shape[1]} columns", f"{n}, which is dimVar")
+    if matrix.shape[0] != terms:
+        raise struct.error("noTerms", terms, f"{matrix.shape[0]}, the rows of supports")
+    return sps.csr_array(matrix.astype(np.int64).reshape((terms, n)))
+
+
+def _check_exponents(struct: _Struct, values: NDArray) -> None:
+    wrong = values[~(np.isfinite(values) & (values >= 0) & (values % 1 == 0))]
+    if wrong.size:
+        raise struct.error("supports", f"the exponent {wrong[0]:g}", "non-negative integers")
+
+
+def _coefficients(struct: _Struct, terms: int) -> NDArray[np.float64]:
+    values = _array(struct.required("coef"), f"{struct.label}.coef")
+    if values.size != terms or sum(length > 1 for length in values.shape) > 1:
+        shape = " x ".join(map(str, values.shape)) or "1"
+        raise struct.error("coef", f"{shape} values", f"{terms}, which is noTerms")
+    values = values.ravel()
+    if not np.all(np.isfinite(values)):
+        raise struct.error("coef", values[~np.isfinite(values)][0], "finite numbers")
+    return values
+
+
+def _check_distinct(struct: _Struct, words: monomials.Words, n: int) -> None:
+    unique, where = monomials.collect(words, n)
+    if unique.shape[0] < words.shape[0]:
+        number = int(np.flatnonzero(np.bincount(where) > 1)[0])
+        first, second = (int(row) + 1 for row in np.flatnonzero(where == number)[:2])
+        raise struct.error("supports", f"equal rows {first} and {second}", "distinct rows")
+
+
+def _constraint(item: Any, label: str, n: int) -> Constraint:
+    polynomial, cone = _read(item, label)
+    if cone == 0:
+        raise ProblemError(f"{label}.typeCone: found 0, expected 1 or -1")
+    _check_dimension(polynomial, n, label)
+    return Constraint(polynomial, Kind.ZERO if cone == -1 else Kind.NONNEGATIVE)
+
+
+def _check_dimension(polynomial: Polynomial, n: int, label: str) -> None:
+    if polynomial.dimension != n:
+        raise ProblemError(f"{label}.dimVar: found {polynomial.dimension}, expected {n}")
+
+
+# ---- bounds -----------------------------------------------------------------------------
+
+
+def _bounds(given: Any, label: str, n: int) -> NDArray[np.float64]:
+    values = _array(given, label)
+    if values.size != n or sum(length > 1 for length in values.shape) > 1:
+        raise ProblemError(f"{label}: found {values.size} values, expected {n}, one a variable")
+    values = values.ravel()
+    if np.any(np.isnan(values)):
+        where = int(np.flatnonzero(np.isnan(values))[0]) + 1
+        raise ProblemError(f"{label}: found NaN for variable {where}, expected a number")
+    return values
+
+
+def _check_bounds(lower: NDArray[np.float64], upper: NDArray[np.float64]) -> None:
+    wrong = np.flatnonzero((lower > upper) | (lower >= INFINITE) | (upper <= -INFINITE))
+    if wrong.size:
+        v = int(wrong[0])
+        raise ProblemError(
+            f"lbd, ubd: found [{lower[v]:g}, {upper[v]:g}] for variable {v + 1}, "
+            "expected lbd <= ubd, lbd < 1e10 and ubd > -1e10"
+        )
