@@ -1,4 +1,76 @@
-"""sparsepop_py"""
-from .polynomial import *
-from .problem import *
-from .errors import *
+"""Proved bounds for sparse polynomial optimization problems.
+
+    problem -> presolve -> sparsity -> relaxation -> conic -> solvers -> certificate -> result
+
+A polynomial problem comes in as SparsePOP structs, a ``.gms`` file, text or Python
+expressions; out come a proved lower bound, an attained upper bound with its point, the
+gap and a status.
+
+Examples
+--------
+>>> import sparsepop_py as sp
+>>> problem = sp.parse("min x1^2 - x1*x2; s.t. 1 - x1^2 >= 0; 1 - x2^2 >= 0")
+>>> result = sp.solve(problem, sp.Options(order=2))
+>>> abs(result.lower_bound + 0.25) < 1e-6, bool(result.certificate.verify(problem).ok)
+(True, True)
+"""
+
+from . import problems
+from .certificate.certificate import Certificate, Verdict
+from .conic import ConicProgram, ConicSolution, assemble
+from .errors import (
+    FormatError,
+    ParameterWarning,
+    ProblemError,
+    SolverNotFound,
+    SparsePOPError,
+)
+from .feasibility import ProvedPoint
+from .formats.gms import read_gms, write_gms
+from .formats.text import parse
+from .options import Options
+from .polynomial import Constraint, Kind, Polynomial, total, variables
+from .problem import Problem
+from .relaxation import Relaxation, relax
+from .result import Point, Result, Status
+from .solve import solve, solve_each
+from .solvers import solve_conic
+from .sparsity import Cliques, find_cliques
+from .structs import from_structs, to_structs
+
+__all__ = [
+    "Certificate",
+    "Cliques",
+    "ConicProgram",
+    "ConicSolution",
+    "Constraint",
+    "FormatError",
+    "Kind",
+    "Options",
+    "ParameterWarning",
+    "Point",
+    "Polynomial",
+    "Problem",
+    "ProblemError",
+    "ProvedPoint",
+    "Relaxation",
+    "Result",
+    "SolverNotFound",
+    "SparsePOPError",
+    "Status",
+    "Verdict",
+    "assemble",
+    "find_cliques",
+    "from_structs",
+    "parse",
+    "problems",
+    "read_gms",
+    "relax",
+    "solve",
+    "solve_conic",
+    "solve_each",
+    "to_structs",
+    "total",
+    "variables",
+    "write_gms",
+]

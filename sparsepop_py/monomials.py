@@ -116,7 +116,7 @@ def runs(words: Words) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np
 
 def from_exponents(exponents: sps.csr_array) -> Words:
     """Words of the rows of a sparse exponent matrix of shape (T, n)."""
-    exponents = sps.csr_array(exponents)
+    exponents = sps.csr_array(exponents, copy=True)  # sorting in place must not reach the caller
     exponents.sort_indices()
     powers = exponents.data.astype(np.int64)
     rows = np.repeat(np.arange(exponents.shape[0]), np.diff(exponents.indptr))

@@ -8,15 +8,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import symbolic
+from . import monomials, symbolic
 from .errors import ProblemError
 from .polynomial import Constraint, Kind, Polynomial, total
+from .rounding import Interval
 from .system import PolynomialSystem
 
 __all__ = ["Problem"]
@@ -131,6 +133,32 @@ class Problem:
     def equality(self) -> NDArray[np.bool_]:
         """Which constraints are equalities, shape (m,)."""
         return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
+
+    @cached_property
+    def squares_constant(self) -> float | None:
+        """The constant of f = constant + sum w r^2, rounded down.
+
+        None without squares, or if the identity does not hold exactly in the given doubles.
+        """
+        if not self.squares:
+            return None
+        rest: dict[tuple[int, ...], Fraction] = {}
+
+        def add(letters: list[int], value: Fraction) -> None:
+            key = tuple(letter for letter in letters if letter)
+            rest[key] = rest.get(key, Fraction(0)) + value
+
+        f = self.objective
+        for letters, value in zip(f.words.tolist(), f.coefficients.tolist(), strict=True):
+            add(letters, Fraction(value))
+        for weight, r in self.squares:
+            values = [Fraction(c) for c in r.coefficients.tolist()]
+            a, b = np.tril_indices(len(values))
+            words = monomials.multiply(r.words[a], r.words[b]).tolist()
+            for i, j, letters in zip(a.tolist(), b.tolist(), words, strict=True):
+                add(letters, -Fraction(weight) * values[i] * values[j] * (1 if i == j else 2))
+        constant = rest.pop((), Fraction(0))
+        return None if any(rest.values()) else float(Interval.of_fraction(constant).lo)
 
     def violation(self, x: ArrayLike) -> float:
         """Largest violation of constraints and bounds at ``x``, in the user's units.

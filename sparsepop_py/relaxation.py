@@ -11,7 +11,8 @@ relaxation of order d asks of the moments y_a = L(x^a) that
 with each constraint in one clique that holds its variables. A variable between finite
 bounds l <= x <= u enters by (u - x)(x - l) >= 0. Equalities put vectors into the kernel
 of the moment matrix; facial reduction drops as many monomials from its basis, which
-restores an interior. The relaxation knows no objective: it is built once and every
+restores an interior. Where variables lack finite bounds, monomials whose squares nothing
+else can match are dropped as well. The relaxation knows no objective: it is built once and every
 objective of the same variables' sparsity can be put on it.
 
 References
@@ -35,7 +36,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from . import monomials
-from .basis import clique_bases, reduced_bases
+from .basis import clique_bases, consistent_bases, reduced_bases
 from .errors import ProblemError
 from .monomials import Words
 from .polynomial import Kind, Polynomial
@@ -258,7 +259,7 @@ def relax(
     cliques = cliques or find_cliques(problem, objectives=objectives)
     order, notes = _legal_order(problem, order, objectives)
     generators = _generators(problem)
-    groups = _groups(problem, cliques, order, generators, reduce)
+    groups = _groups(problem, cliques, order, generators, objectives, reduce)
     moments, entries = _entries(groups, generators, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, notes)
 
@@ -320,51 +321,77 @@ def _groups(
     cliques: Cliques,
     order: int,
     generators: PolynomialSystem,
+    objectives: Sequence[Polynomial],
     reduce: bool,
 ) -> tuple[BlockGroup, ...]:
-    """Every block of the relaxation, stacked by size."""
-    m = len(problem.constraints)
-    degree = np.zeros(generators.size, int)
-    np.maximum.at(degree, generators.row, monomials.degrees(generators.words))
+    """Every block of the relaxation: free rows first, then matrices by size."""
     fixed = problem.lower == problem.upper
-    home = np.concatenate([[-1], cliques.home, cliques.home_of_variable]).astype(int)
-    kind = np.zeros(generators.size, bool)
-    kind[1 : m + 1] = problem.equality
-    wanted: dict[tuple[bool, int], list[int]] = {}
-    for number in np.flatnonzero(degree):
-        if degree[number] == 0:
-            continue
-        free = bool(kind[number])
-        reach = 2 * order - degree[number] if free else order - (degree[number] + 1) // 2
-        wanted.setdefault((free, int(reach)), []).append(int(number))
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
-    found: dict[tuple[bool, int], list[tuple[NDArray, NDArray, Words]]] = {}
+    blocks = _localizing(problem, cliques, members, order, generators)
     if reduce and problem.equality.any():
         moment = reduced_bases(problem, members, cliques.home, order)
     else:
         moment = clique_bases(members, np.arange(len(members)), order)
-    for place, basis in moment:
-        zero = np.zeros(place.size, int)
-        found.setdefault((False, basis.shape[1]), []).append((zero, place, basis))
-    for (free, reach), numbers in wanted.items():
-        index = np.array(numbers)
-        for place, basis in clique_bases(members, home[index], reach):
-            generator = index[place]
-            key = (free, basis.shape[1])
-            found.setdefault(key, []).append((generator, home[generator], basis))
+    endless = ~fixed & (np.isinf(problem.lower) | np.isinf(problem.upper))
+    if endless.any():
+        held = [_products(group, generators) for group in _stack(blocks)]
+        held += [f.words for f in (problem.objective, *objectives)]
+        moment = consistent_bases(moment, held, problem.dimension)
+    zero = [np.zeros(place.size, int) for place, _ in moment]
+    blocks += [(False, z, place, basis) for z, (place, basis) in zip(zero, moment, strict=True)]
+    return _stack(blocks)
+
+
+_Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
+
+
+def _localizing(
+    problem: Problem,
+    cliques: Cliques,
+    members: list[tuple[int, ...]],
+    order: int,
+    generators: PolynomialSystem,
+) -> _Blocks:
+    """Localizing blocks and equality rows, each in the home of its generator."""
+    degree = np.zeros(generators.size, int)
+    np.maximum.at(degree, generators.row, monomials.degrees(generators.words))
+    home = np.concatenate([[-1], cliques.home, cliques.home_of_variable]).astype(int)
+    free = np.concatenate([[False], problem.equality, np.zeros(problem.dimension, bool)])
+    reach = np.where(free, 2 * order - degree, order - (degree + 1) // 2)
+    blocks: _Blocks = []
+    for is_free in (True, False):
+        for level in np.unique(reach[degree > 0]):
+            index = np.flatnonzero((degree > 0) & (free == is_free) & (reach == level))
+            for place, basis in clique_bases(members, home[index], int(level)):
+                blocks.append((is_free, index[place], home[index[place]], basis))
+    return blocks
+
+
+def _stack(blocks: _Blocks) -> tuple[BlockGroup, ...]:
+    """Blocks of equal kind and size in one group; free rows first, then by size."""
+    keyed: dict[tuple[bool, int], _Blocks] = {}
+    for block in blocks:
+        keyed.setdefault((not block[0], block[3].shape[1]), []).append(block)
     groups = []
-    for free, size in sorted(found, key=lambda key: (not key[0], key[1])):
-        parts = found[free, size]
-        width = max(basis.shape[2] for _, _, basis in parts)
+    for (matrix, _), parts in sorted(keyed.items(), key=lambda item: item[0]):
+        width = max(basis.shape[2] for *_, basis in parts)
         groups.append(
             BlockGroup(
-                free,
-                np.concatenate([g for g, _, _ in parts]),
-                np.concatenate([c for _, c, _ in parts]),
-                np.concatenate([monomials.widen(b, width) for _, _, b in parts]),
+                not matrix,
+                np.concatenate([generator for _, generator, _, _ in parts]),
+                np.concatenate([clique for _, _, clique, _ in parts]),
+                np.concatenate([monomials.widen(basis, width) for *_, basis in parts]),
             )
         )
     return tuple(groups)
+
+
+def _products(group: BlockGroup, generators: PolynomialSystem) -> Words:
+    """Every monomial of every row of a group, one row a term."""
+    block, term = generators.terms_of(group.generator)
+    words = generators.words[term][:, None, :]
+    joined = monomials.multiply(group.products()[block], words)
+    return monomials.trim(joined.reshape(-1, joined.shape[-1]))
 
 
 def _entries(
@@ -373,12 +400,9 @@ def _entries(
     """Moments and the affine form of every conic row, by one merge of all monomials."""
     words, values, rows, offset = [], [], [], 0
     for group in groups:
-        product = group.products()
         block, term = generators.terms_of(group.generator)
-        joined = monomials.multiply(product[block], generators.words[term][:, None, :])
         row = offset + block[:, None] * group.rows_each + np.arange(group.rows_each)
-        joined = monomials.trim(joined.reshape(-1, joined.shape[-1]))
-        words.append(joined)
+        words.append(_products(group, generators))
         values.append(np.repeat(generators.coefficients[term], group.rows_each))
         rows.append(row.ravel())
         offset += group.count * group.rows_each

@@ -218,12 +218,12 @@ def _homes(problem: Problem, members: Members) -> tuple[NDArray[np.int64], NDArr
     ranked = clique[ranked]
 
     sets = [frozenset(row) for row in members]
-    incidence = _constraint_incidence(problem)
+    groups = _constraint_incidence(problem)
     spread = np.diff(starts)
     home = np.zeros(len(problem.constraints), np.int64)
     known: dict[bytes, int] = {}
-    for i, (a, b) in enumerate(pairwise(incidence.indptr.tolist())):
-        support = incidence.indices[a:b]
+    for i, (a, b) in enumerate(pairwise(groups.indptr.tolist())):
+        support = groups.indices[a:b]
         if a == b:
             continue
         key = support.tobytes()

@@ -26,7 +26,7 @@ INFINITE = 1e10  # bounds of this magnitude stand for none
 _CONES = {2: "second-order cone", 3: "semidefinite"}
 
 
-def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:  # noqa: N803
+def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:
     """Problem of SparsePOP's four structs.
 
     Parameters
@@ -193,13 +193,17 @@ class _Struct:
 
     def optional(self, field: str, default: int) -> int:
         value = self.get(field)
-        absent = value is None or (not sps.issparse(value) and np.size(value) == 0)
+        absent = value is None or (not _is_sparse(value) and np.size(value) == 0)
         return default if absent else self.integer(field)
+
+
+def _is_sparse(value: Any) -> bool:
+    return sps.issparse(value)
 
 
 def _array(value: Any, label: str) -> NDArray[np.float64]:
     """Dense copy as doubles."""
-    dense = value.toarray() if sps.issparse(value) else value
+    dense = value.toarray() if _is_sparse(value) else value
     try:
         array = np.asarray(dense)
         if array.dtype.kind not in "biuf":
@@ -248,7 +252,9 @@ def _read(item: Any, label: str) -> tuple[Polynomial, int]:
 def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
     """Exponents (noTerms, dimVar); a copy, so that sorting leaves the input as it is."""
     given = struct.required("supports")
-    if sps.issparse(given):
+    if _is_sparse(given):
+        if given.dtype.kind not in "biuf":
+            raise struct.error("supports", f"a matrix of {given.dtype}", "real numbers")
         matrix = sps.csr_array(given, copy=True).astype(float)
         matrix.sum_duplicates()
     else:

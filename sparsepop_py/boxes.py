@@ -1,0 +1,94 @@
+"""Finding a box: propagation, the cut-off, and sublevel identities when these leave gaps.
+
+Each step is the same object that the certificate replays later.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .certificate.box import BoxProof, Propagation, Sublevel, sublevel_box, tighten
+from .certificate.dual import identity_of, margin
+from .conic import assemble
+from .feasibility import ProvedPoint
+from .options import Options
+from .polynomial import Constraint, Kind
+from .presolve.propagation import is_empty
+from .presolve.scaling import Scaled, Scaling
+from .problem import Problem
+from .relaxation import relax
+from .rounding import Interval
+from .solvers import solve_conic
+from .sparsity import find_cliques
+
+__all__ = ["finite", "find_box"]
+
+_LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
+
+
+def finite(box: Interval) -> bool:
+    """Whether every variable has two finite bounds."""
+    return bool(np.all(np.isfinite(box.lo) & np.isfinite(box.hi)))
+
+
+def find_box(
+    problem: Problem, cutoff: ProvedPoint | None, options: Options
+) -> tuple[BoxProof, Interval]:
+    """The tightest box that presolve finds, with its proof.
+
+    Parameters
+    ----------
+    problem : Problem
+    cutoff : ProvedPoint or None
+        With it, f(x) <= cutoff.value joins the constraints (scope: this objective).
+    options : Options
+        With effort ``"plain"`` the box is that of the problem's bounds.
+    """
+    box = Interval(problem.lower, problem.upper)
+    if options.effort == "plain":
+        return BoxProof(), box
+    value = cutoff.value if cutoff is not None else None
+    box, step = tighten(problem, box, value)
+    steps: list[Propagation | Sublevel] = [step]
+    if cutoff is not None and not finite(box) and not is_empty(box):
+        found = _sublevel(problem, cutoff, box, options)
+        if found is not None:
+            steps.append(found)
+            box = sublevel_box(problem, cutoff.value, found, box)
+            box, step = tighten(problem, box, value)
+            steps.append(step)
+    return BoxProof(tuple(steps)), box
+
+
+def _sublevel(
+    problem: Problem, cutoff: ProvedPoint, box: Interval, options: Options
+) -> Sublevel | None:
+    """An identity that bounds all variables where f <= cutoff, from one or two relaxations.
+
+    Minimises -sum_b b(t)^2 over the sublevel set, b running over the moment bases.
+    """
+    f = problem.objective
+    least = (max(problem.degree, 1) + 1) // 2
+    inside = Problem(
+        f,
+        [*problem.constraints, Constraint(cutoff.value - f, Kind.NONNEGATIVE)],
+        box.lo,
+        box.hi,
+        problem.names,
+    )
+    scaling = Scaling.of_box(box, typical=cutoff.x)
+    scaled = Scaled.of(inside, scaling, (f,))
+    cliques = find_cliques(scaled.problem, sparse=options.sparse, method=options.chordal)
+    for order in (least, least + 1):
+        relaxation = relax(scaled.problem, order, cliques=cliques)
+        if order > least and max(relaxation.block_sizes) > _LARGEST_BLOCK:
+            break
+        program = assemble(relaxation, margin(relaxation) * -1.0)
+        solution = solve_conic(program, options.solver, options.time_limit)
+        if solution.status not in ("solved", "almost"):
+            continue
+        step = Sublevel(identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0))
+        tighter = sublevel_box(problem, cutoff.value, step, box)
+        if finite(tighter) or np.any(np.isinf(box.hi - box.lo) & np.isfinite(tighter.hi)):
+            return step
+    return None

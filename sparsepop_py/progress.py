@@ -1,0 +1,43 @@
+"""A progress line, drawn only on a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+__all__ = ["Stages"]
+
+
+class Stages:
+    """CPU seconds by stage, shown as one changing line when asked for.
+
+    Parameters
+    ----------
+    show : bool
+        Draw the line; ignored unless standard error is a terminal.
+    """
+
+    def __init__(self, show: bool = False) -> None:
+        self.seconds: dict[str, float] = {}
+        self._show = show and sys.stderr.isatty()
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time what runs inside and add it to the stage of that name."""
+        if self._show:
+            sys.stderr.write(f"\r\x1b[K{name} ...")
+            sys.stderr.flush()
+        start = time.process_time()
+        try:
+            yield
+        finally:
+            spent = time.process_time() - start
+            self.seconds[name] = self.seconds.get(name, 0.0) + spent
+
+    def close(self) -> None:
+        """Erase the line."""
+        if self._show:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

@@ -1,0 +1,207 @@
+"""Local search: candidate minimisers in floating point.
+
+Nothing here is proved; :mod:`sparsepop_py.feasibility` decides what is attained. SLSQP
+serves problems of up to a few hundred variables, L-BFGS-B large ones that have bounds
+only, trust-constr the rest; IPOPT through casadi is an optional extra.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+from .errors import SolverNotFound
+from .feasibility import ProvedPoint, prove_feasible
+from .problem import Problem
+from .rounding import Interval
+
+__all__ = ["best_attained", "local_search", "starting_points"]
+
+_DENSE_LIMIT = 300
+
+
+def local_search(
+    problem: Problem, start: NDArray[np.float64], method: str | None = None
+) -> NDArray[np.float64]:
+    """A local minimiser from ``start``, nearly feasible at best.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : (n,) float
+    method : {None, "ipopt"}
+        None chooses among SciPy's methods by size and structure.
+    """
+    start = np.clip(start, problem.lower, problem.upper)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        if method == "ipopt":
+            return _ipopt(problem, start)
+        if not problem.constraints:
+            return _by_bounds(problem, start)
+        if problem.dimension <= _DENSE_LIMIT:
+            return _by_slsqp(problem, start)
+        return _by_trust_region(problem, start)
+
+
+def _value(problem: Problem) -> Any:
+    row = problem.objective_row
+    return lambda x: (float(row.values(x)[0]), row.jacobian(x).toarray().ravel())
+
+
+def _by_bounds(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+    bounds = Bounds(problem.lower, problem.upper)
+    options = {"maxiter": 2000, "maxfun": 20000, "ftol": 1e-15, "gtol": 1e-10}
+    value = _value(problem)
+    x = minimize(value, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
+    return _newton_polish(problem, x) if problem.dimension <= _DENSE_LIMIT else x
+
+
+def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
+    """A few Newton steps in the variables off their bounds, kept while they descend."""
+    row = problem.objective_row
+    for _ in range(4):
+        inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
+        gradient = row.jacobian(x).toarray().ravel()
+        step = np.zeros(x.size)
+        step[inner] = -np.linalg.lstsq(
+            _hessian(problem, x)[np.ix_(inner, inner)], gradient[inner], rcond=1e-10
+        )[0]
+        trial = np.clip(x + step, problem.lower, problem.upper)
+        if not np.all(np.isfinite(trial)) or row.values(trial)[0] > row.values(x)[0]:
+            break
+        x = trial
+    return x
+
+
+def _hessian(problem: Problem, x: NDArray) -> NDArray[np.float64]:
+    row, n = problem.objective_row, problem.dimension
+    step = 1e-5 * (1.0 + np.abs(x))
+    columns = [
+        (row.jacobian(x + step * e) - row.jacobian(x - step * e)).toarray().ravel() / (2 * s)
+        for e, s in zip(np.eye(n), step, strict=True)
+    ]
+    matrix = np.array(columns)
+    return 0.5 * (matrix + matrix.T)
+
+
+def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+    rows, size = problem.rows, _row_sizes(problem)
+    constraints = []
+    for kind, chosen in (("ineq", ~problem.equality), ("eq", problem.equality)):
+        index = np.flatnonzero(chosen)
+        if index.size:
+            part, scale = rows.take(index), size[index]
+            constraints.append(
+                {
+                    "type": kind,
+                    "fun": lambda x, p=part, s=scale: p.values(x) / s,
+                    "jac": lambda x, p=part, s=scale: p.jacobian(x).toarray() / s[:, None],
+                }
+            )
+    finite = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    bounds = Bounds(problem.lower, problem.upper) if finite.any() else None
+    options = {"maxiter": 300, "ftol": 1e-12}
+    result = minimize(
+        _value(problem), start, jac=True, method="SLSQP",
+        bounds=bounds, constraints=constraints, options=options,
+    )
+    return np.asarray(result.x)
+
+
+def _row_sizes(problem: Problem) -> NDArray[np.float64]:
+    size = np.ones(problem.rows.size)
+    np.maximum.at(size, problem.rows.row, np.abs(problem.rows.coefficients))
+    return size
+
+
+def _by_trust_region(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+    rows = problem.rows
+    upper = np.where(problem.equality, 0.0, np.inf)
+    constraint = NonlinearConstraint(rows.values, 0.0, upper, jac=rows.jacobian)
+    options = {"maxiter": 200, "gtol": 1e-9}
+    result = minimize(
+        _value(problem), start, jac=True, method="trust-constr",
+        bounds=Bounds(problem.lower, problem.upper), constraints=[constraint], options=options,
+    )
+    return np.asarray(result.x)
+
+
+def _ipopt(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+    try:
+        import casadi
+    except ImportError as error:
+        raise SolverNotFound(
+            "refine: IPOPT comes with casadi, which is missing; "
+            "install it with: pip install 'sparsepop-py[ipopt]'"
+        ) from error
+    x = casadi.MX.sym("x", problem.dimension)
+
+    def expression(polynomial: Any) -> Any:
+        total = casadi.MX(0)
+        for letters, coefficient in zip(
+            polynomial.words.tolist(), polynomial.coefficients.tolist(), strict=True
+        ):
+            term = casadi.MX(coefficient)
+            for letter in letters:
+                term = term * x[letter - 1] if letter else term
+            total += term
+        return total
+
+    rows = [expression(c.polynomial) for c in problem.constraints]
+    data = {"x": x, "f": expression(problem.objective), "g": casadi.vertcat(*rows)}
+    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-10}
+    search = casadi.nlpsol("search", "ipopt", data, quiet)
+    high = np.where(problem.equality, 0.0, np.inf)
+    found = search(x0=start, lbx=problem.lower, ubx=problem.upper, lbg=np.zeros(high.size), ubg=high)
+    return np.asarray(found["x"]).ravel()
+
+
+def starting_points(
+    problem: Problem, box: Interval, count: int, seed: int
+) -> list[NDArray[np.float64]]:
+    """The middle of the box (0 or a bound where it is endless) and random points."""
+    rng = np.random.default_rng(seed)
+    low = np.where(np.isfinite(box.lo), box.lo, np.where(np.isfinite(box.hi), box.hi - 2.0, -2.0))
+    high = np.where(np.isfinite(box.hi), box.hi, np.where(np.isfinite(box.lo), box.lo + 4.0, 2.0))
+    middle = 0.5 * (low + high)
+    return [middle] + [rng.uniform(low, high) for _ in range(count)]
+
+
+def best_attained(
+    problem: Problem,
+    starts: Iterable[NDArray[np.float64]],
+    tolerance: float,
+    method: str | None = None,
+) -> tuple[ProvedPoint | None, list[NDArray[np.float64]]]:
+    """Search from every start; the best proved point, and all nearly feasible vectors by value.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : iterable of (n,) float
+    tolerance : float
+        Largest violation, in the user's units, of a vector that is kept.
+    """
+    found = []
+    for start in starts:
+        for x in (local_search(problem, start, method), start):
+            if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < 1e12:
+                with np.errstate(all="ignore"):
+                    value, violation = problem.objective(x), problem.violation(x)
+                if np.isfinite(value) and violation <= tolerance:
+                    found.append((value, len(found), x))
+    found.sort()
+    best: ProvedPoint | None = None
+    for value, _, x in found[:12]:
+        if best is not None and value >= best.value:
+            break
+        proved = prove_feasible(problem, x)
+        if proved is not None and (best is None or proved.value < best.value):
+            best = proved
+    return best, [x for _, _, x in found]

@@ -1,0 +1,178 @@
+"""What comes back: a status, a proved bound, an attained value, and how they were found."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .certificate.certificate import Certificate
+from .conic import ConicSolution
+from .feasibility import ProvedPoint
+from .options import Options
+from .problem import Problem
+from .relaxation import Relaxation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Point", "Result", "Status"]
+
+
+class Status(StrEnum):
+    """How a solve ended; ``message`` says what it means and what to try."""
+
+    OPTIMAL = "OPTIMAL"
+    BOUNDED = "BOUNDED"
+    UNPROVED = "UNPROVED"
+    INFEASIBLE = "INFEASIBLE"
+    UNBOUNDED = "UNBOUNDED"
+    LIMIT = "LIMIT"
+    FAILED = "FAILED"
+
+    @property
+    def message(self) -> str:
+        """One sentence of help."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Status.OPTIMAL: "The proved bound and the attained value agree within the gap asked for.",
+    Status.BOUNDED: (
+        "The bound is proved but the gap is open: raise the order, give tighter bounds on "
+        "the variables, or a better starting point."
+    ),
+    Status.UNPROVED: (
+        "No finite bound is proved: some variable has no finite bounds and none follow from "
+        "the constraints or the objective. Give lower and upper bounds, the objective as "
+        "squares, or a higher order."
+    ),
+    Status.INFEASIBLE: "It is proved that no point satisfies the constraints.",
+    Status.UNBOUNDED: "It is proved that the objective falls without limit along a feasible ray.",
+    Status.LIMIT: "The time limit ended the work; the bound is proved, the gap is open.",
+    Status.FAILED: (
+        "The solver failed and nothing finite is proved: try another order or solver, or "
+        "save the conic program and look into it."
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A nearly feasible vector: shown with its violation, and nothing proved rests on it."""
+
+    x: NDArray[np.float64]
+    value: float
+    violation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Result of :func:`sparsepop_py.solve`.
+
+    Parameters
+    ----------
+    problem : Problem
+    options : Options
+    status : Status
+    lower_bound : float
+        Proved: no feasible point has a smaller objective. -inf when nothing is proved,
+        +inf when no point is feasible.
+    upper_bound : float
+        Attained: a feasible point with at most this objective provably exists. +inf when
+        none was proved.
+    x : (n,) float or None
+        The attained point, else the best nearly feasible one, else None.
+    certificate : Certificate or None
+        The argument behind ``lower_bound``.
+    attained : ProvedPoint or None
+        The argument behind ``upper_bound``.
+    points : tuple of Point
+        Distinct candidate minimisers, best first.
+    relaxation : Relaxation or None
+    solution : ConicSolution or None
+        What the conic solver returned (scaled units; no value in it is a bound).
+    solver_value : float
+        The solver's value in the units of the objective: no bound.
+    timings : dict of str to float
+        CPU seconds of each stage.
+    notes : tuple of str
+        What was changed or observed on the way.
+    """
+
+    problem: Problem
+    options: Options
+    status: Status
+    lower_bound: float
+    upper_bound: float
+    x: NDArray[np.float64] | None
+    certificate: Certificate | None
+    attained: ProvedPoint | None
+    points: tuple[Point, ...]
+    relaxation: Relaxation | None
+    solution: ConicSolution | None
+    solver_value: float
+    timings: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def gap(self) -> float:
+        """``upper_bound - lower_bound``; inf when one of them is missing, 0 if infeasible."""
+        if self.status is Status.INFEASIBLE:
+            return 0.0
+        gap = self.upper_bound - self.lower_bound
+        return max(0.0, gap) if np.isfinite(gap) else np.inf
+
+    def summary(self) -> str:
+        """A few lines for people."""
+        lines = [
+            repr(self.problem)[1:-1],
+            f"status        {self.status}: {self.status.message}",
+            f"lower bound   {self._show(self.lower_bound)}  proved",
+            f"upper bound   {self._show(self.upper_bound)}  "
+            + ("attained" if self.attained else "no attained point"),
+            f"gap           {self.gap:.3g}",
+        ]
+        if self.problem.sense == "max":
+            lines.append("              (of the negative of the objective that is maximised)")
+        if self.x is not None:
+            shown = ", ".join(f"{v:.8g}" for v in self.x[:8])
+            more = f", ... ({self.x.size} entries)" if self.x.size > 8 else ""
+            lines.append(f"x             ({shown}{more})")
+            if self.attained is None:
+                lines.append(f"              violates by {self.problem.violation(self.x):.2g}")
+        if self.certificate is not None:
+            lines.append(f"correction    {self.certificate.correction:.3g}  paid for the proof")
+        if self.relaxation is not None:
+            lines.append(str(self.relaxation))
+        if self.timings:
+            stages = ", ".join(f"{name} {sec:.2f}" for name, sec in self.timings.items())
+            lines.append(f"CPU seconds   {stages}")
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+    @staticmethod
+    def _show(value: float) -> str:
+        return f"{value:+.10g}"
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Result {self.status}: {self.lower_bound:.10g} <= minimum <= "
+            f"{self.upper_bound:.10g}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.summary())}</pre>"
+
+    def plot(self, ax: Any = None) -> Axes:
+        """Contours, feasible set and points in two dimensions, else the block pattern."""
+        from .plots import plot_result
+
+        return plot_result(self, ax)

@@ -1,0 +1,429 @@
+"""The pipeline: from a problem to a proved bound, an attained point, the gap and a status.
+
+    search -> box -> scale -> cliques -> relax -> assemble -> solve -> certify -> extract
+
+A round ends with a certificate and with candidate minimisers. When these improve the
+attained value, the cut-off shrinks the box and another round may gain.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .boxes import find_box, finite
+from .certificate.box import BoxProof
+from .certificate.certificate import Certificate, certify
+from .certificate.dual import identity_of, margin
+from .conic import ConicSolution, assemble
+from .errors import ProblemError, SparsePOPError
+from .extraction import candidates
+from .feasibility import ProvedPoint
+from .options import Options
+from .polynomial import Polynomial
+from .presolve.propagation import is_empty
+from .presolve.scaling import Scaled, Scaling
+from .problem import Problem
+from .progress import Stages
+from .refinement import best_attained, starting_points
+from .relaxation import Relaxation, relax
+from .result import Point, Result, Status
+from .rounding import Interval
+from .solvers import solve_conic
+from .sparsity import find_cliques
+from .unbounded import falling_ray
+
+__all__ = ["solve", "solve_each"]
+
+_ROUNDS = 3
+_MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What all objectives over one box share: the proof of the box and the relaxation on it."""
+
+    proof: BoxProof
+    box: Interval
+    scaled: Scaled | None = None
+    relaxation: Relaxation | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Bound:
+    """What one round proved and saw."""
+
+    model: _Model
+    certificate: Certificate | None
+    solution: ConicSolution | None = None
+    value: float = np.nan
+
+
+class _Clock:
+    """Remaining wall time."""
+
+    def __init__(self, limit: float | None) -> None:
+        self._end = None if limit is None else time.monotonic() + limit
+
+    @property
+    def left(self) -> float | None:
+        return None if self._end is None else max(1e-3, self._end - time.monotonic())
+
+    @property
+    def over(self) -> bool:
+        return self._end is not None and time.monotonic() >= self._end
+
+
+def solve(
+    problem: Problem, options: Options | None = None, *, start: NDArray | None = None
+) -> Result:
+    """Proved lower bound, attained upper bound and minimisers of a polynomial problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    options : Options, optional
+    start : (n,) array_like, optional
+        A point to start the local search from.
+
+    Returns
+    -------
+    Result
+        ``lower_bound`` is proved (``result.certificate.verify(problem)`` re-checks it),
+        ``upper_bound`` is attained by a point whose existence is proved.
+
+    Raises
+    ------
+    ProblemError
+        If an argument is malformed.
+    SolverNotFound
+        If the chosen solver is not installed.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x1, x2 = sp.variables(2)
+    >>> problem = sp.Problem(x1 * x2, [x1**2 + x2**2 <= 2], lower=0.5)
+    >>> result = sp.solve(problem, sp.Options(order=1))
+    >>> result.status, abs(result.lower_bound - 0.25) < 1e-6
+    (<Status.OPTIMAL: 'OPTIMAL'>, True)
+    """
+    options = options or Options()
+    return _solve_one(problem, options, _start_vectors(problem, start), None, Stages(options.progress))
+
+
+def solve_each(
+    problem: Problem,
+    objectives: Sequence[Polynomial],
+    options: Options | None = None,
+    *,
+    start: NDArray | None = None,
+) -> list[Result]:
+    """Solve for several objectives over one feasible set, with one relaxation for all.
+
+    The shared box uses arguments that hold for all objectives (no cut-off). Where it is
+    not finite in every variable, each objective gets a box and a relaxation of its own.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its own objective is ignored.
+    objectives : sequence of Polynomial
+    options, start
+        As in :func:`solve`.
+
+    Returns
+    -------
+    list of Result
+        One for each objective, about the problem with that objective.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x1, x2 = sp.variables(2)
+    >>> disc = sp.Problem(x1, [x1**2 + x2**2 <= 1])
+    >>> low, high = sp.solve_each(disc, [x1, -x1])
+    >>> low.relaxation is high.relaxation
+    True
+    """
+    options = options or Options()
+    objectives = list(objectives)
+    for number, objective in enumerate(objectives):
+        if not isinstance(objective, Polynomial) or objective.dimension != problem.dimension:
+            raise ProblemError(
+                f"objectives[{number}]: expected a Polynomial in {problem.dimension} variables"
+            )
+    if not objectives:
+        return []
+    stages, starts = Stages(options.progress), _start_vectors(problem, start)
+    with stages.stage("presolve"):
+        proof, box = find_box(problem.with_objective(objectives[0]), None, options)
+    model = None
+    if (finite(box) or options.effort == "plain") and not is_empty(box):
+        with stages.stage("relax"):
+            model = _relaxed(problem, tuple(objectives), _Model(proof, box), options)
+    results = []
+    for objective in objectives:
+        own = Stages(options.progress)
+        own.seconds.update(stages.seconds if not results else {})
+        results.append(_solve_one(problem.with_objective(objective), options, starts, model, own))
+    return results
+
+
+def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.float64]]:
+    if start is None:
+        return []
+    vector = np.asarray(start, float)
+    if vector.shape != (problem.dimension,) or not np.all(np.isfinite(vector)):
+        raise ProblemError(
+            f"start: found shape {vector.shape}, expected ({problem.dimension},) finite numbers"
+        )
+    return [vector]
+
+
+def _solve_one(
+    problem: Problem,
+    options: Options,
+    starts: list[NDArray],
+    shared: _Model | None,
+    stages: Stages,
+) -> Result:
+    clock = _Clock(options.time_limit)
+    with stages.stage("search"):
+        box = shared.box if shared else Interval(problem.lower, problem.upper)
+        best, near = _search(problem, starts + _random_starts(problem, box, options), options)
+    best_round: _Bound | None = None
+    for number in range(1 if shared else _ROUNDS):
+        bound = _one_round(problem, best, options, shared, stages, clock)
+        best_round = _better(best_round, bound)
+        with stages.stage("extract"):
+            found, more = _search(problem, _extracted(bound), options)
+        near = near + more
+        improved = _lower(found, best)
+        old, best = best, (found if improved else best)
+        if _closed(best_round, best, options) or clock.over or options.effort == "plain":
+            break
+        if number and not improved:
+            break
+        if not improved or not _worth_another(old, best, bound):
+            break
+    stages.close()
+    assert best_round is not None
+    return _result(problem, options, best_round, best, near, stages, clock)
+
+
+def _random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+    n = problem.dimension
+    count = 12 if n <= 10 else 6 if n <= 40 else 2 if n <= 300 else 0
+    if options.effort != "plain":
+        _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
+        box = box if is_empty(tighter) else tighter
+    return starting_points(problem, box, count, options.seed)
+
+
+def _search(
+    problem: Problem, starts: list[NDArray], options: Options
+) -> tuple[ProvedPoint | None, list[NDArray]]:
+    if options.refine == "none" or not starts:
+        return None, []
+    method = "ipopt" if options.refine == "ipopt" else None
+    return best_attained(problem, starts, options.tolerance, method)
+
+
+def _one_round(
+    problem: Problem,
+    best: ProvedPoint | None,
+    options: Options,
+    shared: _Model | None,
+    stages: Stages,
+    clock: _Clock,
+) -> _Bound:
+    """Box, relaxation, solver and certificate, once."""
+    model = shared
+    if model is None:
+        with stages.stage("presolve"):
+            model = _Model(*find_box(problem, best, options))
+        if is_empty(model.box):
+            certificate = certify(problem, model.proof, None, None, empty=True)
+            return _Bound(model, certificate)
+        with stages.stage("relax"):
+            typical = best.x if best is not None else None
+            model = _relaxed(problem, (problem.objective,), model, options, typical)
+    return _prove(problem, best, model, options, stages, clock)
+
+
+def _relaxed(
+    problem: Problem,
+    objectives: tuple[Polynomial, ...],
+    model: _Model,
+    options: Options,
+    typical: NDArray | None = None,
+) -> _Model:
+    scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
+    cliques = find_cliques(
+        scaled.problem, sparse=options.sparse, method=options.chordal, objectives=scaled.objectives
+    )
+    relaxation = relax(scaled.problem, options.order, cliques=cliques, objectives=scaled.objectives)
+    return replace(model, scaled=scaled, relaxation=relaxation)
+
+
+def _prove(
+    problem: Problem,
+    best: ProvedPoint | None,
+    model: _Model,
+    options: Options,
+    stages: Stages,
+    clock: _Clock,
+) -> _Bound:
+    """Solve the relaxation and certify; without a full box, with growing margins."""
+    assert model.scaled is not None and model.relaxation is not None
+    scaled, relaxation = model.scaled, model.relaxation
+    own = Scaled.of(problem, scaled.scaling, (problem.objective,))
+    objective, size = own.objectives[0], own.objective_sizes[0]
+    outcome = _Bound(model, certify(problem, model.proof, best, None))
+    boxed = bool(np.all(scaled.scaling.boxed))
+    for share in (0.0,) if boxed else _MARGINS:
+        with stages.stage("assemble"):
+            weighted = objective - margin(relaxation) * share if share else objective
+            program = assemble(relaxation, weighted)
+        with stages.stage("solve"):
+            solution = solve_conic(program, options.solver, clock.left)
+        with stages.stage("certify"):
+            empty = solution.status == "infeasible"
+            identity = identity_of(
+                relaxation, scaled, solution.z, 1.0 if empty else size, floor=share
+            )
+            certificate = certify(problem, model.proof, best, identity, empty=empty)
+            certificate = certificate or certify(problem, model.proof, best, identity)
+        outcome = _better(
+            outcome, _Bound(model, certificate, solution, size * solution.primal)
+        ) if _level(outcome.certificate) > -np.inf else _Bound(
+            model, certificate, solution, size * solution.primal
+        )
+        if certificate is not None or clock.over:
+            break
+    return outcome
+
+
+def _level(certificate: Certificate | None) -> float:
+    return -np.inf if certificate is None else certificate.bound
+
+
+def _better(old: _Bound | None, new: _Bound) -> _Bound:
+    """The larger proved bound, with the newest solver output."""
+    if old is None or _level(new.certificate) >= _level(old.certificate):
+        return new
+    return replace(new, certificate=old.certificate)
+
+
+def _extracted(bound: _Bound) -> list[NDArray[np.float64]]:
+    model, solution = bound.model, bound.solution
+    if solution is None or solution.status not in ("solved", "almost"):
+        return []
+    assert model.scaled is not None and model.relaxation is not None
+    scaling = model.scaled.scaling
+    return [scaling.point(t) for t in candidates(model.relaxation, solution.y)]
+
+
+def _lower(new: ProvedPoint | None, old: ProvedPoint | None) -> bool:
+    return new is not None and (old is None or new.value < old.value)
+
+
+def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: _Bound) -> bool:
+    """Whether the improvement of the attained value is a good part of the open gap."""
+    if new is None:
+        return False
+    if old is None or bound.certificate is None:
+        return True
+    return old.value - new.value > 0.05 * (new.value - bound.certificate.bound)
+
+
+def _closed(bound: _Bound, best: ProvedPoint | None, options: Options) -> bool:
+    level = _level(bound.certificate)
+    if level == np.inf:
+        return True
+    if best is None or level == -np.inf:
+        return False
+    scale = max(1.0, abs(best.value)) if options.gap_kind == "relative" else 1.0
+    return best.value - level <= options.gap * scale
+
+
+def _result(
+    problem: Problem,
+    options: Options,
+    bound: _Bound,
+    best: ProvedPoint | None,
+    near: list[NDArray],
+    stages: Stages,
+    clock: _Clock,
+) -> Result:
+    lower = _level(bound.certificate)
+    upper = best.value if best is not None else np.inf
+    if lower > upper:
+        raise SparsePOPError(
+            f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
+            "this is a defect of the program, please report the problem"
+        )
+    notes = list(bound.model.relaxation.notes) if bound.model.relaxation else []
+    status = Status.BOUNDED
+    if lower == np.inf:
+        status = Status.INFEASIBLE
+    elif _closed(bound, best, options):
+        status = Status.OPTIMAL
+    elif lower == -np.inf:
+        status, note = _unproved(problem, bound, best)
+        notes += note
+    elif clock.over:
+        status = Status.LIMIT
+    points = _points(problem, best, near)
+    return Result(
+        problem=problem,
+        options=options,
+        status=status,
+        lower_bound=lower,
+        upper_bound=upper if status is not Status.UNBOUNDED else -np.inf,
+        x=points[0].x if points else None,
+        certificate=bound.certificate,
+        attained=best,
+        points=points,
+        relaxation=bound.model.relaxation,
+        solution=bound.solution,
+        solver_value=bound.value,
+        timings=stages.seconds,
+        notes=tuple(notes),
+    )
+
+
+def _unproved(
+    problem: Problem, bound: _Bound, best: ProvedPoint | None
+) -> tuple[Status, list[str]]:
+    if best is not None:
+        ray = falling_ray(problem, best)
+        if ray is not None:
+            shown = ", ".join(f"{v:g}" for v in ray[:8]) + (", ..." if ray.size > 8 else "")
+            return Status.UNBOUNDED, [f"the objective falls along the ray ({shown}) from x"]
+    box = bound.model.box
+    endless = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
+    if endless.size:
+        names = ", ".join(problem.names[v] for v in endless[:8])
+        more = f" and {endless.size - 8} more" if endless.size > 8 else ""
+        return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
+    return Status.FAILED, []
+
+
+def _points(
+    problem: Problem, best: ProvedPoint | None, near: list[NDArray]
+) -> tuple[Point, ...]:
+    """Distinct candidates, the attained one first, then by value."""
+    vectors = [best.x] if best is not None else []
+    rated = sorted(near, key=problem.objective)
+    for x in rated:
+        if all(np.abs(x - kept).max() > 1e-4 * (1.0 + np.abs(kept).max()) for kept in vectors):
+            vectors.append(x)
+        if len(vectors) >= 16:
+            break
+    return tuple(Point(x, problem.objective(x), problem.violation(x)) for x in vectors)
