@@ -32,7 +32,7 @@ def finite(box: Interval) -> bool:
 
 
 def find_box(
-    problem: Problem, cutoff: ProvedPoint | None, options: Options
+    problem: Problem, cutoff: ProvedPoint | None, options: Options, *, done: bool = False
 ) -> tuple[BoxProof, Interval]:
     """The tightest box that presolve finds, with its proof.
 
@@ -43,6 +43,8 @@ def find_box(
         With it, f(x) <= cutoff.value joins the constraints (scope: this objective).
     options : Options
         With effort ``"plain"`` the box is that of the problem's bounds.
+    done : bool
+        Skip the expensive step, since the bound needs no finite box.
     """
     box = Interval(problem.lower, problem.upper)
     if options.effort == "plain":
@@ -50,7 +52,7 @@ def find_box(
     value = cutoff.value if cutoff is not None else None
     box, step = tighten(problem, box, value)
     steps: list[Propagation | Sublevel] = [step]
-    if cutoff is not None and not finite(box) and not is_empty(box):
+    if cutoff is not None and not done and not finite(box) and not is_empty(box):
         found = _sublevel(problem, cutoff, box, options)
         if found is not None:
             steps.append(found)

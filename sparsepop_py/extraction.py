@@ -220,7 +220,7 @@ def _joint_eigenvalues(multiplications: NDArray) -> NDArray[np.float64]:
     A random combination separates the atoms, so that its Schur vectors are those of every
     matrix; the Schur form is orthogonal and hence stable (Corless, Gianni, Trager 1997).
     """
-    share = np.random.default_rng(_SEED).random(multiplications.shape[0])
+    share: NDArray = np.random.default_rng(_SEED).random((multiplications.shape[0],))
     mixture = np.tensordot(share / share.sum(), multiplications, axes=1)
     _, schur = linalg.schur(mixture, output="real")
     return np.einsum("rj,vrs,sj->jv", schur, multiplications, schur)

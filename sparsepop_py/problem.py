@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import monomials, symbolic
 from .errors import ProblemError
-from .polynomial import Constraint, Kind, Polynomial, total
+from .polynomial import Constraint, Kind, Polynomial, sum_of_squares, total
 from .rounding import Interval
 from .system import PolynomialSystem
 
@@ -280,7 +280,7 @@ def _squares(
             raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
         pairs.append((float(weight), polynomial))
     if pairs:
-        rest = total([objective, *(p * p * -w for w, p in pairs)])
+        rest = objective - sum_of_squares(pairs, objective.dimension)
         rest = rest - rest.constant_term
         scale = max(np.abs(objective.coefficients).max(initial=1.0), 1.0)
         if np.abs(rest.coefficients).max(initial=0.0) > 1e-9 * scale:

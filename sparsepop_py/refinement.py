@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
@@ -93,7 +94,7 @@ def _hessian(problem: Problem, x: NDArray) -> NDArray[np.float64]:
 def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     rows, size = problem.rows, _row_sizes(problem)
     constraints = []
-    for kind, chosen in (("ineq", ~problem.equality), ("eq", problem.equality)):
+    for kind, chosen in (("ineq", ~problem.equality), ("eq", _independent(problem, start))):
         index = np.flatnonzero(chosen)
         if index.size:
             part, scale = rows.take(index), size[index]
@@ -112,6 +113,20 @@ def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
         bounds=bounds, constraints=constraints, options=options,
     )
     return np.asarray(result.x)
+
+
+def _independent(problem: Problem, x: NDArray) -> NDArray[np.bool_]:
+    """The equalities without those that are linear combinations of linear ones (SLSQP fails)."""
+    chosen = problem.equality.copy()
+    degree = np.array([c.polynomial.degree for c in problem.constraints], int)
+    linear = np.flatnonzero(chosen & (degree <= 1))
+    if linear.size > 1:
+        matrix = problem.rows.take(linear).jacobian(x).toarray()
+        _, triangle, pivots = scipy.linalg.qr(matrix.T, mode="economic", pivoting=True)
+        size = np.abs(np.diag(triangle))
+        rank = int(np.count_nonzero(size > 1e-10 * max(size[0], 1e-300)))
+        chosen[linear[pivots[rank:]]] = False
+    return chosen
 
 
 def _row_sizes(problem: Problem) -> NDArray[np.float64]:

@@ -9,7 +9,8 @@ relaxation of order d asks of the moments y_a = L(x^a) that
                                                          deg h + |a| <= 2d,
 
 with each constraint in one clique that holds its variables. A variable between finite
-bounds l <= x <= u enters by (u - x)(x - l) >= 0. Equalities put vectors into the kernel
+bounds l <= x <= u enters by (u - x)(x - l) >= 0 (or by two linear rows, when lean).
+Equalities put vectors into the kernel
 of the moment matrix; facial reduction drops as many monomials from its basis, which
 restores an interior. Where variables lack finite bounds, monomials whose squares nothing
 else can match are dropped as well. The relaxation knows no objective: it is built once and every
@@ -35,7 +36,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from . import monomials
+from . import generators, monomials
 from .basis import clique_bases, consistent_bases, reduced_bases
 from .errors import ProblemError
 from .monomials import Words
@@ -44,7 +45,7 @@ from .problem import Problem
 from .sparsity import Cliques, find_cliques
 from .system import PolynomialSystem
 
-__all__ = ["BlockGroup", "Relaxation", "relax"]
+__all__ = ["BlockGroup", "Relaxation", "least_order", "relax"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +57,8 @@ class BlockGroup:
     free : bool
         Rows L(g b_i) = 0 of an equality when true, matrices L(g b b') when false.
     generator : (K,) int
-        What each block is made of: 0 the constant 1 (a moment matrix), i >= 1 constraint
-        i - 1, and m + 1 + j the bounds of variable j, with m constraints.
+        What each block is made of, numbered as in :mod:`sparsepop_py.generators`; 0 is
+        the constant 1 (a moment matrix).
     clique : (K,) int
         The clique of each block.
     basis : (K, s, D) int32
@@ -229,6 +230,7 @@ def relax(
     cliques: Cliques | None = None,
     objectives: Sequence[Polynomial] = (),
     reduce: bool = True,
+    lean: bool = False,
 ) -> Relaxation:
     """Build the moment relaxation of a problem.
 
@@ -244,6 +246,11 @@ def relax(
         Further objectives that the relaxation must be able to carry.
     reduce : bool
         Whether equalities reduce the bases of moment matrices (facial reduction).
+    lean : bool
+        Let finite bounds enter as x - l >= 0 and u - x >= 0 instead of their product, and
+        stop the multipliers of equalities one degree earlier; the squares of the highest
+        monomials then match nothing and leave. A weaker relaxation with far smaller
+        blocks, about what Waki et al. solve where the data are of low degree.
 
     Examples
     --------
@@ -257,62 +264,31 @@ def relax(
       moments M = 23, conic rows R = 60 (0 equalities), 84 nonzeros
     """
     cliques = cliques or find_cliques(problem, objectives=objectives)
-    order, notes = _legal_order(problem, order, objectives)
-    generators = _generators(problem)
-    groups = _groups(problem, cliques, order, generators, objectives, reduce)
-    moments, entries = _entries(groups, generators, problem.dimension)
+    least, notes = least_order(problem, objectives), ()
+    if order is not None and order < least:
+        notes = (f"order {order} raised to {least}, the least for these degrees",)
+    order = max(order or least, least)
+    system = _generators(problem)
+    groups = _groups(problem, cliques, order, system, objectives, reduce, lean)
+    moments, entries = _entries(groups, system, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, notes)
 
 
-def _legal_order(
-    problem: Problem, order: int | None, objectives: Sequence[Polynomial]
-) -> tuple[int, tuple[str, ...]]:
-    degree = max([problem.degree, 1, *(f.degree for f in objectives)])
-    least = (degree + 1) // 2
-    if order is None or order == least:
-        return least, ()
-    if order < least:
-        return least, (f"order {order} raised to {least}, the least for degree {degree}",)
-    return order, ()
+def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
+    """The least legal relaxation order: half the largest degree, rounded up."""
+    return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
 
 
 def _generators(problem: Problem) -> PolynomialSystem:
-    """Rows: the constant 1, the constraints, and one polynomial for the bounds of each variable.
-
-    Both bounds finite: (u - x)(x - l). One finite: the linear form. None, or a fixed
-    variable: the zero polynomial, which makes no block.
-    """
-    n = problem.dimension
-    rows = problem.rows
-    low, high = np.isfinite(problem.lower), np.isfinite(problem.upper)
-    lower, upper = np.where(low, problem.lower, 0.0), np.where(high, problem.upper, 0.0)
-    letter = np.arange(1, n + 1, dtype=np.int32)
-    zero = np.zeros(n, np.int32)
-    free = problem.lower < problem.upper
-    both = low & high & free
-    single = (low ^ high) & free
-    sign = np.where(low, 1.0, -1.0)
-    words = [np.stack([zero, zero], 1), np.stack([zero, letter], 1), np.stack([letter] * 2, 1)]
-    values = [
-        np.where(both, -lower * upper, np.where(single, -sign * (lower + upper), 0.0)),
-        np.where(both, lower + upper, np.where(single, sign, 0.0)),
-        np.where(both, -1.0, 0.0),
-    ]
-    width = max(2, rows.words.shape[1])
-    index = np.arange(n) + rows.size + 1
-    all_words = np.concatenate(
-        [
-            np.zeros((1, width), np.int32),
-            monomials.widen(rows.words, width),
-            *(monomials.widen(w, width) for w in words),
-        ]
-    )
-    all_values = np.concatenate([np.ones(1), rows.coefficients, *values])
-    all_rows = np.concatenate([np.zeros(1, int), rows.row + 1, index, index, index])
-    keep = np.flatnonzero(all_values)
-    keep = keep[np.argsort(all_rows[keep], kind="stable")]
+    """Every generator of the problem, numbered as in :mod:`sparsepop_py.generators`."""
+    rows, n = problem.rows, problem.dimension
+    words, values, index = generators.bound_terms(problem.lower, problem.upper, rows.size)
     return PolynomialSystem(
-        all_words[keep], all_values[keep], all_rows[keep], rows.size + 1 + n, n
+        generators.stack_words(rows.words, words),
+        np.concatenate([np.ones(1), rows.coefficients, values]),
+        np.concatenate([np.zeros(1, int), rows.row + 1, index]),
+        generators.count(rows.size, n),
+        n,
     )
 
 
@@ -320,21 +296,22 @@ def _groups(
     problem: Problem,
     cliques: Cliques,
     order: int,
-    generators: PolynomialSystem,
+    system: PolynomialSystem,
     objectives: Sequence[Polynomial],
     reduce: bool,
+    lean: bool,
 ) -> tuple[BlockGroup, ...]:
     """Every block of the relaxation: free rows first, then matrices by size."""
     fixed = problem.lower == problem.upper
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
-    blocks = _localizing(problem, cliques, members, order, generators)
+    blocks = _localizing(problem, cliques, members, order, system, lean)
     if reduce and problem.equality.any():
         moment = reduced_bases(problem, members, cliques.home, order)
     else:
         moment = clique_bases(members, np.arange(len(members)), order)
     endless = ~fixed & (np.isinf(problem.lower) | np.isinf(problem.upper))
-    if endless.any():
-        held = [_products(group, generators) for group in _stack(blocks)]
+    if lean or endless.any():
+        held = [_products(group, system) for group in _stack(blocks)]
         held += [f.words for f in (problem.objective, *objectives)]
         moment = consistent_bases(moment, held, problem.dimension)
     zero = [np.zeros(place.size, int) for place, _ in moment]
@@ -350,14 +327,23 @@ def _localizing(
     cliques: Cliques,
     members: list[tuple[int, ...]],
     order: int,
-    generators: PolynomialSystem,
+    system: PolynomialSystem,
+    lean: bool,
 ) -> _Blocks:
     """Localizing blocks and equality rows, each in the home of its generator."""
-    degree = np.zeros(generators.size, int)
-    np.maximum.at(degree, generators.row, monomials.degrees(generators.words))
-    home = np.concatenate([[-1], cliques.home, cliques.home_of_variable]).astype(int)
-    free = np.concatenate([[False], problem.equality, np.zeros(problem.dimension, bool)])
-    reach = np.where(free, 2 * order - degree, order - (degree + 1) // 2)
+    degree = np.zeros(system.size, int)
+    np.maximum.at(degree, system.row, monomials.degrees(system.words))
+    box, lower, upper = generators.bound_family(len(problem.constraints), problem.dimension)
+    if lean:
+        degree[box] = 0
+    else:
+        boxed = degree[box] > 0
+        degree[lower][boxed] = degree[upper][boxed] = 0
+    home = np.concatenate([[-1], cliques.home, *[cliques.home_of_variable] * 3]).astype(int)
+    free = np.zeros(degree.size, bool)
+    free[1 : problem.equality.size + 1] = problem.equality
+    top = np.maximum(2 * order - 1 if lean else 2 * order, degree)
+    reach = np.where(free, top - degree, order - (degree + 1) // 2)
     blocks: _Blocks = []
     for is_free in (True, False):
         for level in np.unique(reach[degree > 0]):
@@ -386,24 +372,24 @@ def _stack(blocks: _Blocks) -> tuple[BlockGroup, ...]:
     return tuple(groups)
 
 
-def _products(group: BlockGroup, generators: PolynomialSystem) -> Words:
+def _products(group: BlockGroup, system: PolynomialSystem) -> Words:
     """Every monomial of every row of a group, one row a term."""
-    block, term = generators.terms_of(group.generator)
-    words = generators.words[term][:, None, :]
+    block, term = system.terms_of(group.generator)
+    words = system.words[term][:, None, :]
     joined = monomials.multiply(group.products()[block], words)
     return monomials.trim(joined.reshape(-1, joined.shape[-1]))
 
 
 def _entries(
-    groups: tuple[BlockGroup, ...], generators: PolynomialSystem, dimension: int
+    groups: tuple[BlockGroup, ...], system: PolynomialSystem, dimension: int
 ) -> tuple[Words, sps.csr_array]:
     """Moments and the affine form of every conic row, by one merge of all monomials."""
     words, values, rows, offset = [], [], [], 0
     for group in groups:
-        block, term = generators.terms_of(group.generator)
+        block, term = system.terms_of(group.generator)
         row = offset + block[:, None] * group.rows_each + np.arange(group.rows_each)
-        words.append(_products(group, generators))
-        values.append(np.repeat(generators.coefficients[term], group.rows_each))
+        words.append(_products(group, system))
+        values.append(np.repeat(system.coefficients[term], group.rows_each))
         rows.append(row.ravel())
         offset += group.count * group.rows_each
     width = max(w.shape[1] for w in words)

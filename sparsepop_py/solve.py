@@ -30,9 +30,10 @@ from .presolve.scaling import Scaled, Scaling
 from .problem import Problem
 from .progress import Stages
 from .refinement import best_attained, starting_points
-from .relaxation import Relaxation, relax
+from .relaxation import Relaxation
 from .result import Point, Result, Status
 from .rounding import Interval
+from .sizing import fitting_relaxation
 from .solvers import solve_conic
 from .sparsity import find_cliques
 from .unbounded import falling_ray
@@ -51,6 +52,7 @@ class _Model:
     box: Interval
     scaled: Scaled | None = None
     relaxation: Relaxation | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +248,7 @@ def _one_round(
     model = shared
     if model is None:
         with stages.stage("presolve"):
-            model = _Model(*find_box(problem, best, options))
+            model = _Model(*find_box(problem, best, options, done=_trivially(problem, best, options)))
         if is_empty(model.box):
             certificate = certify(problem, model.proof, None, None, empty=True)
             return _Bound(model, certificate)
@@ -254,6 +256,14 @@ def _one_round(
             typical = best.x if best is not None else None
             model = _relaxed(problem, (problem.objective,), model, options, typical)
     return _prove(problem, best, model, options, stages, clock)
+
+
+def _trivially(problem: Problem, best: ProvedPoint | None, options: Options) -> bool:
+    """Whether the given bounds or squares close the gap without any relaxation."""
+    if best is None or options.effort == "plain":
+        return False
+    start = _Model(BoxProof(), Interval(problem.lower, problem.upper))
+    return _closed(_Bound(start, certify(problem, start.proof, None, None)), best, options)
 
 
 def _relaxed(
@@ -267,8 +277,8 @@ def _relaxed(
     cliques = find_cliques(
         scaled.problem, sparse=options.sparse, method=options.chordal, objectives=scaled.objectives
     )
-    relaxation = relax(scaled.problem, options.order, cliques=cliques, objectives=scaled.objectives)
-    return replace(model, scaled=scaled, relaxation=relaxation)
+    relaxation, notes = fitting_relaxation(scaled.problem, cliques, scaled.objectives, options)
+    return replace(model, scaled=scaled, relaxation=relaxation, notes=notes)
 
 
 def _prove(
@@ -280,11 +290,14 @@ def _prove(
     clock: _Clock,
 ) -> _Bound:
     """Solve the relaxation and certify; without a full box, with growing margins."""
-    assert model.scaled is not None and model.relaxation is not None
+    outcome = _Bound(model, certify(problem, model.proof, best, None))
+    if model.relaxation is None or model.scaled is None:
+        return outcome
+    if options.effort != "plain" and _closed(outcome, best, options):
+        return outcome  # the box or the squares prove it already
     scaled, relaxation = model.scaled, model.relaxation
     own = Scaled.of(problem, scaled.scaling, (problem.objective,))
     objective, size = own.objectives[0], own.objective_sizes[0]
-    outcome = _Bound(model, certify(problem, model.proof, best, None))
     boxed = bool(np.all(scaled.scaling.boxed))
     for share in (0.0,) if boxed else _MARGINS:
         with stages.stage("assemble"):
@@ -298,12 +311,9 @@ def _prove(
                 relaxation, scaled, solution.z, 1.0 if empty else size, floor=share
             )
             certificate = certify(problem, model.proof, best, identity, empty=empty)
-            certificate = certificate or certify(problem, model.proof, best, identity)
-        outcome = _better(
-            outcome, _Bound(model, certificate, solution, size * solution.primal)
-        ) if _level(outcome.certificate) > -np.inf else _Bound(
-            model, certificate, solution, size * solution.primal
-        )
+            if certificate is None and not empty:
+                certificate = certify(problem, model.proof, best, identity)
+        outcome = _better(outcome, _Bound(model, certificate, solution, size * solution.primal))
         if certificate is not None or clock.over:
             break
     return outcome
@@ -368,7 +378,9 @@ def _result(
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    notes = list(bound.model.relaxation.notes) if bound.model.relaxation else []
+    notes = list(bound.model.notes)
+    if bound.model.relaxation is not None:
+        notes += bound.model.relaxation.notes
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE

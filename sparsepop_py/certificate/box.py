@@ -133,7 +133,7 @@ def sublevel_box(
     power = np.zeros(problem.dimension + 1, np.int64)
     for group in step.identity.multipliers:
         if group.floor > 0 and not group.free:
-            words = group.basis.reshape(-1, group.basis.shape[2])
+            words = group.basis[group.generator == 0].reshape(-1, group.basis.shape[2])
             row, variable, exponent = monomials.runs(words)
             pure = np.bincount(row, minlength=words.shape[0]) == 1
             keep = pure[row]

@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..conic import split_dual
-from ..polynomial import Polynomial
+from ..generators import single_letters
+from .. import monomials
+from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
+from ..problem import Problem
 from ..relaxation import Relaxation
 from .identity import Identity, Multipliers
 
@@ -41,7 +44,7 @@ def identity_of(
         Multiple of :func:`margin` that was subtracted from the scaled objective.
     """
     n = relaxation.problem.dimension
-    sizes = np.concatenate([[1.0], scaled.row_sizes, np.ones(n)])
+    sizes = np.concatenate([[1.0], scaled.row_sizes, np.ones(3 * n)])
     multipliers = []
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
         weight = objective_size / sizes[group.generator]
@@ -50,26 +53,20 @@ def identity_of(
                 Multipliers(group.generator, group.basis, part * weight[:, None])
             )
             continue
-        for chosen in _homogeneous(group.generator, floor):
-            factor = _factor(part[chosen] * weight[chosen, None, None])
-            on_moments = bool(np.all(group.generator[chosen] == 0))
-            multipliers.append(
-                Multipliers(
-                    group.generator[chosen],
-                    group.basis[chosen],
-                    factor,
-                    floor * objective_size if on_moments else 0.0,
+        carries = (_letters(relaxation.problem, group.generator) >= 0) & (floor > 0)
+        for with_floor in (False, True):
+            chosen = np.flatnonzero(carries == with_floor)
+            if chosen.size:
+                factor = _factor(part[chosen] * weight[chosen, None, None])
+                own = floor * objective_size if with_floor else 0.0
+                multipliers.append(
+                    Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
                 )
-            )
     return Identity(scaled.scaling, tuple(multipliers))
 
 
-def _homogeneous(generator: NDArray, floor: float) -> list[NDArray[np.int64]]:
-    """Positions to keep together: all, or moment blocks apart when they carry a floor."""
-    if floor == 0.0:
-        return [np.arange(generator.size)]
-    parts = [np.flatnonzero(generator == 0), np.flatnonzero(generator != 0)]
-    return [part for part in parts if part.size]
+def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:
+    return single_letters(problem.lower, problem.upper, len(problem.constraints), generator)
 
 
 def _factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,19 +76,22 @@ def _factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def margin(relaxation: Relaxation) -> Polynomial:
-    """Sum of the squares of all monomials of all moment blocks (scaled variables)."""
-    n = relaxation.problem.dimension
-    words = [
-        np.concatenate([group.basis[group.generator == 0]] * 2, axis=-1).reshape(
-            -1, 2 * group.basis.shape[2]
-        )
-        for group in relaxation.groups
-        if not group.free and np.any(group.generator == 0)
-    ]
-    total: Polynomial | None = None
-    for squares in words:
-        squares = np.sort(squares, axis=1)
-        part = Polynomial.from_words(squares, np.ones(squares.shape[0]), n)
-        total = part if total is None else total + part
-    assert total is not None
-    return total
+    """Sum of g b^2 over all monomials b of all blocks that can absorb a remainder.
+
+    Subtracting a multiple of it from the objective leaves every such block with that
+    multiple of the identity as its floor.
+    """
+    problem = relaxation.problem
+    sign = np.append(1.0, np.where(np.isfinite(problem.lower), 1.0, -1.0))
+    parts = []
+    for group in relaxation.groups:
+        letter = _letters(problem, group.generator)
+        chosen = np.flatnonzero(letter >= 0)
+        if group.free or not chosen.size:
+            continue
+        words = monomials.multiply(group.basis[chosen], group.basis[chosen])
+        words = monomials.multiply(words, letter[chosen, None, None])
+        value = np.repeat(sign[letter[chosen]], group.size)
+        flat = words.reshape(value.size, words.shape[2])
+        parts.append(Polynomial.from_words(flat, value, problem.dimension))
+    return total(parts)

@@ -8,7 +8,7 @@ With x = centre + scale * t, any multipliers at all give the identity
 where r is whatever remains. On the feasible set g_k >= 0 and h_j = 0, so f(x) >= r(t).
 Where the variables are boxed, |t^a| <= 1 (and t^a in [0, 1] for even a), hence
 f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed variable is instead
-moved into the Gram matrix of a moment block: a symmetric change E keeps
+moved into the Gram matrix of a block of the constant 1 (or of t_v >= 0): a symmetric change E keeps
 floor * I + E positive semidefinite as long as the row sums of |E| stay below the floor
 (Gershgorin). Squares are stored by their factors, so no eigenvalue has to be verified:
 the bound holds for every L, every lambda and every rounding of them. Good multipliers
@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import monomials
+from .. import generators, monomials
 from ..enclosure import expand_affine
 from ..monomials import Words
 from ..presolve.scaling import Scaling
@@ -46,8 +46,7 @@ class Multipliers:
     Parameters
     ----------
     generator : (K,) int
-        0 for the constant 1, i >= 1 for constraint i - 1, m + 1 + j for the bounds of
-        variable j.
+        What they multiply, numbered as in :mod:`sparsepop_py.generators`.
     basis : (K, s, D) int32
         Monomials in t, as words.
     values : (K, s) or (K, s, r) float
@@ -147,7 +146,7 @@ class Identity:
         paid = covered & ~constant
         loss = _loss(words[paid], value[paid])
         rest = ~covered & ((value.lo != 0) | (value.hi != 0))
-        floor, reason = self._absorb(words[rest], value[rest].magnitude())
+        floor, reason = self._absorb(words[rest], value[rest].magnitude(), constraints.size)
         if reason:
             return Evaluated(-np.inf, loss, 0.0, reason)
         base = float(value.lo[constant][0]) if constant.any() else 0.0
@@ -159,9 +158,10 @@ class Identity:
     def _malformed(self, size: int, equality: NDArray[np.bool_]) -> str:
         """Why the multipliers make no sense for these constraints, empty if they do."""
         n = self.scaling.centre.size
-        equal = np.concatenate([[False], equality, np.zeros(n, bool)])
+        equal = np.zeros(generators.count(size, n), bool)
+        equal[1 : size + 1] = equality
         for group in self.multipliers:
-            if np.any(group.generator < 0) or np.any(group.generator > size + n):
+            if np.any(group.generator < 0) or np.any(group.generator >= equal.size):
                 return "a multiplier refers to a constraint that does not exist"
             if group.free and not np.all(equal[group.generator]):
                 return "a multiplier without sign refers to an inequality"
@@ -176,14 +176,14 @@ class Identity:
     ) -> tuple[Words, Interval]:
         """Words and coefficients of r."""
         n, scaling = constraints.dimension, self.scaling
-        generators = _Generators.of(constraints, scaling)
+        made = _Generators.of(constraints, scaling)
         words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
         all_words, all_values = [words], [value]
         for group in self.multipliers:
             product, weight = group.terms()
-            block, term = generators.system.terms_of(group.generator)
-            joined = monomials.multiply(product[block], generators.system.words[term][:, None, :])
-            coefficient = generators.value[term]
+            block, term = made.system.terms_of(group.generator)
+            joined = monomials.multiply(product[block], made.system.words[term][:, None, :])
+            coefficient = made.value[term]
             part = -(weight[block] * Interval(coefficient.lo[:, None], coefficient.hi[:, None]))
             all_words.append(monomials.trim(joined.reshape(-1, joined.shape[-1])))
             all_values.append(Interval(part.lo.ravel(), part.hi.ravel()))
@@ -196,45 +196,52 @@ class Identity:
         )
         return distinct, sum_by(number, terms, distinct.shape[0])
 
-    def _absorb(self, words: Words, size: NDArray) -> tuple[float, str]:
-        """Move monomials into the floors; what is left of the least floor, or a reason."""
+    def _absorb(self, words: Words, size: NDArray, rows: int) -> tuple[float, str]:
+        """Move monomials into the floors; what the moment blocks keep of theirs, or a reason."""
+        n = self.scaling.centre.size
         groups = [g for g in self.multipliers if not g.free and g.floor > 0]
-        groups = [g for g in groups if np.all(g.generator == 0)]
-        if not groups:
-            reason = "" if words.shape[0] == 0 else (
-                "the remainder has monomials of variables without finite bounds"
-            )
-            return 0.0, reason
-        floors, left = [], words.shape[0]
-        width = max([words.shape[1], *(2 * g.basis.shape[2] for g in groups)])
-        keys = monomials.pack(monomials.widen(words, width), self.scaling.centre.size)
-        open_ = np.ones(words.shape[0], bool)
-        for group in groups:
-            j, i = np.tril_indices(group.basis.shape[1])
-            product = monomials.multiply(group.basis[:, i], group.basis[:, j])
-            count = product.shape[1]
-            flat = monomials.widen(product.reshape(-1, product.shape[2]), width)
-            available, first = np.unique(
-                monomials.pack(flat, self.scaling.centre.size), return_index=True
-            )
-            place = np.minimum(np.searchsorted(available, keys), available.size - 1)
-            hit = open_ & (available[place] == keys)
-            spot = first[place[hit]]
-            block, pair = np.divmod(spot, count)
-            share = np.where(i[pair] == j[pair], size[hit], 0.5 * size[hit])
-            off = i[pair] != j[pair]
-            index = np.concatenate([block * group.basis.shape[1] + i[pair],
-                                    (block * group.basis.shape[1] + j[pair])[off]])
-            shares = np.concatenate([share, share[off]])
-            sums = sum_by(index, Interval.point(shares), group.basis.shape[0] * group.basis.shape[1])
-            floors.append(float(np.nextafter(group.floor - sums.hi.max(initial=0.0), -np.inf)))
+        letters = [
+            generators.single_letters(*self.scaling.bounds, rows, g.generator) for g in groups
+        ]
+        usable = [(g, v) for g, v in zip(groups, letters, strict=True) if np.all(v >= 0)]
+        kept, open_ = [], np.ones(words.shape[0], bool)
+        for group, letter in usable:
+            spent, hit = _spend(group, letter, words, size * open_, n)
             open_ &= ~hit
-            left -= int(hit.sum())
-        if left:
-            return 0.0, "the remainder has monomials outside every moment block"
-        if min(floors) < 0:
-            return 0.0, "the remainder is larger than the margin of the moment blocks"
-        return min(floors), ""
+            left = float(np.nextafter(group.floor - spent, -np.inf)) if spent else group.floor
+            if left < 0:
+                return 0.0, "the remainder is larger than the margin of the blocks"
+            if not letter.all():
+                kept.append(left)
+        if open_.any():
+            return 0.0, (
+                "the remainder has monomials of variables without finite bounds"
+                if not usable
+                else "the remainder has monomials outside every block with a margin"
+            )
+        return min(kept, default=0.0), ""
+
+def _spend(
+    group: Multipliers, letter: NDArray, words: Words, size: NDArray, n: int
+) -> tuple[float, NDArray[np.bool_]]:
+    """Largest row sum when each monomial of that size goes to one Gram entry, and which went."""
+    j, i = np.tril_indices(group.basis.shape[1])
+    product = monomials.multiply(group.basis[:, i], group.basis[:, j])
+    product = monomials.multiply(product, letter[:, None, None])
+    width = max(words.shape[1], product.shape[2])
+    flat = monomials.widen(product.reshape(-1, product.shape[2]), width)
+    available, first = np.unique(monomials.pack(flat, n), return_index=True)
+    keys = monomials.pack(monomials.widen(words, width), n)
+    place = np.minimum(np.searchsorted(available, keys), available.size - 1)
+    hit = (available[place] == keys) & (size > 0)
+    block, pair = np.divmod(first[place[hit]], product.shape[1])
+    off = i[pair] != j[pair]
+    share = np.where(off, 0.5, 1.0) * size[hit]
+    row = block * group.basis.shape[1]
+    index = np.concatenate([row + i[pair], (row + j[pair])[off]])
+    shares = Interval.point(np.concatenate([share, share[off]]))
+    sums = sum_by(index, shares, group.basis.shape[0] * group.basis.shape[1])
+    return float(sums.hi.max(initial=0.0)), hit
 
 
 def _loss(words: Words, value: Interval) -> float:
@@ -259,26 +266,15 @@ class _Generators:
     def of(constraints: PolynomialSystem, scaling: Scaling) -> _Generators:
         n, m = constraints.dimension, constraints.size
         words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
-        letter = np.arange(1, n + 1, dtype=np.int32)
-        zero = np.zeros(n, np.int32)
-        boxed = scaling.boxed & (scaling.scale > 0)
-        width = max(2, words.shape[1])
-        index = np.arange(n) + m + 1
-        rows = np.concatenate([np.zeros(1, int), row + 1, index, index, index])
-        parts = [
-            np.zeros((1, 2), np.int32),
-            words,
-            np.stack([zero, zero], 1),
-            np.stack([zero, letter], 1),
-            np.stack([letter, letter], 1),
-        ]
-        bounds = [boxed * 1.0, np.where(boxed, 0.0, scaling.side), boxed * -1.0]
-        lo = np.concatenate([np.ones(1), value.lo, *bounds])
-        hi = np.concatenate([np.ones(1), value.hi, *bounds])
-        stacked = np.concatenate([monomials.widen(w, width) for w in parts])
-        keep = np.flatnonzero((lo != 0) | (hi != 0))
-        keep = keep[np.argsort(rows[keep], kind="stable")]
+        lower, upper = scaling.bounds
+        bound_words, bound_values, bound_rows = generators.bound_terms(lower, upper, m)
+        lo = np.concatenate([np.ones(1), value.lo, bound_values])
+        hi = np.concatenate([np.ones(1), value.hi, bound_values])
         system = PolynomialSystem(
-            stacked[keep], 0.5 * (lo + hi)[keep], rows[keep], m + 1 + n, n
+            generators.stack_words(words, bound_words),
+            0.5 * (lo + hi),
+            np.concatenate([np.zeros(1, int), row + 1, bound_rows]),
+            generators.count(m, n),
+            n,
         )
-        return _Generators(system, Interval(lo[keep], hi[keep]))
+        return _Generators(system, Interval(lo, hi))

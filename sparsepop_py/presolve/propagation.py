@@ -129,6 +129,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
 def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:
     """Where each atom must lie: the target of its row minus the other atoms, and its range."""
     ends = []
+    alone = np.bincount(row, minlength=size)[row] == 1
     for end, infinity in ((atoms.lo, -np.inf), (atoms.hi, np.inf)):
         endless = end == infinity
         finite = np.where(endless, 0.0, end)
@@ -136,10 +137,14 @@ def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Inte
         count = np.bincount(row, weights=endless, minlength=size)[row]
         others = total[row] - Interval.point(finite)
         blocked = count - endless > 0
-        rest = others.lo if infinity < 0 else others.hi
+        rest = np.where(alone, 0.0, others.lo if infinity < 0 else others.hi)
         ends.append(np.where(blocked, infinity, rest))
     rest = Interval(ends[0], ends[1])
-    asked = target[row] - rest
+    exact = (rest.lo == 0) & (rest.hi == 0)
+    shifted = target[row] - rest
+    asked = Interval(
+        np.where(exact, target.lo[row], shifted.lo), np.where(exact, target.hi[row], shifted.hi)
+    )
     return asked.intersect(atoms)
 
 

@@ -21,6 +21,7 @@ from ..system import PolynomialSystem
 
 __all__ = ["Scaled", "Scaling"]
 
+_NARROW = 2.0**-300  # half widths below this are rounding; their powers would underflow
 _SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
 
 
@@ -48,11 +49,11 @@ class Scaling:
         boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
         low, high = np.where(boxed, box.lo, 0.0), np.where(boxed, box.hi, 0.0)
         centre = 0.5 * low + 0.5 * high
-        half = 0.5 * high - 0.5 * low
+        half = np.maximum(0.5 * high - 0.5 * low, _NARROW)
         centre = np.where(np.abs(centre) <= 1e-6 * half, 0.0, centre)
         # dyadic numbers with few digits make scaled coefficients exact more often
         centre = np.where(low < high, _rounded(centre, half), low)
-        reach = np.maximum(high - centre, centre - low) * _SLACK
+        reach = np.maximum(np.maximum(high - centre, centre - low) * _SLACK, _NARROW)
         scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
         side = np.where(boxed, 0, np.where(np.isfinite(box.lo), 1, np.where(np.isfinite(box.hi), -1, 0)))
         start = np.where(side > 0, box.lo, np.where(side < 0, box.hi, 0.0))
@@ -75,6 +76,14 @@ class Scaling:
         inside = (low <= box.lo) & (box.hi <= high)
         return bool(np.all(np.where(self.boxed, inside, sides)))
 
+    @property
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Bounds of t: [-1, 1] where boxed, [0, 0] where fixed, 0 as the one finite bound."""
+        one = np.where(self.scale == 0, 0.0, 1.0)
+        low = np.where(self.boxed, -one, np.where(self.side > 0, 0.0, -np.inf))
+        high = np.where(self.boxed, one, np.where(self.side < 0, 0.0, np.inf))
+        return low, high
+
     def point(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """The x of a t."""
         return self.centre + self.scale * t
@@ -90,8 +99,7 @@ class Scaling:
 
 def _rounded(centre: NDArray, half: NDArray) -> NDArray[np.float64]:
     """Centres rounded to a power of two well below the half width."""
-    with np.errstate(divide="ignore"):
-        grid = np.where(half > 0, 2.0 ** np.floor(np.log2(np.where(half > 0, half, 1.0)) - 8), 1.0)
+    grid = 2.0 ** np.floor(np.log2(half) - 8)
     return np.round(centre / grid) * grid
 
 
@@ -132,7 +140,7 @@ class Scaled:
             Constraint(row, constraint.kind, constraint.name)
             for row, constraint in zip(rows, problem.constraints, strict=False)
         ]
-        low, high = _bounds(scaling)
+        low, high = scaling.bounds
         scaled = Problem(rows[m], constraints, low, high, problem.names)
         return Scaled(scaled, scaling, tuple(rows[m:]), tuple(size[m:].tolist()), size[:m])
 
@@ -145,11 +153,3 @@ def _split(system: PolynomialSystem, size: NDArray) -> list[Polynomial]:
         )
         for k, (a, b) in enumerate(zip(first[:-1], first[1:], strict=True))
     ]
-
-
-def _bounds(scaling: Scaling) -> tuple[NDArray, NDArray]:
-    """[-1, 1] where boxed, [0, 0] where fixed, and 0 as the one finite bound elsewhere."""
-    one = np.where(scaling.scale == 0, 0.0, 1.0)
-    low = np.where(scaling.boxed, -one, np.where(scaling.side > 0, 0.0, -np.inf))
-    high = np.where(scaling.boxed, one, np.where(scaling.side < 0, 0.0, np.inf))
-    return low, high

@@ -1,0 +1,265 @@
+"""From the ``param`` struct of SparsePOP to :class:`~sparsepop_py.options.Options`.
+
+The table in :mod:`sparsepop_py.parameter_table` says what every field does.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from types import SimpleNamespace
+from typing import Any, NoReturn
+
+import numpy as np
+
+from .errors import ParameterWarning, ProblemError
+from .options import Options
+from .parameter_table import FIELDS
+
+__all__ = ["Parameters", "read_parameters"]
+
+_SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
+_LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
+_BY_NAME = {entry.name: entry for entry in FIELDS}
+# The original's default depends on the installation, so that neither value asks for anything.
+_EITHER = ("symbolicMath", "mex")
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What :func:`read_parameters` understood.
+
+    A field of the original that has no effect is readable too, with the value given or
+    the original's default: ``parameters.eqTolerance``.
+
+    Parameters
+    ----------
+    relaxOrder : int
+        At least 1; :func:`~sparsepop_py.sparsepop.sparsePOP` returns the order it used.
+    sparseSW : {0, 1}
+    POPsolver : str
+        Empty: no refined point in the output.
+    printLevel : (int, int)
+        Screen and file, each 0, 1 or 2.
+    tighten : {0, 1}
+    SDPsolver : str
+        As given.
+    options : Options
+        What the solve is called with.
+    given : mapping of str to object
+        The other fields that were given, known or not.
+    """
+
+    relaxOrder: int = 1
+    sparseSW: int = 1
+    POPsolver: str = ""
+    printLevel: tuple[int, int] = (2, 0)
+    tighten: int = 1
+    SDPsolver: str = "sedumi"
+    options: Options = field(default_factory=Options)
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Any:
+        given = self.__dict__.get("given", {})
+        if name in given:
+            return given[name]
+        if name in _BY_NAME:
+            return _BY_NAME[name].default
+        raise AttributeError(f"param has no field {name!r}")
+
+
+def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int = 2) -> Parameters:
+    """Read a ``param`` struct.
+
+    Parameters
+    ----------
+    param : struct, mapping or None
+        None, a dict, an object with attributes, a dataclass, what ``scipy.io.loadmat``
+        makes of a struct, or the ``param`` that an earlier call returned.
+    strict : bool
+        Unknown fields and names are errors instead of warnings.
+    stacklevel : int
+        Whose line the warnings show, as in :func:`warnings.warn`.
+
+    Returns
+    -------
+    parameters : Parameters
+        With ``options``, what the solve is called with.
+
+    Raises
+    ------
+    ProblemError
+        If a value is illegal, naming the field, what was found and what was expected.
+
+    Warns
+    -----
+    ParameterWarning
+        For unknown fields (with the nearest known name), and for known ones whose value
+        asks for something that has no effect yet.
+
+    Examples
+    --------
+    >>> parameters = read_parameters({"relaxOrder": 3, "sparseSW": 0, "printLevel": 0})
+    >>> parameters.options.order, parameters.options.sparse, parameters.printLevel
+    (3, False, (0, 0))
+    """
+    values = {name: _plain(value) for name, value in _items(param).items()}
+    values = {name: value for name, value in values.items() if value is not None}
+    says: list[str] = []
+    for name, value in values.items():
+        _check(name, value, strict, says)
+    order = _order(values.get("relaxOrder", 1), says)
+    sparse = _sparse(values.get("sparseSW", 1), says)
+    local = _local(values.get("POPsolver", ""), strict, says)
+    level = _level(values.get("printLevel", (2, 0)))
+    tighten = int(values.get("tighten", 1))
+    name, solver = _solver(values.get("SDPsolver", "sedumi"), says)
+    for message in says:
+        warnings.warn(message, ParameterWarning, stacklevel=stacklevel)
+    options = Options(
+        order=order,
+        sparse=bool(sparse),
+        effort="presolve" if tighten else "plain",
+        refine="ipopt" if local == "ipopt" else "scipy",
+        solver=solver,
+        progress=level[0] > 0,
+    )
+    known = {entry.name for entry in FIELDS if entry.effect == "works"}
+    given = {key: item for key, item in values.items() if key not in known}
+    return Parameters(order, sparse, local, level, tighten, name, options, given)
+
+
+# ---- containers -------------------------------------------------------------------------
+
+
+def _items(param: Any) -> dict[str, Any]:
+    """The fields of a struct, whatever it is made of."""
+    while isinstance(param, np.ndarray) and param.size == 1:
+        param = param.ravel()[0]
+    empty = isinstance(param, (list, tuple, np.ndarray)) and np.size(param) == 0
+    if param is None or empty:
+        return {}
+    if isinstance(param, np.void) and param.dtype.names is not None:
+        return {name: param[name] for name in param.dtype.names}
+    if isinstance(param, Parameters):
+        echo = {f.name: getattr(param, f.name) for f in fields(param)}
+        del echo["options"], echo["given"]
+        return {**echo, **param.given}
+    if isinstance(param, Mapping):
+        wrong = [key for key in param if not isinstance(key, str)]
+        if wrong:
+            raise ProblemError(f"param: found the key {wrong[0]!r}, expected names of fields")
+        return dict(param)
+    if is_dataclass(param) and not isinstance(param, type):
+        return {f.name: getattr(param, f.name) for f in fields(param)}
+    if hasattr(param, "_fieldnames"):  # scipy.io.matlab.mat_struct
+        return {name: getattr(param, name) for name in param._fieldnames}
+    if isinstance(param, SimpleNamespace) or (
+        hasattr(param, "__dict__") and not callable(param) and not isinstance(param, np.ndarray)
+    ):
+        return {name: v for name, v in vars(param).items() if not name.startswith("_")}
+    raise ProblemError(
+        f"param: found {type(param).__name__}, expected a dict or a struct of parameters"
+    )
+
+
+def _plain(value: Any) -> Any:
+    """A MATLAB value as a Python one: scalars for 1 x 1, lists for vectors, None for []."""
+    while isinstance(value, np.ndarray) and value.size == 1:
+        value = value.ravel()[0]
+    if isinstance(value, np.ndarray):
+        value = value.ravel().tolist()
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, (list, tuple)) and len(value) == 0 else value
+
+
+# ---- values -----------------------------------------------------------------------------
+
+
+def _wrong(name: str, found: Any, expected: str) -> NoReturn:
+    raise ProblemError(f"param.{name}: found {found!r}, expected {expected}")
+
+
+def _number(name: str, value: Any, expected: str) -> float:
+    if not isinstance(value, numbers.Real) or not math.isfinite(value):
+        _wrong(name, value, expected)
+    return float(value)
+
+
+def _same(value: Any, default: Any) -> bool:
+    """Whether a value asks for what the original does anyway."""
+    return default is not None and type(value) is not list and bool(value == default)
+
+
+def _check(name: str, value: Any, strict: bool, says: list[str]) -> None:
+    """Unknown names, illegal switches, and values without effect."""
+    entry = _BY_NAME.get(name)
+    if entry is None:
+        near = difflib.get_close_matches(name, _BY_NAME, 1, 0.5)
+        found = f"param.{name}: unknown field" + (f", did you mean {near[0]}?" if near else "")
+        if strict:
+            raise ProblemError(found)
+        says.append(found)
+        return
+    if entry.legal and value not in entry.legal:
+        _wrong(name, value, "one of " + ", ".join(map(str, entry.legal)))
+    if entry.effect == "works" or name in _EITHER or _same(value, entry.default):
+        return
+    when = "has no effect yet" if entry.effect == "later" else "has no effect here"
+    says.append(f"param.{name} = {value!r} {when}")
+
+
+def _order(value: Any, says: list[str]) -> int:
+    number = _number("relaxOrder", value, "a number >= 0")
+    if number < 0:
+        _wrong("relaxOrder", value, "a number >= 0")
+    order = math.ceil(number)
+    if order != number:
+        says.append(f"param.relaxOrder = {number:g} is rounded up to {order}")
+    return max(1, order)
+
+
+def _sparse(value: Any, says: list[str]) -> int:
+    switch = int(value)
+    if switch > 1:
+        says.append(f"param.sparseSW = {switch} is treated as {switch - 2}")
+    return switch % 2
+
+
+def _local(value: Any, strict: bool, says: list[str]) -> str:
+    if not isinstance(value, str):
+        _wrong("POPsolver", value, "the name of a local solver")
+    if value and value not in _LOCAL:
+        if strict:
+            _wrong("POPsolver", value, "one of " + ", ".join(map(repr, _LOCAL)))
+        says.append(f"param.POPsolver = {value!r} is unknown and treated as {_LOCAL[0]!r}")
+    return value
+
+
+def _level(value: Any) -> tuple[int, int]:
+    expected = "0, 1 or 2, or two of these (screen, file)"
+    pair = list(value) if isinstance(value, (list, tuple)) else [value, 0]
+    if len(pair) > 2 or any(not isinstance(v, numbers.Real) or v not in (0, 1, 2) for v in pair):
+        _wrong("printLevel", value, expected)
+    return int(pair[0]), int(pair[1]) if len(pair) == 2 else 0
+
+
+def _solver(value: Any, says: list[str]) -> tuple[str, str]:
+    """The name as given, and the solver it stands for."""
+    expected = (
+        "one of " + ", ".join(map(repr, _SOLVERS)) + ", 'clarabel', 'clarabel-moment', 'cvxpy:NAME'"
+    )
+    if not isinstance(value, str):
+        _wrong("SDPsolver", value, expected)
+    if value in ("clarabel", "clarabel-moment") or value.startswith("cvxpy:"):
+        return value, value
+    if value not in _SOLVERS:
+        _wrong("SDPsolver", value, expected)
+    if value != _SOLVERS[0]:
+        says.append(f"param.SDPsolver = {value!r} is replaced by 'clarabel'")
+    return value, "clarabel"

@@ -1,0 +1,142 @@
+"""The printed report of ``sparsePOP``, in the layout of the original.
+
+Proved values are rounded outwards when they are shortened, so that what is shown is as
+proved as what is returned.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from typing import TYPE_CHECKING, Any
+
+from .result import Status
+
+if TYPE_CHECKING:
+    from .sparsepop import SparsePOPOutput
+
+__all__ = ["rounded", "write_report"]
+
+_LINE = "-" * 72
+
+
+def rounded(value: float, upwards: bool, digits: int = 10) -> str:
+    """A bound in scientific notation, rounded outwards instead of to nearest.
+
+    Parameters
+    ----------
+    value : float
+    upwards : bool
+        True for upper bounds, False for lower bounds.
+    digits : int
+        Significant digits.
+
+    Examples
+    --------
+    >>> rounded(1.26, upwards=False, digits=2), rounded(1.21, upwards=True, digits=2)
+    ('+1.2e+0', '+1.3e+0')
+    """
+    if not math.isfinite(value):
+        return f"{value:+}"
+    direction = ROUND_CEILING if upwards else ROUND_FLOOR
+    exact = Context(prec=digits, rounding=direction).create_decimal_from_float(value)
+    return f"{exact:+.{digits - 1}e}"
+
+
+def write_report(output: SparsePOPOutput, source: Any, level: int) -> None:
+    """Write the report to standard output; ``level`` 0: nothing, 1: without the point."""
+    if level > 0:
+        sys.stdout.write("\n".join(_lines(output, source, level)) + "\n")
+
+
+def _lines(output: SparsePOPOutput, source: Any, level: int) -> Iterator[str]:
+    yield _LINE
+    yield "SparsePOP in Python: proved bounds of polynomial optimization problems"
+    yield _LINE
+    if source is not None:
+        yield f"# Problem File Name   = {source}"
+    yield "# parameters:"
+    yield from _parameters(output)
+    yield from _sdp(output)
+    yield "# Approximate optimal value information:"
+    yield from _values(output)
+    times = output.cpuTime
+    yield "# CPU time (seconds):"
+    yield f"  conversion          = {times.conversion:10.2f}"
+    yield f"  SDP solver          = {times.SDPsolver:10.2f}"
+    yield f"  certification       = {times.certification:10.2f}"
+    yield f"  total               = {times.total:10.2f}"
+    yield f"  local search        = {times.localMethod:10.2f}"
+    if level > 1:
+        yield from _vector("POP.xVect", output.POP.xVect)
+        yield from _vector("POP.xVectL", output.POP.xVectL)
+    for note in output.POP.result.notes:
+        yield f"# note: {note}"
+
+
+def _parameters(output: SparsePOPOutput) -> Iterator[str]:
+    param = output.param
+    yield f"  relaxOrder          = {param.relaxOrder}"
+    yield f"  sparseSW            = {param.sparseSW}"
+    if not param.tighten:
+        yield f"  tighten             = {param.tighten}"
+    if param.POPsolver:
+        yield f"  POPsolver           = {param.POPsolver}"
+    if param.SDPsolver != "sedumi":
+        yield f"  SDPsolver           = {param.SDPsolver}"
+
+
+def _sdp(output: SparsePOPOutput) -> Iterator[str]:
+    info, sizes = output.SDPsolverInfo, output.SDPinfo
+    if not info.solver:
+        yield "# SDP: none was solved"
+        return
+    blocks = sizes.SDPblock
+    yield f"# SDP solved by {info.solver}:"
+    yield f"  size of A           = [{sizes.rowSizeA},{sizes.colSizeA}]"
+    yield f"  nonzeros in A       = {sizes.nonzerosInA}"
+    yield f"  free variables      = {sizes.noOfFreevar}"
+    yield f"  LP variables        = {sizes.noOfLPvariables}"
+    yield f"  SDP blocks          = {len(blocks)}, largest {max(blocks, default=0)}"
+    yield "# solver information:"
+    yield f"  numerr, pinf, dinf  = {info.numerr}, {info.pinf}, {info.dinf}  ({info.detail})"
+    yield f"  iterations          = {info.iter}"
+
+
+def _values(output: SparsePOPOutput) -> Iterator[str]:
+    POP, value = output.POP, output.SDPobjValue
+    maximise = POP.result.problem.sense == "max"
+    side = "upper" if maximise else "lower"
+    proved = {
+        math.isfinite(value): f"proved {side} bound",
+        POP.status is Status.INFEASIBLE: "proved: no point is feasible",
+    }.get(True, "nothing is proved")
+    yield f"  SDPobjValue         = {rounded(value, maximise, 8)}  {proved}"
+    if math.isfinite(POP.solverValue):
+        yield f"  POP.solverValue     = {POP.solverValue:+13.7e}  value of the SDP, no bound"
+    attained = POP.result.attained
+    if POP.objValue is not None:
+        found = "attained" if attained is not None else "nearly feasible point, not proved"
+        yield f"  POP.objValue        = {POP.objValue:+13.7e}  {found}"
+        if math.isfinite(value):
+            gap = abs(POP.objValue - value) / max(1.0, abs(POP.objValue))
+            yield f"  relative obj error  = {gap:+8.2e}"
+        yield f"  POP.absError        = {POP.absError:+8.2e}"
+        yield f"  POP.scaledError     = {POP.scaledError:+8.2e}"
+    if POP.objValueL is not None:
+        yield f"  POP.objValueL       = {POP.objValueL:+13.7e}  refined"
+        yield f"  POP.absErrorL       = {POP.absErrorL:+8.2e}"
+        yield f"  POP.scaledErrorL    = {POP.scaledErrorL:+8.2e}"
+    yield f"  status              = {POP.status}: {POP.status.message}"
+
+
+def _vector(name: str, x: Any) -> Iterator[str]:
+    """Five numbers a line, each line with the index of its first entry."""
+    if not x.size:
+        return
+    yield f"# {name}:"
+    for first in range(0, x.size, 5):
+        numbers = " ".join(f"{v:+13.7e}" for v in x[first : first + 5])
+        yield f"  {first + 1:6d}: {numbers}"
