@@ -7,18 +7,33 @@ constraints, and three families of n follow for the bounds of each variable:
     lower  x - l             where l is finite,
     upper  u - x             where u is finite;
 
-the zero polynomial stands where a bound is missing or the variable is fixed.
+the zero polynomial stands where a bound is missing or the variable is fixed. Products of
+two of these (reformulation-linearization, Sherali and Adams 1990) may follow as further
+generators, each given by the pair of its factors' numbers.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import monomials
 from .monomials import Words
+from .polynomial import Polynomial
+from .problem import Problem
+from .system import PolynomialSystem
 
-__all__ = ["bound_family", "bound_terms", "count", "single_letters", "stack_words"]
+__all__ = [
+    "bound_family",
+    "bound_terms",
+    "count",
+    "product_terms",
+    "single_letters",
+    "stack_words",
+    "useful_products",
+]
 
 
 def count(rows: int, dimension: int) -> int:
@@ -86,4 +101,68 @@ def single_letters(
     names = np.arange(1, n + 1)
     letter[low] = np.where((lower == 0) & np.isinf(upper), names, -1)
     letter[high] = np.where((upper == 0) & np.isinf(lower), names, -1)
-    return letter[generator]
+    known = generator < letter.size
+    return np.where(known, letter[np.where(known, generator, 0)], -1).astype(np.int32)
+
+
+def product_terms(
+    system: PolynomialSystem, products: NDArray[np.int64]
+) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Terms of products of generators: word, product number, and the terms of both factors."""
+    number, first = system.terms_of(products[:, 0])
+    position, second = system.terms_of(products[number, 1])
+    words = monomials.multiply(system.words[first[position]], system.words[second])
+    return words, number[position], first[position], second
+
+
+def useful_products(
+    problem: Problem,
+    members: Sequence[tuple[int, ...]],
+    home: NDArray[np.int64],
+    objectives: Sequence[Polynomial],
+) -> NDArray[np.int64]:
+    """Pairs of generators whose products tighten bilinear terms.
+
+    The bounds of two variables that multiply each other somewhere, and each linear
+    inequality with the bounds of such partners of its variables and with the other
+    linear inequalities of its clique. Shape (P, 2).
+    """
+    n, rows = problem.dimension, problem.rows
+    boxed = np.isfinite(problem.lower) & np.isfinite(problem.upper)
+    boxed &= problem.lower < problem.upper
+    words = [rows.words, problem.objective.words, *(f.words for f in objectives)]
+    pairs = _partners(words, n)
+    pairs = pairs[boxed[pairs].all(axis=1)]
+    _, low, high = bound_family(rows.size, n)
+    sides = np.array([low.start, high.start])
+    bounds = [
+        np.stack([pairs[:, 0] + a, pairs[:, 1] + b], axis=1) for a in sides for b in sides
+    ]
+    partner: dict[int, set[int]] = {}
+    for i, j in pairs.tolist():
+        partner.setdefault(i, set()).add(j)
+        partner.setdefault(j, set()).add(i)
+    mixed = []
+    linear: dict[int, list[int]] = {}
+    for number, constraint in enumerate(problem.constraints):
+        if problem.equality[number] or constraint.polynomial.degree != 1:
+            continue
+        clique = int(home[number])
+        near = set().union(*(partner.get(v, ()) for v in constraint.polynomial.support.tolist()))
+        for v in sorted(near & set(members[clique])):
+            mixed += [(number + 1, v + int(side)) for side in sides]
+        mixed += [(other + 1, number + 1) for other in linear.get(clique, ()) if near]
+        linear.setdefault(clique, []).append(number)
+    return np.concatenate([*bounds, np.array(mixed, int).reshape(-1, 2)])
+
+
+def _partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
+    """Pairs i < j of variables that occur in one monomial, shape (P, 2)."""
+    keys = []
+    for table in words:
+        row, variable, _ = monomials.runs(table)
+        for distance in range(1, table.shape[1]):
+            same = np.flatnonzero(row[distance:] == row[:-distance])
+            keys.append(variable[same] * n + variable[same + distance])
+    unique = np.unique(np.concatenate([*keys, np.zeros(0, int)])).astype(np.int64)
+    return np.stack(np.divmod(unique, n), axis=1)

@@ -149,8 +149,8 @@ FIELDS: tuple[Field, ...] = (
         1,
         "later",
         "",
-        "None. Fixed variables are always eliminated, and an infeasible fixed point is "
-        "reported as infeasible.",
+        "None. Fixed variables are always eliminated; with tighten = 1 an infeasible fixed "
+        "point is proved infeasible.",
         _SWITCH,
     ),
     Field(

@@ -18,6 +18,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from .errors import SolverNotFound
 from .feasibility import ProvedPoint, prove_feasible
+from .polynomial import Constraint, Kind
 from .problem import Problem
 from .rounding import Interval
 
@@ -188,6 +189,47 @@ def starting_points(
     return [middle] + [rng.uniform(low, high) for _ in range(count)]
 
 
+def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
+    """Decide either-or rows by the start: a x_i x_j == 0 and x_i^2 == c x_i fix a variable.
+
+    Local searches stall on such rows, whose gradients vanish or contradict each other.
+    """
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    decided = False
+    for constraint in problem.constraints:
+        p = constraint.polynomial
+        if constraint.kind is not Kind.ZERO or p.degree != 2 or p.terms > 2:
+            continue
+        letters = p.words[-1][-2:] - 1
+        if p.terms == 1 and letters[0] >= 0:
+            chosen = letters[np.argmin(np.abs(x[letters]))]
+            value = 0.0
+        elif p.terms == 2 and letters[0] == letters[1] and p.words[0][-1] - 1 == letters[0]:
+            chosen, root = letters[0], -p.coefficients[0] / p.coefficients[1]
+            value = root if abs(x[chosen] - root) < abs(x[chosen]) else 0.0
+        else:
+            continue
+        if lower[chosen] <= value <= upper[chosen]:
+            lower[chosen] = upper[chosen] = value
+            decided = True
+    if not decided:
+        return problem
+    free = [c for c in problem.constraints if not _settled(c, lower, upper)]
+    return Problem(problem.objective, free, lower, upper, problem.names)
+
+
+def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
+    """Whether an equality holds for good: every term has a variable fixed at 0, or all are fixed."""
+    p = constraint.polynomial
+    if constraint.kind is not Kind.ZERO:
+        return False
+    fixed = lower == upper
+    if np.all(fixed[p.support]):
+        return abs(p(np.where(fixed, lower, 0.0))) == 0.0
+    zero = np.append(False, fixed & (lower == 0.0))
+    return bool(np.all(zero[p.words].any(axis=1)))
+
+
 def best_attained(
     problem: Problem,
     starts: Iterable[NDArray[np.float64]],
@@ -205,7 +247,11 @@ def best_attained(
     """
     found = []
     for start in starts:
-        for x in (local_search(problem, start, method), start):
+        branch = _decide(problem, start)
+        tried = [local_search(problem, start, method), start]
+        if branch is not problem:
+            tried.append(local_search(branch, start, method))
+        for x in tried:
             if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < 1e12:
                 with np.errstate(all="ignore"):
                     value, violation = problem.objective(x), problem.violation(x)

@@ -29,7 +29,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -116,6 +116,8 @@ class Relaxation:
         The monomials of the moment variables y, without the constant.
     entries : csr (R, M + 1)
         Row r is the affine form of y in conic row r; column 0 holds its constant.
+    products : (P, 2) int
+        Generators that are products, by the numbers of their factors.
     notes : tuple of str
         What was changed on the way, such as a raised order.
     """
@@ -126,6 +128,7 @@ class Relaxation:
     groups: tuple[BlockGroup, ...]
     moments: Words
     entries: sps.csr_array
+    products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     notes: tuple[str, ...] = ()
 
     @property
@@ -231,6 +234,7 @@ def relax(
     objectives: Sequence[Polynomial] = (),
     reduce: bool = True,
     lean: bool = False,
+    products: bool = False,
 ) -> Relaxation:
     """Build the moment relaxation of a problem.
 
@@ -251,6 +255,8 @@ def relax(
         stop the multipliers of equalities one degree earlier; the squares of the highest
         monomials then match nothing and leave. A weaker relaxation with far smaller
         blocks, about what Waki et al. solve where the data are of low degree.
+    products : bool
+        Add products of bounds and linear inequalities where variables multiply each other.
 
     Examples
     --------
@@ -268,10 +274,13 @@ def relax(
     if order is not None and order < least:
         notes = (f"order {order} raised to {least}, the least for these degrees",)
     order = max(order or least, least)
-    system = _generators(problem)
+    pairs = np.zeros((0, 2), np.int64)
+    if products:
+        pairs = generators.useful_products(problem, cliques.members, cliques.home, objectives)
+    system = _generators(problem, pairs)
     groups = _groups(problem, cliques, order, system, objectives, reduce, lean)
     moments, entries = _entries(groups, system, problem.dimension)
-    return Relaxation(problem, cliques, order, groups, moments, entries, notes)
+    return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
 
 
 def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
@@ -279,15 +288,28 @@ def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
 
 
-def _generators(problem: Problem) -> PolynomialSystem:
+def _generators(problem: Problem, products: NDArray[np.int64]) -> PolynomialSystem:
     """Every generator of the problem, numbered as in :mod:`sparsepop_py.generators`."""
     rows, n = problem.rows, problem.dimension
     words, values, index = generators.bound_terms(problem.lower, problem.upper, rows.size)
-    return PolynomialSystem(
+    single = PolynomialSystem(
         generators.stack_words(rows.words, words),
         np.concatenate([np.ones(1), rows.coefficients, values]),
         np.concatenate([np.zeros(1, int), rows.row + 1, index]),
         generators.count(rows.size, n),
+        n,
+    )
+    if not products.size:
+        return single
+    words, number, first, second = generators.product_terms(single, products)
+    width = max(words.shape[1], single.words.shape[1])
+    return PolynomialSystem(
+        np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
+        np.concatenate(
+            [single.coefficients, single.coefficients[first] * single.coefficients[second]]
+        ),
+        np.concatenate([single.row, number + single.size]),
+        single.size + products.shape[0],
         n,
     )
 
@@ -339,11 +361,14 @@ def _localizing(
     else:
         boxed = degree[box] > 0
         degree[lower][boxed] = degree[upper][boxed] = 0
-    home = np.concatenate([[-1], cliques.home, *[cliques.home_of_variable] * 3]).astype(int)
+    single = generators.count(len(problem.constraints), problem.dimension)
+    home = np.zeros(degree.size, int)  # products are single rows, which need no clique
+    home[:single] = np.concatenate([[0], cliques.home, *[cliques.home_of_variable] * 3])
     free = np.zeros(degree.size, bool)
     free[1 : problem.equality.size + 1] = problem.equality
     top = np.maximum(2 * order - 1 if lean else 2 * order, degree)
     reach = np.where(free, top - degree, order - (degree + 1) // 2)
+    reach[single:] = 0
     blocks: _Blocks = []
     for is_free in (True, False):
         for level in np.unique(reach[degree > 0]):

@@ -1,15 +1,16 @@
 """Relaxations that fit: what to do when the one asked for is too large to solve.
 
 An interior-point step costs about sum r^3 / 3 operations and 8 sum r^2 bytes, r being
-the number s (s + 1) / 2 of entries of each semidefinite block. Where that is too much,
-bounds enter linearly and unmatched monomials leave (``lean``), and where even that does
-not fit the order comes down. Each change is noted; every bound stays proved.
+the number s (s + 1) / 2 of entries of each semidefinite block. The lean form of a
+relaxation often gives the same bound at a tenth of that, so it goes first, and stays
+alone where the full form is too large; where even it does not fit, the order comes
+down. Each change is noted; every bound stays proved.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from functools import partial
 from math import comb
 
 import numpy as np
@@ -20,9 +21,10 @@ from .problem import Problem
 from .relaxation import Relaxation, least_order, relax
 from .sparsity import Cliques
 
-__all__ = ["fitting_relaxation", "solver_bytes"]
+__all__ = ["fitting_relaxations", "solver_bytes"]
 
-_OPERATIONS = 1e10  # a step; above, the lean form is tried
+_OPERATIONS = 1e10  # a step; above, only the lean form is tried
+_TINY = 1e5  # a step; below, the full form is as good as free
 _BYTES = 5e9
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
 
@@ -40,10 +42,15 @@ def _operations(relaxation: Relaxation) -> float:
     return float(sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items()))
 
 
-def fitting_relaxation(
-    problem: Problem, cliques: Cliques, objectives: Sequence[Polynomial], options: Options
-) -> tuple[Relaxation | None, tuple[str, ...]]:
-    """The relaxation that was asked for, or the nearest one that fits, and what was changed.
+def fitting_relaxations(
+    problem: Problem,
+    cliques: Cliques,
+    objectives: Sequence[Polynomial],
+    options: Options,
+    *,
+    constrained: bool,
+) -> tuple[tuple[Relaxation, ...], tuple[str, ...]]:
+    """The relaxation that was asked for behind its lean form, as far as they fit.
 
     Parameters
     ----------
@@ -53,38 +60,54 @@ def fitting_relaxation(
     objectives : sequence of Polynomial
     options : Options
         With effort ``"plain"`` nothing is changed: the relaxation fits or there is none.
+    constrained : bool
+        Whether products of constraints and bounds are worth adding: not where the only
+        bounds come from a cut-off.
 
     Returns
     -------
-    relaxation : Relaxation or None
+    relaxations : tuple of Relaxation
+        To be tried in this order, the cheaper one first; empty if nothing fits.
     notes : tuple of str
     """
     least = least_order(problem, objectives)
     asked = options.order or least
+    notes: tuple[str, ...] = ()
+    if asked < least:
+        notes = (f"order {asked} raised to {least}, the least for these degrees",)
     largest = max(len(c) for c in cliques.members)
     for order in range(max(asked, least), least - 1, -1):
         if comb(largest + order, order) > _BASIS:
             continue
-        relaxation = relax(problem, order, cliques=cliques, objectives=objectives)
-        notes: tuple[str, ...] = ()
-        if asked < least:
-            notes = (f"order {asked} raised to {least}, the least for these degrees",)
-        if options.effort == "plain":
-            fits = solver_bytes(relaxation) <= _BYTES and order >= asked
-            return (replace(relaxation, notes=notes), ()) if fits else (None, _too_large(asked))
-        if _operations(relaxation) > _OPERATIONS:
-            lean = relax(problem, order, cliques=cliques, objectives=objectives, lean=True)
-            if _operations(lean) < _operations(relaxation):
-                large, small = max(relaxation.block_sizes), max(lean.block_sizes)
-                relaxation = lean
-                notes += (
-                    f"bounds enter linearly: blocks of up to {small} instead of {large}",
-                )
-        if solver_bytes(relaxation) <= _BYTES:
-            if order < asked:
-                notes += (f"order {asked} lowered to {order}: its blocks would not fit in memory",)
-            return replace(relaxation, notes=notes), ()
-    return None, _too_large(asked)
+        plain = options.effort == "plain"
+        build = partial(
+            relax,
+            problem,
+            order,
+            cliques=cliques,
+            objectives=objectives,
+            products=constrained and not plain,
+        )
+        full = build()
+        if plain:
+            fits = solver_bytes(full) <= _BYTES and order >= asked
+            return ((full,), notes) if fits else ((), _too_large(asked))
+        if order < asked:
+            notes += (f"order {asked} lowered to {order}: its blocks would not fit in memory",)
+        chosen = _worthwhile(full, build(lean=True))
+        if chosen:
+            if chosen[-1] is not full:
+                notes += (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
+            return chosen, notes
+    return (), _too_large(asked)
+
+
+def _worthwhile(full: Relaxation, lean: Relaxation) -> tuple[Relaxation, ...]:
+    """The lean form where it is much cheaper, and the full one where it can be afforded."""
+    cheap, dear = _operations(lean), _operations(full)
+    if dear <= _OPERATIONS and solver_bytes(full) <= _BYTES:
+        return (lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)
+    return (lean,) if solver_bytes(lean) <= _BYTES else ()
 
 
 def _too_large(order: int) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ from .refinement import best_attained, starting_points
 from .relaxation import Relaxation
 from .result import Point, Result, Status
 from .rounding import Interval
-from .sizing import fitting_relaxation
+from .sizing import fitting_relaxations
 from .solvers import solve_conic
 from .sparsity import find_cliques
 from .unbounded import falling_ray
@@ -46,12 +46,12 @@ _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What all objectives over one box share: the proof of the box and the relaxation on it."""
+    """What all objectives over one box share: the proof of the box and the relaxations on it."""
 
     proof: BoxProof
     box: Interval
     scaled: Scaled | None = None
-    relaxation: Relaxation | None = None
+    relaxations: tuple[Relaxation, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -61,6 +61,7 @@ class _Bound:
 
     model: _Model
     certificate: Certificate | None
+    relaxation: Relaxation | None = None
     solution: ConicSolution | None = None
     value: float = np.nan
 
@@ -220,7 +221,7 @@ def _solve_one(
 
 def _random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
     n = problem.dimension
-    count = 12 if n <= 10 else 6 if n <= 40 else 2 if n <= 300 else 0
+    count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
     if options.effort != "plain":
         _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
         box = box if is_empty(tighter) else tighter
@@ -277,8 +278,15 @@ def _relaxed(
     cliques = find_cliques(
         scaled.problem, sparse=options.sparse, method=options.chordal, objectives=scaled.objectives
     )
-    relaxation, notes = fitting_relaxation(scaled.problem, cliques, scaled.objectives, options)
-    return replace(model, scaled=scaled, relaxation=relaxation, notes=notes)
+    given = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    relaxations, notes = fitting_relaxations(
+        scaled.problem,
+        cliques,
+        scaled.objectives,
+        options,
+        constrained=bool(problem.constraints) or bool(given.any()),
+    )
+    return replace(model, scaled=scaled, relaxations=relaxations, notes=notes)
 
 
 def _prove(
@@ -289,13 +297,33 @@ def _prove(
     stages: Stages,
     clock: _Clock,
 ) -> _Bound:
-    """Solve the relaxation and certify; without a full box, with growing margins."""
+    """Solve the relaxations and certify, until the gap to the attained value is closed."""
     outcome = _Bound(model, certify(problem, model.proof, best, None))
-    if model.relaxation is None or model.scaled is None:
+    if not model.relaxations:
         return outcome
     if options.effort != "plain" and _closed(outcome, best, options):
-        return outcome  # the box or the squares prove it already
-    scaled, relaxation = model.scaled, model.relaxation
+        # the box or the squares prove it already
+        return replace(outcome, relaxation=model.relaxations[-1])
+    for relaxation in model.relaxations:
+        outcome = _solve_relaxation(problem, best, model, relaxation, outcome, options, stages, clock)
+        if _closed(outcome, best, options) or clock.over:
+            break
+    return outcome
+
+
+def _solve_relaxation(
+    problem: Problem,
+    best: ProvedPoint | None,
+    model: _Model,
+    relaxation: Relaxation,
+    outcome: _Bound,
+    options: Options,
+    stages: Stages,
+    clock: _Clock,
+) -> _Bound:
+    """One relaxation; where variables have no box, with growing margins until it closes."""
+    assert model.scaled is not None
+    scaled = model.scaled
     own = Scaled.of(problem, scaled.scaling, (problem.objective,))
     objective, size = own.objectives[0], own.objective_sizes[0]
     boxed = bool(np.all(scaled.scaling.boxed))
@@ -311,9 +339,8 @@ def _prove(
                 relaxation, scaled, solution.z, 1.0 if empty else size, floor=share
             )
             certificate = certify(problem, model.proof, best, identity, empty=empty)
-            if certificate is None and not empty:
-                certificate = certify(problem, model.proof, best, identity)
-        outcome = _better(outcome, _Bound(model, certificate, solution, size * solution.primal))
+        new = _Bound(model, certificate, relaxation, solution, size * solution.primal)
+        outcome = _better(outcome, new)
         if certificate is not None or clock.over:
             break
     return outcome
@@ -334,9 +361,9 @@ def _extracted(bound: _Bound) -> list[NDArray[np.float64]]:
     model, solution = bound.model, bound.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return []
-    assert model.scaled is not None and model.relaxation is not None
+    assert model.scaled is not None and bound.relaxation is not None
     scaling = model.scaled.scaling
-    return [scaling.point(t) for t in candidates(model.relaxation, solution.y)]
+    return [scaling.point(t) for t in candidates(bound.relaxation, solution.y)]
 
 
 def _lower(new: ProvedPoint | None, old: ProvedPoint | None) -> bool:
@@ -379,8 +406,6 @@ def _result(
             "this is a defect of the program, please report the problem"
         )
     notes = list(bound.model.notes)
-    if bound.model.relaxation is not None:
-        notes += bound.model.relaxation.notes
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE
@@ -402,7 +427,7 @@ def _result(
         certificate=bound.certificate,
         attained=best,
         points=points,
-        relaxation=bound.model.relaxation,
+        relaxation=bound.relaxation,
         solution=bound.solution,
         solver_value=bound.value,
         timings=stages.seconds,

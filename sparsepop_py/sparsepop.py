@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.certificate import Certificate
 from .errors import ProblemError
 from .formats.gms import read_gms
 from .monomials import evaluate
@@ -24,174 +23,13 @@ from .problem import Problem
 from .relaxation import Relaxation
 from .result import Result, Status
 from .solve import solve
+from .sparsepop_output import CpuTime, POPOutput, SDPInfo, SolverInfo, SparsePOPOutput
 from .sparsepop_report import write_report
 from .structs import from_structs
 
-__all__ = ["CpuTime", "Point", "SDPInfo", "SolverInfo", "SparsePOPOutput", "sparsePOP"]
+__all__ = ["sparsePOP"]
 
 _FORMS = "sparsePOP(objPoly, ineqPolySys, lbd, ubd, param) or sparsePOP('file.gms', param)"
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """``POP``: bounds and points, in the sense (min or max) and units of the input.
-
-    Parameters
-    ----------
-    xVect : (n,) float
-        The attained point, else the best nearly feasible one; empty without one.
-    objValue : float or None
-        Objective at ``xVect``.
-    absError : float or None
-        Smallest of min(g, 0), -|h| over constraints and bounds at ``xVect``: 0 or negative.
-    scaledError : float or None
-        The same with each row divided by max(1, its largest term at ``xVect``).
-    xVectL, objValueL, absErrorL, scaledErrorL
-        The same for the locally refined point, which provably exists: empty and None
-        unless ``param.POPsolver`` is set and such a point was found. Bounds count in the
-        errors, which the original leaves out here, besides swapping the two.
-    lowerBound, upperBound : float
-        Both rigorous: the optimal value lies between them. One is proved by the
-        certificate (``SDPobjValue``), the other attained by a point that provably exists.
-    status : Status
-    certificate : Certificate or None
-        Of ``SDPobjValue``; ``certificate.verify(POP.result.problem)`` re-checks it.
-    solverValue : float
-        The optimal value of the SDP as the solver returned it. This is NOT a bound.
-    result : Result
-        Everything else; always about the minimisation.
-    """
-
-    xVect: NDArray[np.float64]
-    objValue: float | None
-    absError: float | None
-    scaledError: float | None
-    xVectL: NDArray[np.float64]
-    objValueL: float | None
-    absErrorL: float | None
-    scaledErrorL: float | None
-    lowerBound: float
-    upperBound: float
-    status: Status
-    certificate: Certificate | None
-    solverValue: float
-    result: Result
-
-
-@dataclass(frozen=True)
-class CpuTime:
-    """CPU seconds of the stages.
-
-    Parameters
-    ----------
-    conversion : float
-        Presolve, relaxation and assembly.
-    SDPsolver : float
-    certification : float
-        Evaluation of the safe bound.
-    readData : float
-        From structs or file to the problem.
-    localMethod : float
-        Local search and its proofs.
-    total : float
-        As in the original without ``readData`` and ``localMethod``.
-    """
-
-    conversion: float
-    SDPsolver: float
-    certification: float
-    readData: float
-    localMethod: float
-    total: float
-
-
-@dataclass(frozen=True)
-class SolverInfo:
-    """``SDPsolverInfo``: the last call of the conic solver. Nothing proved rests on it.
-
-    Parameters
-    ----------
-    solver : str
-        Empty when no solver was needed.
-    iter : int
-    numerr : int
-        0 when the solver is sure of its answer, 1 otherwise.
-    pinf, dinf : int
-        1 when it reports that there is no sum of squares (SDPs of a higher order or with
-        bounds may have one), or that the moment relaxation has no point.
-    cpusec : float
-    feasratio : None
-        SeDuMi's alone.
-    residual : float or None
-        Largest entry of the stationarity residual.
-    detail : str
-        The solver's own words.
-    """
-
-    solver: str
-    iter: int
-    numerr: int
-    pinf: int
-    dinf: int
-    cpusec: float
-    feasratio: None
-    residual: float | None
-    detail: str
-
-
-@dataclass(frozen=True, eq=False)
-class SDPInfo:
-    """``SDPinfo``: the size of the last SDP in SeDuMi's form (the sum-of-squares side).
-
-    One row of A a moment; one column a free variable, a linear one, or an entry of a
-    semidefinite block of size s, which takes s * s columns.
-
-    Parameters
-    ----------
-    rowSizeA, colSizeA, nonzerosInA : int
-    noOfFreevar, noOfLPvariables : int
-    SOCPblock, SDPblock : tuple of int
-        Sizes of the blocks; there are never second-order cones.
-    infeasibleSW : float
-        0: the SDP was solved; 0.5: the solver reports pinf or dinf; 1: infeasible by
-        presolve, no SDP; 2: all variables fixed at an infeasible point; -2: all variables
-        fixed at a feasible one.
-    objConstant : float
-        Constant term of the objective as given.
-    dimVar0, dimVar : int
-        Number of variables, and of those that are not fixed by their bounds.
-    fixedVar : (k, 2) float
-        Index (from 1) and value of the fixed variables.
-    """
-
-    rowSizeA: int
-    colSizeA: int
-    nonzerosInA: int
-    noOfFreevar: int
-    noOfLPvariables: int
-    SOCPblock: tuple[int, ...]
-    SDPblock: tuple[int, ...]
-    infeasibleSW: float
-    objConstant: float
-    dimVar0: int
-    dimVar: int
-    fixedVar: NDArray[np.float64]
-
-
-class SparsePOPOutput(NamedTuple):
-    """The six outputs of the original, in its order.
-
-    ``SDPobjValue`` is proved: a lower bound of the minimum, +inf when it is proved that
-    no point is feasible, -inf when nothing is proved. For a maximisation it is an upper
-    bound of the maximum, and the two infinities change places.
-    """
-
-    param: Parameters
-    SDPobjValue: float
-    POP: Point
-    cpuTime: CpuTime
-    SDPsolverInfo: SolverInfo
-    SDPinfo: SDPInfo
 
 
 def sparsePOP(
@@ -305,21 +143,21 @@ def _order_used(parameters: Parameters, result: Result) -> int:
 # ---- output -----------------------------------------------------------------------------
 
 
-def _point(result: Result, refine: bool, sign: float) -> Point:
+def _point(result: Result, refine: bool, sign: float) -> POPOutput:
     problem, attained = result.problem, result.attained
     refined = attained.x if refine and attained is not None else None
     ends = (sign * result.lower_bound, sign * result.upper_bound)
     if result.status is Status.INFEASIBLE:
         ends = (ends[0], ends[0])
     x, xL = _shown(problem, result.x, sign), _shown(problem, refined, sign)
-    return Point(
+    return POPOutput(
         *x,
         *xL,
         lowerBound=min(ends),
         upperBound=max(ends),
         status=result.status,
         certificate=result.certificate,
-        solverValue=sign * result.solver_value,
+        solverValue=None if np.isnan(result.solver_value) else sign * result.solver_value,
         result=result,
     )
 

@@ -9,40 +9,15 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from .display import rounded
 from .result import Status
+from .sparsepop_output import SparsePOPOutput
 
-if TYPE_CHECKING:
-    from .sparsepop import SparsePOPOutput
-
-__all__ = ["rounded", "write_report"]
+__all__ = ["write_report"]
 
 _LINE = "-" * 72
-
-
-def rounded(value: float, upwards: bool, digits: int = 10) -> str:
-    """A bound in scientific notation, rounded outwards instead of to nearest.
-
-    Parameters
-    ----------
-    value : float
-    upwards : bool
-        True for upper bounds, False for lower bounds.
-    digits : int
-        Significant digits.
-
-    Examples
-    --------
-    >>> rounded(1.26, upwards=False, digits=2), rounded(1.21, upwards=True, digits=2)
-    ('+1.2e+0', '+1.3e+0')
-    """
-    if not math.isfinite(value):
-        return f"{value:+}"
-    direction = ROUND_CEILING if upwards else ROUND_FLOOR
-    exact = Context(prec=digits, rounding=direction).create_decimal_from_float(value)
-    return f"{exact:+.{digits - 1}e}"
 
 
 def write_report(output: SparsePOPOutput, source: Any, level: int) -> None:
@@ -108,13 +83,12 @@ def _sdp(output: SparsePOPOutput) -> Iterator[str]:
 def _values(output: SparsePOPOutput) -> Iterator[str]:
     POP, value = output.POP, output.SDPobjValue
     maximise = POP.result.problem.sense == "max"
-    side = "upper" if maximise else "lower"
-    proved = {
-        math.isfinite(value): f"proved {side} bound",
-        POP.status is Status.INFEASIBLE: "proved: no point is feasible",
-    }.get(True, "nothing is proved")
+    proved = f"proved {'upper' if maximise else 'lower'} bound"
+    if not math.isfinite(value):
+        empty = POP.status is Status.INFEASIBLE
+        proved = "proved: no point is feasible" if empty else "nothing finite is proved"
     yield f"  SDPobjValue         = {rounded(value, maximise, 8)}  {proved}"
-    if math.isfinite(POP.solverValue):
+    if POP.solverValue is not None:
         yield f"  POP.solverValue     = {POP.solverValue:+13.7e}  value of the SDP, no bound"
     attained = POP.result.attained
     if POP.objValue is not None:

@@ -45,6 +45,8 @@ def identity_of(
     """
     n = relaxation.problem.dimension
     sizes = np.concatenate([[1.0], scaled.row_sizes, np.ones(3 * n)])
+    products = relaxation.products
+    sizes = np.append(sizes, sizes[products[:, 0]] * sizes[products[:, 1]])
     multipliers = []
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
         weight = objective_size / sizes[group.generator]
@@ -62,7 +64,7 @@ def identity_of(
                 multipliers.append(
                     Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
                 )
-    return Identity(scaled.scaling, tuple(multipliers))
+    return Identity(scaled.scaling, tuple(multipliers), products)
 
 
 def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:

@@ -24,7 +24,7 @@ Theoret. Comput. Sci. 409, 2008 (absorbing the residual).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,10 +113,14 @@ class Identity:
     scaling : Scaling
         Its box is an assumption here; whoever uses the bound has to prove it.
     multipliers : tuple of Multipliers
+    products : (P, 2) int
+        Further generators: products of two. Each factor is non-negative (or zero) on the
+        feasible set, so the product is too.
     """
 
     scaling: Scaling
     multipliers: tuple[Multipliers, ...]
+    products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     def evaluate(
         self,
@@ -158,7 +162,10 @@ class Identity:
     def _malformed(self, size: int, equality: NDArray[np.bool_]) -> str:
         """Why the multipliers make no sense for these constraints, empty if they do."""
         n = self.scaling.centre.size
-        equal = np.zeros(generators.count(size, n), bool)
+        single = generators.count(size, n)
+        if np.any(self.products < 0) or np.any(self.products >= single):
+            return "a product refers to a constraint that does not exist"
+        equal = np.zeros(single + self.products.shape[0], bool)
         equal[1 : size + 1] = equality
         for group in self.multipliers:
             if np.any(group.generator < 0) or np.any(group.generator >= equal.size):
@@ -176,7 +183,7 @@ class Identity:
     ) -> tuple[Words, Interval]:
         """Words and coefficients of r."""
         n, scaling = constraints.dimension, self.scaling
-        made = _Generators.of(constraints, scaling)
+        made = _Generators.of(constraints, scaling, self.products)
         words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
         all_words, all_values = [words], [value]
         for group in self.multipliers:
@@ -263,7 +270,9 @@ class _Generators:
     value: Interval
 
     @staticmethod
-    def of(constraints: PolynomialSystem, scaling: Scaling) -> _Generators:
+    def of(
+        constraints: PolynomialSystem, scaling: Scaling, products: NDArray[np.int64]
+    ) -> _Generators:
         n, m = constraints.dimension, constraints.size
         words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
         lower, upper = scaling.bounds
@@ -277,4 +286,18 @@ class _Generators:
             generators.count(m, n),
             n,
         )
-        return _Generators(system, Interval(lo, hi))
+        value = Interval(lo, hi)
+        if not products.size:
+            return _Generators(system, value)
+        words, number, first, second = generators.product_terms(system, products)
+        made = value[first] * value[second]
+        value = Interval(np.append(lo, made.lo), np.append(hi, made.hi))
+        width = max(words.shape[1], system.words.shape[1])
+        joined = PolynomialSystem(
+            np.concatenate([monomials.widen(w, width) for w in (system.words, words)]),
+            value.middle(),
+            np.append(system.row, number + system.size),
+            system.size + products.shape[0],
+            n,
+        )
+        return _Generators(joined, value)

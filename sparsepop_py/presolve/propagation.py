@@ -123,7 +123,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     split = plain.size
     _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:])
     _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
-    return Interval(lo, hi)
+    return Interval(lo + 0.0, hi + 0.0)  # no negative zeros
 
 
 def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:

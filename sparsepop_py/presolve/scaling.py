@@ -50,9 +50,8 @@ class Scaling:
         low, high = np.where(boxed, box.lo, 0.0), np.where(boxed, box.hi, 0.0)
         centre = 0.5 * low + 0.5 * high
         half = np.maximum(0.5 * high - 0.5 * low, _NARROW)
-        centre = np.where(np.abs(centre) <= 1e-6 * half, 0.0, centre)
-        # dyadic numbers with few digits make scaled coefficients exact more often
-        centre = np.where(low < high, _rounded(centre, half), low)
+        centre = np.where(np.abs(centre) <= 1e-12 * half, 0.0, centre)
+        centre = np.where(low < high, centre, low)
         reach = np.maximum(np.maximum(high - centre, centre - low) * _SLACK, _NARROW)
         scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
         side = np.where(boxed, 0, np.where(np.isfinite(box.lo), 1, np.where(np.isfinite(box.hi), -1, 0)))
@@ -95,12 +94,6 @@ class Scaling:
         return PolynomialSystem(
             words[keep], value.middle()[keep], row[keep], system.size, system.dimension
         )
-
-
-def _rounded(centre: NDArray, half: NDArray) -> NDArray[np.float64]:
-    """Centres rounded to a power of two well below the half width."""
-    grid = 2.0 ** np.floor(np.log2(half) - 8)
-    return np.round(centre / grid) * grid
 
 
 @dataclass(frozen=True, eq=False)

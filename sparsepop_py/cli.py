@@ -1,0 +1,260 @@
+"""The command line: ``sparsepop solve FILE.gms`` and ``sparsepop info FILE.gms``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from importlib import metadata
+from typing import Any
+
+from . import plots
+from .display import rounded
+from .errors import FormatError, ProblemError, SolverNotFound
+from .formats.gms import read_gms
+from .options import Options
+from .problem import Problem
+from .relaxation import relax
+from .result import Result, Status
+from .solve import solve
+from .sparsity import find_cliques
+
+__all__ = ["EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
+
+EXIT_PROVED = 0
+EXIT_OPEN = 1
+EXIT_INPUT = 2
+EXIT_MISSING = 3
+
+_CODES = """exit codes:
+  0  the answer is proved: the gap is closed, or the problem is infeasible or unbounded
+  1  the gap is open, or nothing is proved
+  2  the input is wrong (the message is on standard error)
+  3  software is missing (the message says what to install)
+"""
+_PROVED = (Status.OPTIMAL, Status.INFEASIBLE, Status.UNBOUNDED)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments without the name of the program; those of the process when left out.
+
+    Returns
+    -------
+    int
+        The exit code; see ``sparsepop --help``.
+
+    Examples
+    --------
+    >>> main(["solve", "nowhere.gms"])
+    2
+    """
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
+        return int(stop.code or 0)
+    try:
+        code: int = arguments.run(arguments)
+    except (ProblemError, FormatError, OSError) as error:
+        print(f"sparsepop: {error}", file=sys.stderr)
+        return EXIT_INPUT
+    except SolverNotFound as error:
+        print(f"sparsepop: {error}", file=sys.stderr)
+        return EXIT_MISSING
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sparsepop",
+        description="Proved bounds for sparse polynomial optimization problems.",
+        epilog=_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"sparsepop-py {_version()}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, run, text in (
+        ("solve", _solve, "prove a bound, find a point, and print both"),
+        ("info", _info, "print sizes and blocks without solving"),
+    ):
+        command = commands.add_parser(
+            name,
+            help=text,
+            description=f"{text[0].upper()}{text[1:]}.",
+            epilog=_CODES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.set_defaults(run=run)
+        command.add_argument("file", metavar="FILE.gms", help="a problem in GAMS scalar format")
+        command.add_argument("--order", type=int, help="relaxation order; the least by default")
+        command.add_argument("--dense", action="store_true", help="one clique of all variables")
+        if run is _solve:
+            _add_solve_options(command)
+    return parser
+
+
+def _add_solve_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--plain", action="store_true", help="the bounds as given, no search for tighter ones"
+    )
+    command.add_argument(
+        "--solver", default="clarabel", help="clarabel, clarabel-moment or cvxpy:NAME"
+    )
+    command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
+    command.add_argument("--json", action="store_true", help="print one JSON object")
+    command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
+
+
+def _version() -> str:
+    try:
+        return metadata.version("sparsepop-py")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+# ---- solve ------------------------------------------------------------------------------
+
+
+def _solve(arguments: argparse.Namespace) -> int:
+    if arguments.plot:
+        plots.require_matplotlib()  # before the work, not after it
+    problem = read_gms(arguments.file)
+    options = Options(
+        order=arguments.order,
+        effort="plain" if arguments.plain else "presolve",
+        sparse=not arguments.dense,
+        solver=arguments.solver,
+        time_limit=arguments.time_limit,
+        progress=True,
+    )
+    result = solve(problem, options)
+    if arguments.json:
+        print(json.dumps(_record(arguments.file, result), indent=2, allow_nan=False))
+    else:
+        print(_text(arguments.file, result))
+    if arguments.plot:
+        try:
+            plots.save_plot(result, arguments.plot)
+        except ValueError as error:  # an unknown suffix
+            raise ProblemError(f"--plot: {error}") from None
+    return EXIT_PROVED if result.status in _PROVED else EXIT_OPEN
+
+
+def _interval(result: Result) -> tuple[float, float]:
+    """Where the optimal value lies, in the sense of the file."""
+    low, high = result.lower_bound, result.upper_bound
+    return (-high, -low) if result.problem.sense == "max" else (low, high)
+
+
+def _text(path: str, result: Result) -> str:
+    maximise = result.problem.sense == "max"
+    low, high = _interval(result)
+    words = ("attained", "proved") if maximise else ("proved", "attained")
+    lines = [
+        f"{path}: {repr(result.problem)[10:-1]}, {'maximise' if maximise else 'minimise'}",
+        f"status        {result.status}: {result.status.message}",
+    ]
+    if result.status is not Status.INFEASIBLE:
+        lines += [
+            f"lower bound   {rounded(low, False)}  {_how(low, words[0])}",
+            f"upper bound   {rounded(high, True)}  {_how(high, words[1])}",
+            f"gap           {result.gap:.3g}",
+        ]
+    lines += _point(result)
+    if result.relaxation is not None:
+        lines.append(str(result.relaxation))
+    stages = ", ".join(f"{name} {seconds:.2f}" for name, seconds in result.timings.items())
+    lines.append(f"CPU seconds   {stages}")
+    return "\n".join(lines + [f"note: {note}" for note in result.notes])
+
+
+def _how(value: float, word: str) -> str:
+    return word if math.isfinite(value) else f"nothing {word}"
+
+
+def _point(result: Result) -> list[str]:
+    if result.x is None:
+        return []
+    pairs = zip(result.problem.names, result.x.tolist(), strict=True)
+    shown = [f"{name} = {value:.9g}" for name, value in pairs]
+    more = f", ... ({len(shown)} variables)" if len(shown) > 12 else ""
+    lines = [f"point         {', '.join(shown[:12])}{more}"]
+    if result.attained is None:
+        lines.append(f"              violates by {result.problem.violation(result.x):.2g}")
+    return lines
+
+
+def _number(value: float) -> float | str | None:
+    """A number that JSON knows, infinities as the strings that ``float`` reads."""
+    if math.isnan(value):
+        return None
+    return value if math.isfinite(value) else str(value)
+
+
+def _record(path: str, result: Result) -> dict[str, Any]:
+    problem, relaxation = result.problem, result.relaxation
+    low, high = _interval(result)
+    verified = result.certificate is not None and bool(result.certificate.verify(problem).ok)
+    sizes: dict[str, Any] = {
+        "variables": problem.dimension,
+        "constraints": len(problem.constraints),
+        "degree": problem.degree,
+    }
+    if relaxation is not None:
+        sizes |= {
+            "order": relaxation.order,
+            "cliques": len(relaxation.cliques),
+            "moments": relaxation.moments.shape[0],
+            "rows": relaxation.rows,
+            "blocks": {str(size): count for size, count in sorted(relaxation.block_sizes.items())},
+        }
+    return {
+        "file": path,
+        "sense": problem.sense,
+        "status": str(result.status),
+        "message": result.status.message,
+        "lower_bound": _number(low),
+        "upper_bound": _number(high),
+        "gap": _number(result.gap),
+        "attained": result.attained is not None,
+        "certificate_verified": verified,
+        "names": list(problem.names),
+        "x": None if result.x is None else result.x.tolist(),
+        "violation": None if result.x is None else _number(problem.violation(result.x)),
+        "sizes": sizes,
+        "timings": result.timings,
+        "notes": list(result.notes),
+    }
+
+
+# ---- info -------------------------------------------------------------------------------
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    problem = read_gms(arguments.file)
+    options = Options(order=arguments.order, sparse=not arguments.dense)
+    cliques = find_cliques(problem, sparse=options.sparse)
+    print(f"{arguments.file}: {repr(problem)[10:-1]}")
+    print(f"sense         {problem.sense}")
+    print(f"bounds        {_bounds(problem)}")
+    print(relax(problem, options.order, cliques=cliques))
+    return EXIT_PROVED
+
+
+def _bounds(problem: Problem) -> str:
+    counts: Counter[str] = Counter()
+    for low, high in zip(problem.lower, problem.upper, strict=True):
+        finite = math.isfinite(low) + math.isfinite(high)
+        counts["fixed" if low == high else ("none", "one", "both")[finite]] += 1
+    return ", ".join(f"{kind}: {counts[kind]}" for kind in sorted(counts)) + " (variables)"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,34 @@
+"""Numbers for people that stay true: bounds are rounded outwards, never to nearest."""
+
+from __future__ import annotations
+
+import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+
+__all__ = ["rounded"]
+
+
+def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = True) -> str:
+    """A bound in few digits, rounded outwards: what is shown is as proved as the value.
+
+    Parameters
+    ----------
+    value : float
+    upwards : bool
+        True for upper bounds, False for lower bounds.
+    digits : int
+        Significant digits, at most 15.
+    scientific : bool
+        With sign and exponent, for columns; else in the shortest form.
+
+    Examples
+    --------
+    >>> rounded(1.26, upwards=False, digits=2), rounded(1.21, upwards=True, digits=2)
+    ('+1.2e+00', '+1.3e+00')
+    >>> rounded(-0.50000001, upwards=False, digits=7, scientific=False)
+    '-0.5000001'
+    """
+    if math.isfinite(value):
+        direction = ROUND_CEILING if upwards else ROUND_FLOOR
+        value = float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
+    return f"{value:+.{digits - 1}e}" if scientific else f"{value:.{digits}g}"
