@@ -131,26 +131,32 @@ def _candidates(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
         yield snapped
     if len(problem.constraints):
         for depth in (1e-9, 1e-8, 1e-7, 1e-6, 1e-5):
-            for start in (snapped, x):
-                pulled = _pull_inside(problem, start, depth)
+            for start, loose in ((snapped, False), (x, False), (snapped, True)):
+                pulled = _pull_inside(problem, start, depth, loose)
                 if pulled is not None:
                     yield pulled
 
 
-def _pull_inside(problem: Problem, x: NDArray, depth: float) -> NDArray[np.float64] | None:
+def _pull_inside(
+    problem: Problem, x: NDArray, depth: float, loose: bool
+) -> NDArray[np.float64] | None:
     """Move by a linear program to where nearly active inequalities hold with a margin.
 
     maximise t, then minimise f' d, subject to the linearised rows h + h' d = 0, g + g' d >= t |g'| for nearly
     active g, bounds with margin t for variables off their bounds, 0 <= t <= depth.
+    Variables on a bound stay there unless ``loose``.
     """
     n = problem.dimension
     values, jacobian = problem.rows.values(x), problem.rows.jacobian(x)
     size = np.sqrt(np.asarray(jacobian.power(2).sum(axis=1)).ravel())
     reach = 1e2 * depth * (1.0 + np.abs(x))
     near = ~problem.equality & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
-    at_bound = (x == problem.lower) | (x == problem.upper)
-    low = np.where(at_bound, 0.0, np.maximum(-reach, problem.lower + depth - x))
-    high = np.where(at_bound, 0.0, np.minimum(reach, problem.upper - depth - x))
+    at_low, at_high = x == problem.lower, x == problem.upper
+    low = np.where(at_low | at_high, 0.0, np.maximum(-reach, problem.lower + depth - x))
+    high = np.where(at_low | at_high, 0.0, np.minimum(reach, problem.upper - depth - x))
+    if loose:
+        low = np.where(at_high & ~at_low, -reach, low)
+        high = np.where(at_low & ~at_high, reach, high)
     crossed = low > high
     low, high = np.where(crossed, 0.0, low), np.where(crossed, 0.0, high)
     equal = np.flatnonzero(problem.equality & (size > 0))

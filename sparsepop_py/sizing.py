@@ -1,7 +1,8 @@
 """Relaxations that fit: what to do when the one asked for is too large to solve.
 
-An interior-point step costs about sum r^3 / 3 operations and 8 sum r^2 bytes, r being
-the number s (s + 1) / 2 of entries of each semidefinite block. The lean form of a
+An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2
+bytes, r being the number s (s + 1) / 2 of entries of each semidefinite block and c the
+number of moments of each clique. The lean form of a
 relaxation often gives the same bound at a tenth of that, so it goes first, and stays
 alone where the full form is too large; where even it does not fit, the order comes
 down. Each change is noted; every bound stays proved.
@@ -23,7 +24,7 @@ from .sparsity import Cliques
 
 __all__ = ["fitting_relaxations", "solver_bytes"]
 
-_OPERATIONS = 1e10  # a step; above, only the lean form is tried
+_OPERATIONS = 1.5e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form is as good as free
 _BYTES = 5e9
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
@@ -39,7 +40,14 @@ def _entries(size: int) -> float:
 
 
 def _operations(relaxation: Relaxation) -> float:
-    return float(sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items()))
+    """Operations of one interior-point step, counting blocks and the moments of each clique."""
+    blocks = sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items())
+    clique = np.concatenate([np.repeat(g.clique, g.rows_each) for g in relaxation.groups])
+    columns = relaxation.entries.indices.astype(np.int64)
+    row = np.repeat(np.arange(relaxation.rows), np.diff(relaxation.entries.indptr))
+    pairs = np.unique(clique[row] * (relaxation.moments.shape[0] + 1) + columns)
+    moments = np.bincount(pairs // (relaxation.moments.shape[0] + 1))
+    return float(blocks + np.sum(moments.astype(float) ** 3) / 3.0)
 
 
 def fitting_relaxations(
@@ -93,7 +101,7 @@ def fitting_relaxations(
             fits = solver_bytes(full) <= _BYTES and order >= asked
             return ((full,), notes) if fits else ((), _too_large(asked))
         if order < asked:
-            notes += (f"order {asked} lowered to {order}: its blocks would not fit in memory",)
+            notes += (f"order {asked} lowered to {order}: it would be too large",)
         chosen = _worthwhile(full, build(lean=True))
         if chosen:
             if chosen[-1] is not full:
@@ -107,7 +115,7 @@ def _worthwhile(full: Relaxation, lean: Relaxation) -> tuple[Relaxation, ...]:
     cheap, dear = _operations(lean), _operations(full)
     if dear <= _OPERATIONS and solver_bytes(full) <= _BYTES:
         return (lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)
-    return (lean,) if solver_bytes(lean) <= _BYTES else ()
+    return (lean,) if cheap <= _OPERATIONS and solver_bytes(lean) <= _BYTES else ()
 
 
 def _too_large(order: int) -> tuple[str, ...]:

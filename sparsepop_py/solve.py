@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .boxes import find_box, finite
 from .certificate.box import BoxProof
 from .certificate.certificate import Certificate, certify
-from .certificate.dual import identity_of, margin
+from .certificate.dual import identity_of, margin, repaired
 from .conic import ConicSolution, assemble
 from .errors import ProblemError, SparsePOPError
 from .extraction import candidates
@@ -323,27 +323,41 @@ def _solve_relaxation(
 ) -> _Bound:
     """One relaxation; where variables have no box, with growing margins until it closes."""
     assert model.scaled is not None
-    scaled = model.scaled
-    own = Scaled.of(problem, scaled.scaling, (problem.objective,))
+    own = Scaled.of(problem, model.scaled.scaling, (problem.objective,))
     objective, size = own.objectives[0], own.objective_sizes[0]
-    boxed = bool(np.all(scaled.scaling.boxed))
+    boxed = bool(np.all(model.scaled.scaling.boxed))
     for share in (0.0,) if boxed else _MARGINS:
         with stages.stage("assemble"):
             weighted = objective - margin(relaxation) * share if share else objective
             program = assemble(relaxation, weighted)
-        with stages.stage("solve"):
-            solution = solve_conic(program, options.solver, clock.left)
-        with stages.stage("certify"):
-            empty = solution.status == "infeasible"
-            identity = identity_of(
-                relaxation, scaled, solution.z, 1.0 if empty else size, floor=share
-            )
-            certificate = certify(problem, model.proof, best, identity, empty=empty)
-        new = _Bound(model, certificate, relaxation, solution, size * solution.primal)
-        outcome = _better(outcome, new)
-        if certificate is not None or clock.over:
+        for solver in _solvers(options):
+            with stages.stage("solve"):
+                solution = solve_conic(program, solver, clock.left)
+            with stages.stage("certify"):
+                empty = solution.status == "infeasible"
+                for z in (solution.z, None):
+                    if z is None:
+                        if _closed(outcome, best, options) or empty:
+                            break
+                        z = repaired(program, solution.z)
+                    identity = identity_of(
+                        relaxation, model.scaled, z, 1.0 if empty else size, floor=share
+                    )
+                    certificate = certify(problem, model.proof, best, identity, empty=empty)
+                    new = _Bound(model, certificate, relaxation, solution, size * solution.primal)
+                    outcome = _better(outcome, new)
+            if solution.status != "almost" or _closed(outcome, best, options) or clock.over:
+                break
+        if _level(outcome.certificate) > -np.inf or clock.over:
             break
     return outcome
+
+
+def _solvers(options: Options) -> tuple[str, ...]:
+    """The chosen solver; the default is followed by its other form where it only almost solves."""
+    if options.solver == "clarabel" and options.effort != "plain":
+        return ("clarabel", "clarabel-moment")
+    return (options.solver,)
 
 
 def _level(certificate: Certificate | None) -> float:

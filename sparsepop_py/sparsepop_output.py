@@ -101,8 +101,8 @@ class SolverInfo:
     numerr : int
         0 when the solver is sure of its answer, 1 otherwise.
     pinf, dinf : int
-        1 when it reports that there is no sum of squares (SDPs of a higher order or with
-        bounds may have one), or that the moment relaxation has no point.
+        pinf is 1 when it reports that there is no sum of squares (a higher order or bounds
+        may give one), dinf when it reports that the moment relaxation has no point.
     cpusec : float
     feasratio : None
         SeDuMi's alone.
@@ -137,9 +137,9 @@ class SDPInfo:
     SOCPblock, SDPblock : tuple of int
         Sizes of the blocks; there are never second-order cones.
     infeasibleSW : float
-        0: the SDP was solved, or was not needed; 0.5: the solver reports pinf or dinf; 1: infeasible by
-        presolve, no SDP; 2: all variables fixed at an infeasible point; -2: all variables
-        fixed at a feasible one.
+        0: the SDP was solved, or was not needed; 0.5: the solver reports pinf or dinf; 1:
+        infeasible by presolve, no SDP; 2: all variables fixed at an infeasible point; -2:
+        all variables fixed at a feasible one.
     objConstant : float
         Constant term of the objective as given.
     dimVar0, dimVar : int

@@ -87,10 +87,8 @@ def test_six_outputs_in_the_order_of_the_original() -> None:
 def test_every_calling_form(gms: str) -> None:
     problem = sp.from_structs(*LINE)
     values = [
-        sparsePOP(*LINE, QUIET)[1],
         sparsePOP(*LINE, param=SimpleNamespace(printLevel=0))[1],
         sparsePOP(gms, QUIET)[1],
-        sparsePOP(gms, param=QUIET)[1],
         sparsePOP(pathlib.Path(gms), QUIET)[1],
         sparsePOP(problem, QUIET)[1],
         sparsePOP(LINE[0], LINE[1], np.zeros((2, 1)), np.ones((1, 2)), QUIET)[1],
@@ -189,19 +187,26 @@ def test_errors_are_not_swapped() -> None:
     assert _errors(problem, np.array([1.0, 1.0])) == (0.0, 0.0)
 
 
-def test_sizes_in_sedumi_form() -> None:
-    """Order 1 in two unbounded variables: a 3 x 3 moment matrix and one linear row."""
-    rows = [struct([[1, 0], [0, 0]], [1, -1])]
+@pytest.mark.parametrize(
+    ("sparse", "rows", "columns", "blocks", "nonzeros"),
+    [(0, 5, 1 + 9, (3,), 1 + 8), (1, 4, 1 + 2 * 4, (2, 2), 1 + 2 * 3)],
+)
+def test_sizes_in_sedumi_form(
+    sparse: int, rows: int, columns: int, blocks: tuple[int, ...], nonzeros: int
+) -> None:
+    """Order 1, x1 >= 1 and no bounds: moment matrices, of which the constant is no row of A."""
+    constraints = [struct([[1, 0], [0, 0]], [1, -1])]
+    param = {"tighten": 0, "relaxOrder": 1, "sparseSW": sparse}
     objective = struct([[2, 0], [0, 2]], [1, 1])
-    _, _, output = call(objective, rows, [-1e10] * 2, [1e10] * 2, tighten=0, relaxOrder=1)
+    _, POP, output = call(objective, constraints, [-1e10] * 2, [1e10] * 2, **param)
     sizes = output.SDPinfo
-    assert (sizes.rowSizeA, sizes.colSizeA) == (5, 1 + 9)
-    assert (sizes.noOfFreevar, sizes.noOfLPvariables, sizes.SDPblock) == (0, 1, (3,))
-    assert sizes.nonzerosInA == 1 + 8  # all entries of the matrix but the constant
+    assert (sizes.rowSizeA, sizes.colSizeA) == (rows, columns)
+    assert (sizes.noOfFreevar, sizes.noOfLPvariables, sizes.SDPblock) == (0, 1, blocks)
+    assert sizes.nonzerosInA == nonzeros
     assert sizes.SOCPblock == ()
     assert output.SDPsolverInfo.solver == "clarabel"
     assert output.SDPsolverInfo.iter > 0
-    assert output.POP.solverValue == pytest.approx(1, abs=1e-5)
+    assert POP.solverValue == pytest.approx(1, abs=1e-4)
 
 
 def test_maximise(tmp_path: pathlib.Path) -> None:

@@ -9,9 +9,11 @@ needs to be exact: what is lost shows in the remainder of the identity.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sps
 from numpy.typing import NDArray
+from scipy.sparse.linalg import lsmr
 
-from ..conic import split_dual
+from ..conic import ConicProgram, split_dual
 from ..generators import single_letters
 from .. import monomials
 from ..polynomial import Polynomial, total
@@ -20,7 +22,7 @@ from ..problem import Problem
 from ..relaxation import Relaxation
 from .identity import Identity, Multipliers
 
-__all__ = ["identity_of", "margin"]
+__all__ = ["identity_of", "margin", "repaired"]
 
 
 def identity_of(
@@ -65,6 +67,24 @@ def identity_of(
                     Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
                 )
     return Identity(scaled.scaling, tuple(multipliers), products)
+
+
+def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The dual nearest to z with q + A'z = 0, found by least squares; signs are not kept.
+
+    Rows of equalities are free and take most of the change; what the semidefinite parts
+    lose when they are made positive again is usually far less than the residual was.
+    """
+    weight = np.ones(z.size)
+    weight[: program.cones.zero] = 1e3
+    scaled = sps.diags_array(weight) @ program.A
+    for _ in range(2):
+        residual = -(program.q + program.A.T @ z)
+        if not np.any(residual):
+            break
+        step = lsmr(scaled.T, residual, atol=1e-15, btol=1e-15, conlim=1e12, maxiter=400)[0]
+        z = z + weight * step
+    return z
 
 
 def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:

@@ -1,0 +1,36 @@
+# make demo   solve the example problems, print a table, write pictures to demo_output/
+# make test   style, types, fast tests, doctests and examples
+# Both make their own environment in .venv; PYTHON=... chooses the interpreter.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+
+.PHONY: demo test test-slow clean
+
+demo: $(VENV)/.with-plot
+	$(BIN)/python examples/demo.py
+
+test: $(VENV)/.with-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+test-slow: $(VENV)/.with-dev
+	$(BIN)/python -m pytest -m slow
+
+# An editable installation with one extra; made again only when pyproject.toml changes.
+$(VENV)/.with-%: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "python3 is missing: apt-get install python3-venv" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "$(PYTHON) is older than 3.11; say make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@echo "installing into $(VENV) ..."
+	"$(PYTHON)" -m venv $(VENV)
+	$(PIP) install --quiet --editable '.[$*]'
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

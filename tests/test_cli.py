@@ -1,0 +1,198 @@
+"""The command line: what it prints, and what its exit codes say."""
+
+from __future__ import annotations
+
+import json
+import pathlib
+
+import matplotlib
+import pytest
+
+from sparsepop_py import plots
+from sparsepop_py.cli import EXIT_INPUT, EXIT_MISSING, EXIT_OPEN, EXIT_PROVED, main
+from sparsepop_py.errors import SolverNotFound
+
+matplotlib.use("Agg")
+
+HEAD = "Variables x1,x2,objvar; Equations e1,e2;\n"
+BOX = "x1.lo = 0; x1.up = 1; x2.lo = 0; x2.up = 1;\n"
+FILES = {
+    "closed": HEAD + "e1.. objvar - x1^2 - x2 =E= 0; e2.. x1 + x2 =E= 1;\n" + BOX,
+    "largest": HEAD
+    + "e1.. objvar - x1*x2 =E= 3; e2.. x1 + x2 =L= 1;\n"
+    + BOX
+    + "* Solve m using NLP maximizing objvar;\n",
+    "empty": HEAD + "e1.. objvar - x1 =E= 0; e2.. x1 + x2 =E= 7;\n" + BOX,
+    "endless": HEAD + "e1.. objvar - x1 =E= 0; e2.. x1 + x2 =L= 7;\n",
+    # Motzkin's polynomial: bounds come only from a box, which --plain does not look for
+    "open": HEAD + "e1.. objvar - x1^4*x2^2 - x1^2*x2^4 + 3*x1^2*x2^2 =E= 1; e2.. x1 + x2 =L= 9;\n",
+    "broken": HEAD + "e1.. objvar - x1 =Q= 0;\n",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: pathlib.Path) -> pathlib.Path:
+    for name, text in FILES.items():
+        (tmp_path / f"{name}.gms").write_text(text)
+    return tmp_path
+
+
+def run(folder: pathlib.Path, command: str, name: str, *options: str) -> int:
+    return main([command, str(folder / f"{name}.gms"), *options])
+
+
+# ---- exit codes -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "code"),
+    [
+        ("closed", [], EXIT_PROVED),
+        ("closed", ["--order", "2", "--dense"], EXIT_PROVED),
+        ("closed", ["--solver", "clarabel-moment"], EXIT_PROVED),
+        ("empty", [], EXIT_PROVED),
+        ("endless", [], EXIT_PROVED),
+        ("open", ["--plain"], EXIT_OPEN),
+    ],
+)
+def test_exit_codes(folder: pathlib.Path, name: str, options: list[str], code: int) -> None:
+    assert run(folder, "solve", name, *options) == code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["solve", "nowhere.gms"], "sparsepop: nowhere.gms: no such file"),
+        (["info", "nowhere.gms"], "sparsepop: nowhere.gms: no such file"),
+        (["solve", "{closed}", "--order", "0"], "Options.order: found 0, expected a positive"),
+        (["solve", "{closed}", "--order", "two"], "argument --order: invalid int value: 'two'"),
+        (["solve", "{closed}", "--time-limit", "-1"], "Options.time_limit: found -1.0"),
+        (["solve", "{closed}", "--plot", "a.xyz"], "--plot: Format 'xyz' is not supported"),
+        (["solve", "{closed}", "--plot", "no/such/folder.png"], "No such file or directory"),
+        (["solve", "{broken}"], "broken.gms:2: statement 'e1.. objvar - x1 =Q= 0': found '=Q='"),
+        (["solve"], "the following arguments are required: FILE.gms"),
+        (["prove", "{closed}"], "invalid choice: 'prove'"),
+        ([], "the following arguments are required: COMMAND"),
+    ],
+)
+def test_wrong_input(
+    folder: pathlib.Path,
+    arguments: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    places = {name: str(folder / f"{name}.gms") for name in FILES}
+    assert main([argument.format(**places) for argument in arguments]) == EXIT_INPUT
+    error = capsys.readouterr().err
+    assert message in error
+    assert "Traceback" not in error
+
+
+def test_missing_software(
+    folder: pathlib.Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(folder, "solve", "closed", "--solver", "cvxpy:NOSUCH", "--plain") == EXIT_MISSING
+    assert "cvxpy has no installed solver 'NOSUCH'" in capsys.readouterr().err
+
+    def missing() -> None:
+        raise SolverNotFound("plot: matplotlib is missing")
+
+    monkeypatch.setattr(plots, "require_matplotlib", missing)
+    assert run(folder, "solve", "closed", "--plot", str(folder / "a.png")) == EXIT_MISSING
+    captured = capsys.readouterr()
+    assert captured.out == ""  # said before the work
+    assert captured.err == "sparsepop: plot: matplotlib is missing\n"
+
+
+# ---- output -----------------------------------------------------------------------------
+
+
+def test_text(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(folder, "solve", "closed")
+    captured = capsys.readouterr()
+    lines = dict(line.split(maxsplit=2)[::2] for line in captured.out.splitlines()[2:4])
+    assert lines.keys() == {"lower", "upper"}
+    assert lines["lower"].endswith("  proved") and lines["upper"].endswith("  attained")
+    assert float(lines["lower"].split()[0]) <= 0.75 <= float(lines["upper"].split()[0])
+    assert "2 variables, 0 inequalities, 1 equalities, degree 2, minimise" in captured.out
+    assert "point         x1 = 0.5" in captured.out
+    assert captured.err == ""  # a progress line only on a terminal
+
+
+def test_a_maximum_is_printed_in_its_own_sense(
+    folder: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(folder, "solve", "largest")
+    out = capsys.readouterr().out
+    assert "maximise" in out
+    lower = next(line for line in out.splitlines() if line.startswith("lower"))
+    upper = next(line for line in out.splitlines() if line.startswith("upper"))
+    assert lower.endswith("attained") and upper.endswith("proved")
+    assert 3.2499 < float(lower.split()[2]) <= 3.25 <= float(upper.split()[2]) < 3.2501
+
+
+def strictly(text: str) -> dict[str, object]:
+    """What a strict JSON reader makes of a text: no NaN, no Infinity."""
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_json(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(folder, "solve", "closed", "--json", "--order", "2")
+    record = strictly(capsys.readouterr().out)
+    assert record["status"] == "OPTIMAL"
+    assert record["lower_bound"] <= 0.75 <= record["upper_bound"]
+    assert record["gap"] == record["upper_bound"] - record["lower_bound"]
+    assert record["certificate_verified"] is True
+    assert record["names"] == ["x1", "x2"]
+    assert record["x"] == pytest.approx([0.5, 0.5], abs=1e-3)
+    assert record["sizes"]["variables"] == 2
+    assert {"search", "presolve"} <= record["timings"].keys()
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "lower", "upper"),
+    [("empty", "INFEASIBLE", "inf", "inf"), ("endless", "UNBOUNDED", "-inf", "-inf")],
+)
+def test_json_of_infinities(
+    folder: pathlib.Path,
+    name: str,
+    status: str,
+    lower: str,
+    upper: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(folder, "solve", name, "--json") == EXIT_PROVED
+    record = strictly(capsys.readouterr().out)
+    assert (record["status"], record["lower_bound"]) == (status, lower)
+    assert record["upper_bound"] == upper
+
+
+def test_picture(folder: pathlib.Path) -> None:
+    path = folder / "a.png"
+    assert run(folder, "solve", "closed", "--plot", str(path)) == EXIT_PROVED
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_info(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(folder, "info", "open", "--order", "4") == 0
+    out = capsys.readouterr().out
+    assert "2 variables, 1 inequalities, 0 equalities, degree 6" in out
+    assert "none: 2 (variables)" in out
+    assert "moment relaxation of order 4: 2 variables, 1 cliques" in out
+    assert "block sizes" in out
+    run(folder, "info", "largest")
+    out = capsys.readouterr().out
+    assert "sense         max" in out
+    assert "both: 2 (variables)" in out
+
+
+def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("sparsepop-py ")
+    assert main(["solve", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "exit codes:" in text and "--time-limit" in text
