@@ -20,7 +20,11 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
-HEAD = "problem           n  sense  order  status      proved bound    attained value       gap  CPU s  verified"
+COLUMNS = "{:<16}{:>3}  {:<5}  {:>5}  {:<9}{:>15}{:>16}{:>9}{:>8}  {:>8}"
+HEAD = COLUMNS.format(
+    *("problem", "n", "sense", "order", "status"),
+    *("proved bound", "attained value", "gap", "CPU s", "verified"),
+)
 
 
 def main() -> None:
@@ -55,11 +59,16 @@ def row(name: str, order: int, result: sp.Result, seconds: float) -> str:
     proved, attained = sign * result.lower_bound, sign * result.upper_bound
     verified = certificate is not None and certificate.verify(problem).ok
     gap = f"{result.gap:.1e}" if math.isfinite(result.gap) else "open"
-    return (
-        f"{name:<16}{problem.dimension:>3}  {problem.sense:<5}  {order:>5}  {result.status:<8}"
-        f"{rounded(proved, maximise):>16}{rounded(attained, not maximise):>18}"
-        f"{gap:>10}{seconds:>7.2f}  {'yes' if verified else 'no':>8}"
+    return COLUMNS.format(
+        *(name, problem.dimension, problem.sense, order, result.status),
+        *(shown(proved, maximise), shown(attained, not maximise), gap),
+        *(f"{seconds:.2f}", "yes" if verified else "no"),
     )
+
+
+def shown(value: float, upwards: bool) -> str:
+    """Ten digits, rounded to the safe side."""
+    return rounded(value, upwards, scientific=False)
 
 
 def draw(result: sp.Result, path: Path) -> plt.Figure:

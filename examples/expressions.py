@@ -1,4 +1,4 @@
-"""A problem from Python expressions: three circles packed into a square."""
+"""A problem from Python expressions: the two largest equal discs in a square."""
 
 import sparsepop_py as sp
 

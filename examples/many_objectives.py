@@ -8,6 +8,7 @@ polynomial problem; the feasible set, and so the relaxation, is the same for all
 import numpy as np
 
 import sparsepop_py as sp
+from sparsepop_py.display import rounded
 
 A, B, NOISE = 0.6, 1.5, 0.05
 u = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
@@ -24,7 +25,9 @@ record = sp.Problem(a, rows, lower, upper)
 
 results = sp.solve_each(record, [a, -a, b, -b], sp.Options(order=2))
 for name, true, low, high in (("a", A, *results[:2]), ("b", B, *results[2:])):
+    outer = low.lower_bound, -high.lower_bound  # rounded outwards to be shown
+    inner = low.upper_bound, -high.upper_bound  # rounded inwards
     print(f"{name}  true value {true}")
-    print(f"   outer (proved)    [{low.lower_bound:.7f}, {-high.lower_bound:.7f}]")
-    print(f"   inner (attained)  [{low.upper_bound:.7f}, {-high.upper_bound:.7f}]")
+    print(f"   outer (proved)    [{rounded(outer[0], False)}, {rounded(outer[1], True)}]")
+    print(f"   inner (attained)  [{rounded(inner[0], True)}, {rounded(inner[1], False)}]")
 print("one relaxation for all:", all(r.relaxation is results[0].relaxation for r in results))

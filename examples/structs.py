@@ -1,6 +1,8 @@
 """SparsePOP's own structs through the call of the original.
 
-min -2 x1 + 3 x2 - 2 x3   with two quadratic rows, one equation and bounds.
+minimise    x1^2 - 3 x2 x3 + 4 x3
+subject to  12 - x1^2 - x2^2 - x3^2 >= 0,  x1 x2 + x3 - 2 >= 0,  x1 + x2 - x3 - 0.5 == 0,
+            0 <= x1 <= 5,  0 <= x2 <= 3
 """
 
 import numpy as np
@@ -22,11 +24,11 @@ def polynomial(terms: dict[tuple[int, ...], float], cone: int = 1) -> dict[str, 
     }
 
 
-objPoly = polynomial({(1, 0, 0): -2.0, (0, 1, 0): 3.0, (0, 0, 1): -2.0})
+objPoly = polynomial({(2, 0, 0): 1.0, (0, 1, 1): -3.0, (0, 0, 1): 4.0})
 ineqPolySys = [
-    polynomial({(0, 0, 0): 19.0, (2, 0, 0): -1.0, (0, 0, 2): -2.0, (1, 1, 0): 1.0}),
-    polynomial({(0, 0, 0): -1.0, (1, 0, 1): 1.0, (0, 2, 0): 1.0}),
-    polynomial({(1, 0, 0): 1.0, (0, 1, 0): 2.0, (0, 0, 1): 1.0, (0, 0, 0): -4.0}, cone=-1),
+    polynomial({(0, 0, 0): 12.0, (2, 0, 0): -1.0, (0, 2, 0): -1.0, (0, 0, 2): -1.0}),
+    polynomial({(1, 1, 0): 1.0, (0, 0, 1): 1.0, (0, 0, 0): -2.0}),
+    polynomial({(1, 0, 0): 1.0, (0, 1, 0): 1.0, (0, 0, 1): -1.0, (0, 0, 0): -0.5}, cone=-1),
 ]
 lbd, ubd = [0.0, 0.0, -1e10], [5.0, 3.0, 1e10]  # 1e10 stands for no bound
 

@@ -32,9 +32,7 @@ __all__ = ["clique_bases", "consistent_bases", "reduced_bases"]
 Bases = list[tuple[NDArray[np.int64], Words]]
 
 
-def clique_bases(
-    members: Sequence[tuple[int, ...]], clique: NDArray, degree: int
-) -> Bases:
+def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray, degree: int) -> Bases:
     """Full bases of the given cliques, stacked by clique size.
 
     Parameters
@@ -150,7 +148,9 @@ def _independent(
             vectors.append(vector)
     weight = 4.0 ** monomials.degrees(basis)  # high monomials leave before low ones
     weight[0] = 0.0  # the constant stays
-    _, triangle, pivots = scipy.linalg.qr(np.array(vectors) * weight, mode="economic", pivoting=True)
+    _, triangle, pivots = scipy.linalg.qr(
+        np.array(vectors) * weight, mode="economic", pivoting=True
+    )
     size = np.abs(np.diag(triangle))
     rank = int(np.count_nonzero(size > 1e-8 * size[0]))
     return np.sort(pivots[rank:])

@@ -8,10 +8,9 @@ Exact repair. Some variables, as many as there are equalities and entering them 
 linearly, are solved for in rationals while all others keep their doubles; then every
 constraint and bound is checked exactly.
 
-Krawczyk's test. For equalities F(v) = 0 in as many variables v, a box X around an
-approximate zero m with K(X) = m - C F(m) + (I - C F'(X)) (X - m) inside X contains a
-zero (Krawczyk 1969; Neumaier 1990, section 5.1). Inequalities and bounds are then
-checked over X.
+Krawczyk's test. As many variables as there are equalities are enclosed in a box that
+provably contains a zero (see :mod:`sparsepop_py.krawczyk`); inequalities and bounds are
+then checked over the box.
 
 Before either, the vector is pulled off nearly active inequalities by a linear program,
 so that the last digits of the solved variables cannot violate them.
@@ -27,8 +26,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from . import monomials
-from .enclosure import jacobian_range, range_over
+from .enclosure import range_over
+from .krawczyk import polished, zero_near
 from .linear import solve_lp
 from .problem import Problem
 from .rounding import Interval, exact_values
@@ -142,8 +141,9 @@ def _pull_inside(
 ) -> NDArray[np.float64] | None:
     """Move by a linear program to where nearly active inequalities hold with a margin.
 
-    maximise t, then minimise f' d, subject to the linearised rows h + h' d = 0, g + g' d >= t |g'| for nearly
-    active g, bounds with margin t for variables off their bounds, 0 <= t <= depth.
+    maximise t, then minimise f' d, subject to the linearised rows h + h' d = 0,
+    g + g' d >= t |g'| for nearly active g, bounds with a margin for variables off their
+    bounds, and 0 <= t <= depth.
     Variables on a bound stay there unless ``loose``.
     """
     n = problem.dimension
@@ -260,7 +260,9 @@ def _prove_exactly(
     objective = problem.objective_row
     value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
     point = np.array([float(v) for v in exact])
-    radius = max((abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)), default=0)
+    radius = max(
+        (abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)), default=0
+    )
     upper = float(Interval.of_fraction(value).hi)
     kept = x.copy()
     kept[solved] = point[solved]
@@ -340,14 +342,11 @@ def _prove_by_krawczyk(
     if rows.size == 0 or rows.size != solved.size or solved.size > 400:
         return None
     system = problem.rows.take(rows)
-    x = _newton(system, x, solved)
+    x = polished(system, x, solved)
     if x is None or np.any(x < problem.lower) or np.any(x > problem.upper):
         return None
-    for radius in (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8):
-        box = _krawczyk(system, x, solved, radius)
-        if box is not None:
-            break
-    else:
+    box = zero_near(system, x, solved)
+    if box is None:
         return None
     if np.any(box.lo < problem.lower) or np.any(box.hi > problem.upper):
         return None
@@ -359,55 +358,3 @@ def _prove_by_krawczyk(
     value = float(range_over(problem.objective_row, box).hi[0])
     spread = float(np.max(np.maximum(box.hi - x, x - box.lo)))
     return ProvedPoint(x, value, float(np.nextafter(spread, np.inf)), "krawczyk", rows, solved)
-
-
-def _newton(system: PolynomialSystem, x: NDArray, solved: NDArray) -> NDArray | None:
-    x = x.copy()
-    for _ in range(6):
-        step = np.linalg.lstsq(
-            system.jacobian(x).toarray()[:, solved], -system.values(x), rcond=None
-        )[0]
-        if not np.all(np.isfinite(step)) or np.abs(step).max(initial=0.0) > 1e-2:
-            return None
-        x[solved] += step
-    return x
-
-
-def _krawczyk(
-    system: PolynomialSystem, x: NDArray, solved: NDArray, radius: float
-) -> Interval | None:
-    """A box around x in which the rows provably have a common zero, or None."""
-    spread = np.zeros(x.size)
-    spread[solved] = radius * (1.0 + np.abs(x[solved]))
-    box = Interval(x - spread, x + spread)
-    centre_jacobian = system.jacobian(x).toarray()[:, solved]
-    try:
-        inverse = np.linalg.inv(centre_jacobian)
-    except np.linalg.LinAlgError:
-        return None
-    slopes = jacobian_range(system, box)
-    slopes = Interval(slopes.lo[:, solved], slopes.hi[:, solved])
-    residual = range_over(system, Interval.point(x))
-    identity = Interval.point(np.eye(solved.size))
-    contraction = identity - _matmul(inverse, slopes)
-    image = -_matmul(inverse, residual[:, None]) + _interval_matmul(
-        contraction, (box - Interval.point(x))[solved][:, None]
-    )
-    image = Interval(image.lo[:, 0], image.hi[:, 0]) + Interval.point(x[solved])
-    inside = (image.lo > box.lo[solved]) & (image.hi < box.hi[solved])
-    if not np.all(inside):
-        return None
-    lo, hi = x.copy(), x.copy()
-    lo[solved], hi[solved] = image.lo, image.hi
-    return Interval(lo, hi)
-
-
-def _matmul(left: NDArray, right: Interval) -> Interval:
-    return _interval_matmul(Interval.point(left), right)
-
-
-def _interval_matmul(left: Interval, right: Interval) -> Interval:
-    total = left[:, 0, None] * right[0][None, :]
-    for k in range(1, left.lo.shape[1]):
-        total = total + left[:, k, None] * right[k][None, :]
-    return total

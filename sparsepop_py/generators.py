@@ -32,6 +32,7 @@ __all__ = [
     "product_terms",
     "single_letters",
     "stack_words",
+    "stacked",
     "useful_products",
 ]
 
@@ -59,7 +60,7 @@ def bound_terms(
     open_ = lower < upper
     low, high = np.isfinite(lower) & open_, np.isfinite(upper) & open_
     both = low & high
-    l, u = np.where(low, lower, 0.0), np.where(high, upper, 0.0)
+    start, end = np.where(low, lower, 0.0), np.where(high, upper, 0.0)
     letter = np.arange(1, n + 1, dtype=np.int32)
     zero = np.zeros(n, np.int32)
     one, linear, square = (
@@ -67,12 +68,12 @@ def bound_terms(
     )
     box, first, second = (np.arange(f.start, f.stop) for f in bound_family(rows, n))
     parts = [
-        (one, np.where(both, -l * u, 0.0), box),
-        (linear, np.where(both, l + u, 0.0), box),
+        (one, np.where(both, -start * end, 0.0), box),
+        (linear, np.where(both, start + end, 0.0), box),
         (square, np.where(both, -1.0, 0.0), box),
-        (one, -l, first),
+        (one, -start, first),
         (linear, low * 1.0, first),
-        (one, u, second),
+        (one, end, second),
         (linear, high * -1.0, second),
     ]
     words = np.concatenate([w for w, _, _ in parts])
@@ -135,9 +136,7 @@ def useful_products(
     pairs = pairs[boxed[pairs].all(axis=1)]
     _, low, high = bound_family(rows.size, n)
     sides = np.array([low.start, high.start])
-    bounds = [
-        np.stack([pairs[:, 0] + a, pairs[:, 1] + b], axis=1) for a in sides for b in sides
-    ]
+    bounds = [np.stack([pairs[:, 0] + a, pairs[:, 1] + b], axis=1) for a in sides for b in sides]
     partner: dict[int, set[int]] = {}
     for i, j in pairs.tolist():
         partner.setdefault(i, set()).add(j)
@@ -166,3 +165,29 @@ def _partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
             keys.append(variable[same] * n + variable[same + distance])
     unique = np.unique(np.concatenate([*keys, np.zeros(0, int)])).astype(np.int64)
     return np.stack(np.divmod(unique, n), axis=1)
+
+
+def stacked(problem: Problem, products: NDArray[np.int64]) -> PolynomialSystem:
+    """Every generator of the problem, numbered as above; ``products`` has shape (P, 2)."""
+    rows, n = problem.rows, problem.dimension
+    words, values, index = bound_terms(problem.lower, problem.upper, rows.size)
+    single = PolynomialSystem(
+        stack_words(rows.words, words),
+        np.concatenate([np.ones(1), rows.coefficients, values]),
+        np.concatenate([np.zeros(1, int), rows.row + 1, index]),
+        count(rows.size, n),
+        n,
+    )
+    if not products.size:
+        return single
+    words, number, first, second = product_terms(single, products)
+    width = max(words.shape[1], single.words.shape[1])
+    return PolynomialSystem(
+        np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
+        np.concatenate(
+            [single.coefficients, single.coefficients[first] * single.coefficients[second]]
+        ),
+        np.concatenate([single.row, number + single.size]),
+        single.size + products.shape[0],
+        n,
+    )

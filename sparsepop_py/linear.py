@@ -34,9 +34,7 @@ def solve_lp(
     matrix, weight, value = margins
     equal, right = equalities
     upper_rows = sps.hstack([-matrix, sps.csr_array(weight[:, None])]) if weight.size else None
-    equal_rows = (
-        sps.hstack([equal, sps.csr_array((right.size, 1))]) if right.size else None
-    )
+    equal_rows = sps.hstack([equal, sps.csr_array((right.size, 1))]) if right.size else None
     result = linprog(
         cost,
         A_ub=upper_rows,

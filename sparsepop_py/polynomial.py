@@ -23,7 +23,7 @@ from . import monomials
 from .errors import ProblemError
 from .monomials import Words
 
-__all__ = ["Constraint", "Kind", "Polynomial", "sum_of_squares", "total", "variables"]
+__all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 
 
 class Kind(Enum):
@@ -328,9 +328,7 @@ class Constraint:
     name: str = ""
 
     def __bool__(self) -> bool:
-        raise ProblemError(
-            "a constraint has no truth value: write 0 <= x <= 1 as two constraints"
-        )
+        raise ProblemError("a constraint has no truth value: write 0 <= x <= 1 as two constraints")
 
     def __str__(self) -> str:
         relation = "==" if self.kind is Kind.ZERO else ">="
@@ -367,8 +365,7 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
         raise ProblemError(f"names: found {len(labels)} names, expected {n} distinct ones")
     one = _frozen(np.ones(1))
     return tuple(
-        Polynomial(_frozen(np.array([[v]], np.int32)), one, int(n), labels)
-        for v in range(1, n + 1)
+        Polynomial(_frozen(np.array([[v]], np.int32)), one, int(n), labels) for v in range(1, n + 1)
     )
 
 
@@ -397,24 +394,3 @@ def total(terms: Iterable[Polynomial | float]) -> Polynomial:
     values = np.concatenate([part.coefficients for part in parts])
     names = next((part.names for part in parts if part.names), None)
     return Polynomial.from_words(words, values, first.dimension, names)
-
-
-def sum_of_squares(
-    squares: Sequence[tuple[float, Polynomial]], dimension: int
-) -> Polynomial:
-    """Sum of weight * p^2 over (weight, p) pairs in one pass; equal shapes are stacked."""
-    shapes: dict[tuple[int, ...], list[tuple[float, Polynomial]]] = {}
-    for weight, p in squares:
-        shapes.setdefault(p.words.shape, []).append((weight, p))
-    words, values = [np.zeros((1, 1), np.int32)], [np.zeros(1)]
-    for (terms, _), items in shapes.items():
-        i, j = np.triu_indices(terms)
-        letters = np.stack([p.words for _, p in items])
-        value = np.stack([p.coefficients for _, p in items])
-        weight = np.array([w for w, _ in items])[:, None] * np.where(i == j, 1.0, 2.0)
-        product = monomials.multiply(letters[:, i], letters[:, j])
-        words.append(product.reshape(-1, product.shape[-1]))
-        values.append((weight * value[:, i] * value[:, j]).ravel())
-    width = max(w.shape[1] for w in words)
-    joined = np.concatenate([monomials.widen(w, width) for w in words])
-    return Polynomial.from_words(joined, np.concatenate(values), dimension)

@@ -1,6 +1,6 @@
 """The polynomial optimization problem: what is asked.
 
-    minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
+minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import monomials, symbolic
 from .errors import ProblemError
-from .polynomial import Constraint, Kind, Polynomial, sum_of_squares, total
+from .polynomial import Constraint, Kind, Polynomial, total
 from .rounding import Interval
 from .system import PolynomialSystem
 
@@ -182,9 +182,7 @@ class Problem:
 
     def with_objective(self, objective: Polynomial) -> Problem:
         """The same feasible set with another objective."""
-        return Problem(
-            objective, self.constraints, self.lower, self.upper, self.names, sense="min"
-        )
+        return Problem(objective, self.constraints, self.lower, self.upper, self.names, sense="min")
 
     @cached_property
     def fingerprint(self) -> str:
@@ -280,12 +278,30 @@ def _squares(
             raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
         pairs.append((float(weight), polynomial))
     if pairs:
-        rest = objective - sum_of_squares(pairs, objective.dimension)
+        rest = objective - _sum_of_squares(pairs, objective.dimension)
         rest = rest - rest.constant_term
         scale = max(np.abs(objective.coefficients).max(initial=1.0), 1.0)
         if np.abs(rest.coefficients).max(initial=0.0) > 1e-9 * scale:
             raise ProblemError(
-                "squares: their sum differs from the objective by more than a constant: "
-                f"{rest!r}"
+                f"squares: their sum differs from the objective by more than a constant: {rest!r}"
             )
     return tuple(pairs)
+
+
+def _sum_of_squares(squares: Sequence[tuple[float, Polynomial]], dimension: int) -> Polynomial:
+    """Sum of weight * p^2 over (weight, p) pairs in one pass; equal shapes are stacked."""
+    shapes: dict[tuple[int, ...], list[tuple[float, Polynomial]]] = {}
+    for weight, p in squares:
+        shapes.setdefault(p.words.shape, []).append((weight, p))
+    words, values = [np.zeros((1, 1), np.int32)], [np.zeros(1)]
+    for (terms, _), items in shapes.items():
+        i, j = np.triu_indices(terms)
+        letters = np.stack([p.words for _, p in items])
+        value = np.stack([p.coefficients for _, p in items])
+        weight = np.array([w for w, _ in items])[:, None] * np.where(i == j, 1.0, 2.0)
+        product = monomials.multiply(letters[:, i], letters[:, j])
+        words.append(product.reshape(-1, product.shape[-1]))
+        values.append((weight * value[:, i] * value[:, j]).ravel())
+    width = max(w.shape[1] for w in words)
+    joined = np.concatenate([monomials.widen(w, width) for w in words])
+    return Polynomial.from_words(joined, np.concatenate(values), dimension)

@@ -25,6 +25,7 @@ from .rounding import Interval
 __all__ = ["best_attained", "local_search", "starting_points"]
 
 _DENSE_LIMIT = 300
+_FAR = 1e8
 
 
 def local_search(
@@ -53,15 +54,28 @@ def local_search(
 
 def _value(problem: Problem) -> Any:
     row = problem.objective_row
-    return lambda x: (float(row.values(x)[0]), row.jacobian(x).toarray().ravel())
+    return lambda x: (float(row.values(x)[0]), row.gradient(x))
 
 
 def _by_bounds(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper)
-    options = {"maxiter": 2000, "maxfun": 20000, "ftol": 1e-15, "gtol": 1e-10}
-    value = _value(problem)
-    x = minimize(value, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options).x
+    options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-15, "gtol": 1e-10}
+    x = minimize(
+        _value(problem),
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        options=options,
+        callback=_stop_far_away,
+    ).x
     return _newton_polish(problem, x) if problem.dimension <= _DENSE_LIMIT else x
+
+
+def _stop_far_away(intermediate_result: Any) -> None:
+    """End a search that follows a falling objective to infinity."""
+    if np.abs(intermediate_result.x).max(initial=0.0) > _FAR:
+        raise StopIteration
 
 
 def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
@@ -69,27 +83,14 @@ def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
     row = problem.objective_row
     for _ in range(4):
         inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
-        gradient = row.jacobian(x).toarray().ravel()
+        hessian = row.gradient_system.jacobian(x).toarray()[np.ix_(inner, inner)]
         step = np.zeros(x.size)
-        step[inner] = -np.linalg.lstsq(
-            _hessian(problem, x)[np.ix_(inner, inner)], gradient[inner], rcond=1e-10
-        )[0]
+        step[inner] = -np.linalg.lstsq(hessian, row.gradient(x)[inner], rcond=1e-10)[0]
         trial = np.clip(x + step, problem.lower, problem.upper)
         if not np.all(np.isfinite(trial)) or row.values(trial)[0] > row.values(x)[0]:
             break
         x = trial
     return x
-
-
-def _hessian(problem: Problem, x: NDArray) -> NDArray[np.float64]:
-    row, n = problem.objective_row, problem.dimension
-    step = 1e-5 * (1.0 + np.abs(x))
-    columns = [
-        (row.jacobian(x + step * e) - row.jacobian(x - step * e)).toarray().ravel() / (2 * s)
-        for e, s in zip(np.eye(n), step, strict=True)
-    ]
-    matrix = np.array(columns)
-    return 0.5 * (matrix + matrix.T)
 
 
 def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
@@ -110,8 +111,13 @@ def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper) if finite.any() else None
     options = {"maxiter": 300, "ftol": 1e-12}
     result = minimize(
-        _value(problem), start, jac=True, method="SLSQP",
-        bounds=bounds, constraints=constraints, options=options,
+        _value(problem),
+        start,
+        jac=True,
+        method="SLSQP",
+        bounds=bounds,
+        constraints=constraints,
+        options=options,
     )
     return np.asarray(result.x)
 
@@ -142,8 +148,13 @@ def _by_trust_region(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     constraint = NonlinearConstraint(rows.values, 0.0, upper, jac=rows.jacobian)
     options = {"maxiter": 200, "gtol": 1e-9}
     result = minimize(
-        _value(problem), start, jac=True, method="trust-constr",
-        bounds=Bounds(problem.lower, problem.upper), constraints=[constraint], options=options,
+        _value(problem),
+        start,
+        jac=True,
+        method="trust-constr",
+        bounds=Bounds(problem.lower, problem.upper),
+        constraints=[constraint],
+        options=options,
     )
     return np.asarray(result.x)
 
@@ -174,19 +185,29 @@ def _ipopt(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-10}
     search = casadi.nlpsol("search", "ipopt", data, quiet)
     high = np.where(problem.equality, 0.0, np.inf)
-    found = search(x0=start, lbx=problem.lower, ubx=problem.upper, lbg=np.zeros(high.size), ubg=high)
+    found = search(
+        x0=start, lbx=problem.lower, ubx=problem.upper, lbg=np.zeros(high.size), ubg=high
+    )
     return np.asarray(found["x"]).ravel()
 
 
 def starting_points(
     problem: Problem, box: Interval, count: int, seed: int
 ) -> list[NDArray[np.float64]]:
-    """The middle of the box (0 or a bound where it is endless) and random points."""
+    """The middle of the box (0 or a bound where it is endless) and random points.
+
+    Where the box is endless the points spread over three scales: 2, 10 and 50.
+    """
     rng = np.random.default_rng(seed)
-    low = np.where(np.isfinite(box.lo), box.lo, np.where(np.isfinite(box.hi), box.hi - 2.0, -2.0))
-    high = np.where(np.isfinite(box.hi), box.hi, np.where(np.isfinite(box.lo), box.lo + 4.0, 2.0))
-    middle = 0.5 * (low + high)
-    return [middle] + [rng.uniform(low, high) for _ in range(count)]
+    points = []
+    for number in range(count + 1):
+        size = (2.0, 10.0, 50.0)[number % 3]
+        from_high = np.where(np.isfinite(box.hi), box.hi - 2 * size, -size)
+        from_low = np.where(np.isfinite(box.lo), box.lo + 2 * size, size)
+        low = np.where(np.isfinite(box.lo), box.lo, from_high)
+        high = np.where(np.isfinite(box.hi), box.hi, from_low)
+        points.append(rng.uniform(low, high) if number else 0.5 * (low + high))
+    return points
 
 
 def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
@@ -219,7 +240,7 @@ def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
 
 
 def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
-    """Whether an equality holds for good: every term has a variable fixed at 0, or all are fixed."""
+    """Whether fixed variables make an equality hold, by zero factors or altogether."""
     p = constraint.polynomial
     if constraint.kind is not Kind.ZERO:
         return False

@@ -40,7 +40,7 @@ from . import generators, monomials
 from .basis import clique_bases, consistent_bases, reduced_bases
 from .errors import ProblemError
 from .monomials import Words
-from .polynomial import Kind, Polynomial
+from .polynomial import Polynomial
 from .problem import Problem
 from .sparsity import Cliques, find_cliques
 from .system import PolynomialSystem
@@ -277,7 +277,7 @@ def relax(
     pairs = np.zeros((0, 2), np.int64)
     if products:
         pairs = generators.useful_products(problem, cliques.members, cliques.home, objectives)
-    system = _generators(problem, pairs)
+    system = generators.stacked(problem, pairs)
     groups = _groups(problem, cliques, order, system, objectives, reduce, lean)
     moments, entries = _entries(groups, system, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
@@ -286,32 +286,6 @@ def relax(
 def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
     """The least legal relaxation order: half the largest degree, rounded up."""
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
-
-
-def _generators(problem: Problem, products: NDArray[np.int64]) -> PolynomialSystem:
-    """Every generator of the problem, numbered as in :mod:`sparsepop_py.generators`."""
-    rows, n = problem.rows, problem.dimension
-    words, values, index = generators.bound_terms(problem.lower, problem.upper, rows.size)
-    single = PolynomialSystem(
-        generators.stack_words(rows.words, words),
-        np.concatenate([np.ones(1), rows.coefficients, values]),
-        np.concatenate([np.zeros(1, int), rows.row + 1, index]),
-        generators.count(rows.size, n),
-        n,
-    )
-    if not products.size:
-        return single
-    words, number, first, second = generators.product_terms(single, products)
-    width = max(words.shape[1], single.words.shape[1])
-    return PolynomialSystem(
-        np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
-        np.concatenate(
-            [single.coefficients, single.coefficients[first] * single.coefficients[second]]
-        ),
-        np.concatenate([single.row, number + single.size]),
-        single.size + products.shape[0],
-        n,
-    )
 
 
 def _groups(

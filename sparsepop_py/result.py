@@ -164,8 +164,7 @@ class Result:
 
     def __repr__(self) -> str:
         return (
-            f"<Result {self.status}: {self.lower_bound:.10g} <= minimum <= "
-            f"{self.upper_bound:.10g}>"
+            f"<Result {self.status}: {self.lower_bound:.10g} <= minimum <= {self.upper_bound:.10g}>"
         )
 
     def _repr_html_(self) -> str:

@@ -113,9 +113,7 @@ class Interval:
         return self + (-other)
 
     def __mul__(self, other: Interval) -> Interval:
-        products = [
-            _times(a, b) for a in (self.lo, self.hi) for b in (other.lo, other.hi)
-        ]
+        products = [_times(a, b) for a in (self.lo, self.hi) for b in (other.lo, other.hi)]
         low = np.minimum(np.minimum(products[0], products[1]), np.minimum(products[2], products[3]))
         high = np.maximum(
             np.maximum(products[0], products[1]), np.maximum(products[2], products[3])
@@ -129,9 +127,7 @@ class Interval:
             low = np.where(safe, down(1.0 / np.where(safe, other.hi, 1.0)), -np.inf)
             high = np.where(safe, up(1.0 / np.where(safe, other.lo, 1.0)), np.inf)
         quotient = self * Interval(low, high)
-        return Interval(
-            np.where(safe, quotient.lo, -np.inf), np.where(safe, quotient.hi, np.inf)
-        )
+        return Interval(np.where(safe, quotient.lo, -np.inf), np.where(safe, quotient.hi, np.inf))
 
     def power(self, exponent: NDArray[np.int64]) -> Interval:
         """Elementwise integer powers (exponent >= 0, broadcast against the interval)."""

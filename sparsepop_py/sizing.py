@@ -105,7 +105,9 @@ def fitting_relaxations(
         chosen = _worthwhile(full, build(lean=True))
         if chosen:
             if chosen[-1] is not full:
-                notes += (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
+                notes += (
+                    f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",
+                )
             return chosen, notes
     return (), _too_large(asked)
 

@@ -8,77 +8,29 @@ attained value, the cut-off shrinks the box and another round may gain.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .boxes import find_box, finite
-from .certificate.box import BoxProof
-from .certificate.certificate import Certificate, certify
-from .certificate.dual import identity_of, margin, repaired
-from .conic import ConicSolution, assemble
 from .errors import ProblemError, SparsePOPError
 from .extraction import candidates
 from .feasibility import ProvedPoint
 from .options import Options
 from .polynomial import Polynomial
 from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling
 from .problem import Problem
 from .progress import Stages
 from .refinement import best_attained, starting_points
-from .relaxation import Relaxation
 from .result import Point, Result, Status
 from .rounding import Interval
-from .sizing import fitting_relaxations
-from .solvers import solve_conic
-from .sparsity import find_cliques
+from .rungs import Bound, Clock, Model, better, closed, level, one_round, relaxed
 from .unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
 
 _ROUNDS = 3
-_MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """What all objectives over one box share: the proof of the box and the relaxations on it."""
-
-    proof: BoxProof
-    box: Interval
-    scaled: Scaled | None = None
-    relaxations: tuple[Relaxation, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class _Bound:
-    """What one round proved and saw."""
-
-    model: _Model
-    certificate: Certificate | None
-    relaxation: Relaxation | None = None
-    solution: ConicSolution | None = None
-    value: float = np.nan
-
-
-class _Clock:
-    """Remaining wall time."""
-
-    def __init__(self, limit: float | None) -> None:
-        self._end = None if limit is None else time.monotonic() + limit
-
-    @property
-    def left(self) -> float | None:
-        return None if self._end is None else max(1e-3, self._end - time.monotonic())
-
-    @property
-    def over(self) -> bool:
-        return self._end is not None and time.monotonic() >= self._end
 
 
 def solve(
@@ -116,7 +68,9 @@ def solve(
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
     options = options or Options()
-    return _solve_one(problem, options, _start_vectors(problem, start), None, Stages(options.progress))
+    return _solve_one(
+        problem, options, _start_vectors(problem, start), None, Stages(options.progress)
+    )
 
 
 def solve_each(
@@ -168,7 +122,7 @@ def solve_each(
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         with stages.stage("relax"):
-            model = _relaxed(problem, tuple(objectives), _Model(proof, box), options)
+            model = relaxed(problem, tuple(objectives), Model(proof, box), options)
     results = []
     for objective in objectives:
         own = Stages(options.progress)
@@ -192,23 +146,23 @@ def _solve_one(
     problem: Problem,
     options: Options,
     starts: list[NDArray],
-    shared: _Model | None,
+    shared: Model | None,
     stages: Stages,
 ) -> Result:
-    clock = _Clock(options.time_limit)
+    clock = Clock(options.time_limit)
     with stages.stage("search"):
         box = shared.box if shared else Interval(problem.lower, problem.upper)
         best, near = _search(problem, starts + _random_starts(problem, box, options), options)
-    best_round: _Bound | None = None
+    best_round: Bound | None = None
     for number in range(1 if shared else _ROUNDS):
-        bound = _one_round(problem, best, options, shared, stages, clock)
-        best_round = _better(best_round, bound)
+        bound = one_round(problem, best, options, shared, stages, clock)
+        best_round = better(best_round, bound)
         with stages.stage("extract"):
             found, more = _search(problem, _extracted(bound), options)
         near = near + more
         improved = _lower(found, best)
         old, best = best, (found if improved else best)
-        if _closed(best_round, best, options) or clock.over or options.effort == "plain":
+        if closed(best_round, best, options) or clock.over or options.effort == "plain":
             break
         if number and not improved:
             break
@@ -237,141 +191,7 @@ def _search(
     return best_attained(problem, starts, options.tolerance, method)
 
 
-def _one_round(
-    problem: Problem,
-    best: ProvedPoint | None,
-    options: Options,
-    shared: _Model | None,
-    stages: Stages,
-    clock: _Clock,
-) -> _Bound:
-    """Box, relaxation, solver and certificate, once."""
-    model = shared
-    if model is None:
-        with stages.stage("presolve"):
-            model = _Model(*find_box(problem, best, options, done=_trivially(problem, best, options)))
-        if is_empty(model.box):
-            certificate = certify(problem, model.proof, None, None, empty=True)
-            return _Bound(model, certificate)
-        with stages.stage("relax"):
-            typical = best.x if best is not None else None
-            model = _relaxed(problem, (problem.objective,), model, options, typical)
-    return _prove(problem, best, model, options, stages, clock)
-
-
-def _trivially(problem: Problem, best: ProvedPoint | None, options: Options) -> bool:
-    """Whether the given bounds or squares close the gap without any relaxation."""
-    if best is None or options.effort == "plain":
-        return False
-    start = _Model(BoxProof(), Interval(problem.lower, problem.upper))
-    return _closed(_Bound(start, certify(problem, start.proof, None, None)), best, options)
-
-
-def _relaxed(
-    problem: Problem,
-    objectives: tuple[Polynomial, ...],
-    model: _Model,
-    options: Options,
-    typical: NDArray | None = None,
-) -> _Model:
-    scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
-    cliques = find_cliques(
-        scaled.problem, sparse=options.sparse, method=options.chordal, objectives=scaled.objectives
-    )
-    given = np.isfinite(problem.lower) | np.isfinite(problem.upper)
-    relaxations, notes = fitting_relaxations(
-        scaled.problem,
-        cliques,
-        scaled.objectives,
-        options,
-        constrained=bool(problem.constraints) or bool(given.any()),
-    )
-    return replace(model, scaled=scaled, relaxations=relaxations, notes=notes)
-
-
-def _prove(
-    problem: Problem,
-    best: ProvedPoint | None,
-    model: _Model,
-    options: Options,
-    stages: Stages,
-    clock: _Clock,
-) -> _Bound:
-    """Solve the relaxations and certify, until the gap to the attained value is closed."""
-    outcome = _Bound(model, certify(problem, model.proof, best, None))
-    if not model.relaxations:
-        return outcome
-    if options.effort != "plain" and _closed(outcome, best, options):
-        # the box or the squares prove it already
-        return replace(outcome, relaxation=model.relaxations[-1])
-    for relaxation in model.relaxations:
-        outcome = _solve_relaxation(problem, best, model, relaxation, outcome, options, stages, clock)
-        if _closed(outcome, best, options) or clock.over:
-            break
-    return outcome
-
-
-def _solve_relaxation(
-    problem: Problem,
-    best: ProvedPoint | None,
-    model: _Model,
-    relaxation: Relaxation,
-    outcome: _Bound,
-    options: Options,
-    stages: Stages,
-    clock: _Clock,
-) -> _Bound:
-    """One relaxation; where variables have no box, with growing margins until it closes."""
-    assert model.scaled is not None
-    own = Scaled.of(problem, model.scaled.scaling, (problem.objective,))
-    objective, size = own.objectives[0], own.objective_sizes[0]
-    boxed = bool(np.all(model.scaled.scaling.boxed))
-    for share in (0.0,) if boxed else _MARGINS:
-        with stages.stage("assemble"):
-            weighted = objective - margin(relaxation) * share if share else objective
-            program = assemble(relaxation, weighted)
-        for solver in _solvers(options):
-            with stages.stage("solve"):
-                solution = solve_conic(program, solver, clock.left)
-            with stages.stage("certify"):
-                empty = solution.status == "infeasible"
-                for z in (solution.z, None):
-                    if z is None:
-                        if _closed(outcome, best, options) or empty:
-                            break
-                        z = repaired(program, solution.z)
-                    identity = identity_of(
-                        relaxation, model.scaled, z, 1.0 if empty else size, floor=share
-                    )
-                    certificate = certify(problem, model.proof, best, identity, empty=empty)
-                    new = _Bound(model, certificate, relaxation, solution, size * solution.primal)
-                    outcome = _better(outcome, new)
-            if solution.status != "almost" or _closed(outcome, best, options) or clock.over:
-                break
-        if _level(outcome.certificate) > -np.inf or clock.over:
-            break
-    return outcome
-
-
-def _solvers(options: Options) -> tuple[str, ...]:
-    """The chosen solver; the default is followed by its other form where it only almost solves."""
-    if options.solver == "clarabel" and options.effort != "plain":
-        return ("clarabel", "clarabel-moment")
-    return (options.solver,)
-
-
-def _level(certificate: Certificate | None) -> float:
-    return -np.inf if certificate is None else certificate.bound
-
-
-def _better(old: _Bound | None, new: _Bound) -> _Bound:
-    """The larger proved bound, with the newest solver output."""
-    if old is None or _level(new.certificate) >= _level(old.certificate):
-        return new
-    return replace(new, certificate=old.certificate)
-
-
-def _extracted(bound: _Bound) -> list[NDArray[np.float64]]:
+def _extracted(bound: Bound) -> list[NDArray[np.float64]]:
     model, solution = bound.model, bound.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return []
@@ -384,7 +204,7 @@ def _lower(new: ProvedPoint | None, old: ProvedPoint | None) -> bool:
     return new is not None and (old is None or new.value < old.value)
 
 
-def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: _Bound) -> bool:
+def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: Bound) -> bool:
     """Whether the improvement of the attained value is a good part of the open gap."""
     if new is None:
         return False
@@ -393,26 +213,16 @@ def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: _Bou
     return old.value - new.value > 0.05 * (new.value - bound.certificate.bound)
 
 
-def _closed(bound: _Bound, best: ProvedPoint | None, options: Options) -> bool:
-    level = _level(bound.certificate)
-    if level == np.inf:
-        return True
-    if best is None or level == -np.inf:
-        return False
-    scale = max(1.0, abs(best.value)) if options.gap_kind == "relative" else 1.0
-    return best.value - level <= options.gap * scale
-
-
 def _result(
     problem: Problem,
     options: Options,
-    bound: _Bound,
+    bound: Bound,
     best: ProvedPoint | None,
     near: list[NDArray],
     stages: Stages,
-    clock: _Clock,
+    clock: Clock,
 ) -> Result:
-    lower = _level(bound.certificate)
+    lower = level(bound.certificate)
     upper = best.value if best is not None else np.inf
     if lower > upper:
         raise SparsePOPError(
@@ -423,7 +233,7 @@ def _result(
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE
-    elif _closed(bound, best, options):
+    elif closed(bound, best, options):
         status = Status.OPTIMAL
     elif lower == -np.inf:
         status, note = _unproved(problem, bound, best)
@@ -449,9 +259,7 @@ def _result(
     )
 
 
-def _unproved(
-    problem: Problem, bound: _Bound, best: ProvedPoint | None
-) -> tuple[Status, list[str]]:
+def _unproved(problem: Problem, bound: Bound, best: ProvedPoint | None) -> tuple[Status, list[str]]:
     if best is not None:
         ray = falling_ray(problem, best)
         if ray is not None:
@@ -466,9 +274,7 @@ def _unproved(
     return Status.FAILED, []
 
 
-def _points(
-    problem: Problem, best: ProvedPoint | None, near: list[NDArray]
-) -> tuple[Point, ...]:
+def _points(problem: Problem, best: ProvedPoint | None, near: list[NDArray]) -> tuple[Point, ...]:
     """Distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []
     rated = sorted(near, key=problem.objective)

@@ -61,7 +61,9 @@ def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: s
     import sympy
 
     try:
-        terms = sympy.Poly(expression, *symbols, domain="RR" if expression.has(sympy.Float) else None)
+        terms = sympy.Poly(
+            expression, *symbols, domain="RR" if expression.has(sympy.Float) else None
+        )
     except (sympy.PolynomialError, sympy.polys.polyerrors.CoercionFailed) as error:
         raise ProblemError(f"{where}: found {expression}, expected a polynomial: {error}") from None
     pairs = terms.terms() or [((0,) * len(symbols), 0)]

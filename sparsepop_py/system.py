@@ -95,6 +95,21 @@ class PolynomialSystem:
         words.sort(axis=1)
         return self.row[term], variable, self.coefficients[term] * power, words
 
+    def gradient(self, x: NDArray) -> NDArray[np.float64]:
+        """Gradient of the only row at ``x``, shape (n,)."""
+        _, variable, coefficient, words = self._gradient
+        values = coefficient * monomials.evaluate(words, x)
+        return np.bincount(variable, weights=values, minlength=self.dimension)
+
+    @cached_property
+    def gradient_system(self) -> PolynomialSystem:
+        """The partial derivatives of the only row, as n rows; its Jacobian is the Hessian."""
+        _, variable, coefficient, words = self._gradient
+        order = np.argsort(variable, kind="stable")
+        return PolynomialSystem(
+            words[order], coefficient[order], variable[order], self.dimension, self.dimension
+        )
+
     def jacobian(self, x: NDArray) -> sps.csr_array:
         """Jacobian at ``x`` of shape (n,), sparse (m, n)."""
         row, variable, coefficient, words = self._gradient

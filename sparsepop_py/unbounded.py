@@ -69,9 +69,7 @@ def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> boo
     return True
 
 
-def _along(
-    polynomial: Polynomial, origin: list[Fraction], step: list[Fraction]
-) -> list[Fraction]:
+def _along(polynomial: Polynomial, origin: list[Fraction], step: list[Fraction]) -> list[Fraction]:
     """Coefficients in s of p(origin + s * step), without trailing zeros."""
     total = [Fraction(0)] * (polynomial.degree + 1)
     for letters, coefficient in zip(

@@ -19,7 +19,15 @@ from ..rounding import Interval, up
 from ..system import PolynomialSystem
 from .identity import Identity
 
-__all__ = ["BoxProof", "Propagation", "Sublevel", "box_rows", "sublevel_box", "tighten", "with_cutoff"]
+__all__ = [
+    "BoxProof",
+    "Propagation",
+    "Sublevel",
+    "box_rows",
+    "sublevel_box",
+    "tighten",
+    "with_cutoff",
+]
 
 
 @dataclass(frozen=True)
@@ -67,9 +75,7 @@ class BoxProof:
         return box
 
 
-def tighten(
-    problem: Problem, box: Interval, cutoff: float | None
-) -> tuple[Interval, Propagation]:
+def tighten(problem: Problem, box: Interval, cutoff: float | None) -> tuple[Interval, Propagation]:
     """Propagate to a fixed point; the box and the step that proves it."""
     tighter, sweeps = propagate(box_rows(problem, cutoff), box)
     return tighter, Propagation(sweeps, cutoff is not None)
@@ -116,9 +122,7 @@ def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDAr
     return system, np.append(problem.equality, False)
 
 
-def sublevel_box(
-    problem: Problem, cutoff: float | None, step: Sublevel, box: Interval
-) -> Interval:
+def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: Interval) -> Interval:
     """Intersect a box with what a sublevel identity proves."""
     scaling = step.identity.scaling
     if cutoff is None or not scaling.contains(box):

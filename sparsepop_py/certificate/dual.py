@@ -13,9 +13,9 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import lsmr
 
+from .. import monomials
 from ..conic import ConicProgram, split_dual
 from ..generators import single_letters
-from .. import monomials
 from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
 from ..problem import Problem
@@ -53,9 +53,7 @@ def identity_of(
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
         weight = objective_size / sizes[group.generator]
         if group.free:
-            multipliers.append(
-                Multipliers(group.generator, group.basis, part * weight[:, None])
-            )
+            multipliers.append(Multipliers(group.generator, group.basis, part * weight[:, None]))
             continue
         carries = (_letters(relaxation.problem, group.generator) >= 0) & (floor > 0)
         for with_floor in (False, True):

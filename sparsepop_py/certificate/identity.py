@@ -228,6 +228,7 @@ class Identity:
             )
         return min(kept, default=0.0), ""
 
+
 def _spend(
     group: Multipliers, letter: NDArray, words: Words, size: NDArray, n: int
 ) -> tuple[float, NDArray[np.bool_]]:

@@ -112,9 +112,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     ranges = factors.ranges(box)
     monomial = Interval.point(system.coefficients[plain]) * product(ranges)
     quadratic = _quadratic_range(c1, c2, box[q_var])
-    atoms = Interval(
-        np.append(monomial.lo, quadratic.lo), np.append(monomial.hi, quadratic.hi)
-    )
+    atoms = Interval(np.append(monomial.lo, quadratic.lo), np.append(monomial.hi, quadratic.hi))
     row = np.append(system.row[plain], q_row)
     allowed = _allowed(row, atoms, target, system.size)
     lo, hi = box.lo.copy(), box.hi.copy()
@@ -176,7 +174,12 @@ def _vertex(a: Interval, b: Interval) -> tuple[Interval, Interval]:
 
 
 def _tighten_quadratics(
-    lo: NDArray, hi: NDArray, variable: NDArray, c1: NDArray, c2: NDArray, box: Interval,
+    lo: NDArray,
+    hi: NDArray,
+    variable: NDArray,
+    c1: NDArray,
+    c2: NDArray,
+    box: Interval,
     allowed: Interval,
 ) -> None:
     """Solve c1 x + c2 x^2 in ``allowed``: |x - vertex| between two radii."""
@@ -231,9 +234,7 @@ def _quotient(target: Interval, divisor: Interval) -> Interval:
         low = np.where(divisor.hi == 0, -np.inf, down(1.0 / divisor.hi))
         high = np.where(divisor.lo == 0, np.inf, up(1.0 / divisor.lo))
     quotient = target * Interval(np.where(whole, 0.0, low), np.where(whole, 0.0, high))
-    return Interval(
-        np.where(whole, -np.inf, quotient.lo), np.where(whole, np.inf, quotient.hi)
-    )
+    return Interval(np.where(whole, -np.inf, quotient.lo), np.where(whole, np.inf, quotient.hi))
 
 
 def _root(value: Interval, power: NDArray, x: Interval) -> Interval:

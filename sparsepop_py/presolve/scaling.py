@@ -52,15 +52,16 @@ class Scaling:
         half = np.maximum(0.5 * high - 0.5 * low, _NARROW)
         centre = np.where(np.abs(centre) <= 1e-12 * half, 0.0, centre)
         centre = np.where(low < high, centre, low)
-        reach = np.maximum(np.maximum(high - centre, centre - low) * _SLACK, _NARROW)
+        reach = np.maximum(high - centre, centre - low) * _SLACK
+        reach = np.maximum(reach + 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high))), _NARROW)
         scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
-        side = np.where(boxed, 0, np.where(np.isfinite(box.lo), 1, np.where(np.isfinite(box.hi), -1, 0)))
+        side = np.where(
+            boxed, 0, np.where(np.isfinite(box.lo), 1, np.where(np.isfinite(box.hi), -1, 0))
+        )
         start = np.where(side > 0, box.lo, np.where(side < 0, box.hi, 0.0))
         guess = np.ones(low.size) if typical is None else np.maximum(np.abs(typical - start), 1.0)
         guess = 2.0 ** np.ceil(np.log2(guess))
-        return Scaling(
-            np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side
-        )
+        return Scaling(np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side)
 
     def contains(self, box: Interval) -> bool:
         """Whether what is said of t holds on the box: t in [-1, 1] where boxed, and the sides."""

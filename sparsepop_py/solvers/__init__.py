@@ -42,6 +42,4 @@ def solve_conic(
         return clarabel_.solve_moment_form(program, time_limit)
     if solver.startswith("cvxpy:"):
         return cvxpy_.solve(program, solver.removeprefix("cvxpy:"))
-    raise SolverNotFound(
-        f"solver: found {solver!r}, expected one of {', '.join(solver_names())}"
-    )
+    raise SolverNotFound(f"solver: found {solver!r}, expected one of {', '.join(solver_names())}")

@@ -39,7 +39,9 @@ def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
     try:
         import cvxpy as cp
     except ImportError as error:
-        raise SolverNotFound("solver: cvxpy is missing; install it with: pip install cvxpy") from error
+        raise SolverNotFound(
+            "solver: cvxpy is missing; install it with: pip install cvxpy"
+        ) from error
     if name.upper() not in cp.installed_solvers():
         raise SolverNotFound(
             f"solver: cvxpy has no installed solver {name!r}, found "
