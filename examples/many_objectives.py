@@ -5,11 +5,14 @@ A first-order system z[k] = a z[k-1] + b u[k-1] is observed as y[k] = z[k] + noi
 polynomial problem; the feasible set, and so the relaxation, is the same for all four.
 """
 
+from functools import partial
+
 import numpy as np
 
 import sparsepop_py as sp
 from sparsepop_py.display import rounded
 
+shown = partial(rounded, scientific=False)
 A, B, NOISE = 0.6, 1.5, 0.05
 u = np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
 z = [0.0]
@@ -28,6 +31,6 @@ for name, true, low, high in (("a", A, *results[:2]), ("b", B, *results[2:])):
     outer = low.lower_bound, -high.lower_bound  # rounded outwards to be shown
     inner = low.upper_bound, -high.upper_bound  # rounded inwards
     print(f"{name}  true value {true}")
-    print(f"   outer (proved)    [{rounded(outer[0], False)}, {rounded(outer[1], True)}]")
-    print(f"   inner (attained)  [{rounded(inner[0], True)}, {rounded(inner[1], False)}]")
+    print(f"   outer (proved)    [{shown(outer[0], False)}, {shown(outer[1], True)}]")
+    print(f"   inner (attained)  [{shown(inner[0], True)}, {shown(inner[1], False)}]")
 print("one relaxation for all:", all(r.relaxation is results[0].relaxation for r in results))

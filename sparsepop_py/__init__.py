@@ -35,6 +35,8 @@ from .relaxation import Relaxation, relax
 from .result import Point, Result, Status
 from .solve import solve, solve_each
 from .solvers import solve_conic
+from .sparsepop import sparsePOP
+from .sparsepop_output import SparsePOPOutput
 from .sparsity import Cliques, find_cliques
 from .structs import from_structs, to_structs
 
@@ -57,6 +59,7 @@ __all__ = [
     "Result",
     "SolverNotFound",
     "SparsePOPError",
+    "SparsePOPOutput",
     "Status",
     "Verdict",
     "assemble",
@@ -69,6 +72,7 @@ __all__ = [
     "solve",
     "solve_conic",
     "solve_each",
+    "sparsePOP",
     "to_structs",
     "total",
     "variables",

@@ -162,7 +162,8 @@ def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
 
 def split_dual(relaxation: Relaxation, z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """The dual z as one array a group: (K, s) for free groups, else (K, s, s) symmetric."""
-    parts, offset = [], 0
+    parts: list[NDArray[np.float64]] = []
+    offset = 0
     for group in relaxation.groups:
         total = group.count * group.rows_each
         part = z[offset : offset + total].reshape(group.count, group.rows_each)

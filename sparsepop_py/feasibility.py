@@ -122,7 +122,7 @@ def _candidates(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
     size = 1.0 + np.abs(x)
     snapped = np.where(x - problem.lower <= _NEAR * size, problem.lower, x)
     snapped = np.where(problem.upper - x <= _NEAR * size, problem.upper, snapped)
-    rounded = np.round(snapped, 4)
+    rounded: NDArray[np.float64] = np.round(snapped, 4).astype(float)
     inside = (rounded >= problem.lower) & (rounded <= problem.upper)
     rounded = np.where(inside & (np.abs(rounded - snapped) <= 1e-6 * size), rounded, snapped)
     yield rounded
@@ -342,9 +342,10 @@ def _prove_by_krawczyk(
     if rows.size == 0 or rows.size != solved.size or solved.size > 400:
         return None
     system = problem.rows.take(rows)
-    x = polished(system, x, solved)
-    if x is None or np.any(x < problem.lower) or np.any(x > problem.upper):
+    near = polished(system, x, solved)
+    if near is None or np.any(near < problem.lower) or np.any(near > problem.upper):
         return None
+    x = near
     box = zero_near(system, x, solved)
     if box is None:
         return None

@@ -83,7 +83,7 @@ class Options:
             raise ProblemError(f"Options.order: found {self.order!r}, expected a positive integer")
         for name in ("gap", "tolerance"):
             value = getattr(self, name)
-            if not isinstance(value, numbers.Real) or not value >= 0:
+            if not isinstance(value, numbers.Real) or not float(value) >= 0:
                 raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
         if self.time_limit is not None and not self.time_limit > 0:
             raise ProblemError(

@@ -233,9 +233,9 @@ class Polynomial:
         return Polynomial.from_words(self.words, values, self.dimension, self.names)
 
     def __pow__(self, power: Any) -> Polynomial:
-        if not isinstance(power, numbers.Real) or power < 0 or int(power) != power:
+        if not isinstance(power, numbers.Real) or power < 0 or float(power) % 1 != 0:
             raise ProblemError(f"exponent: found {power!r}, expected a non-negative integer")
-        result, base, left = self._constant(1.0), self, int(power)
+        result, base, left = self._constant(1.0), self, int(float(power))
         while left:
             if left & 1:
                 result = result * base

@@ -193,7 +193,7 @@ class Problem:
             *((c.polynomial, c.kind.name) for c in self.constraints),
         ]:
             digest.update(kind.encode())
-            digest.update(np.int64(polynomial.words.shape).tobytes())
+            digest.update(np.array(polynomial.words.shape, "<i8").tobytes())
             digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
             digest.update(np.ascontiguousarray(polynomial.coefficients, "<f8").tobytes())
         for bound in (self.lower, self.upper):
@@ -298,10 +298,10 @@ def _sum_of_squares(squares: Sequence[tuple[float, Polynomial]], dimension: int)
         i, j = np.triu_indices(terms)
         letters = np.stack([p.words for _, p in items])
         value = np.stack([p.coefficients for _, p in items])
-        weight = np.array([w for w, _ in items])[:, None] * np.where(i == j, 1.0, 2.0)
+        twice = np.array([w for w, _ in items])[:, None] * np.where(i == j, 1.0, 2.0)
         product = monomials.multiply(letters[:, i], letters[:, j])
         words.append(product.reshape(-1, product.shape[-1]))
-        values.append((weight * value[:, i] * value[:, j]).ravel())
+        values.append((twice * value[:, i] * value[:, j]).ravel())
     width = max(w.shape[1] for w in words)
     joined = np.concatenate([monomials.widen(w, width) for w in words])
     return Polynomial.from_words(joined, np.concatenate(values), dimension)

@@ -266,7 +266,7 @@ def best_attained(
     tolerance : float
         Largest violation, in the user's units, of a vector that is kept.
     """
-    found = []
+    found: list[tuple[float, int, NDArray[np.float64]]] = []
     for start in starts:
         branch = _decide(problem, start)
         tried = [local_search(problem, start, method), start]
@@ -278,7 +278,7 @@ def best_attained(
                     value, violation = problem.objective(x), problem.violation(x)
                 if np.isfinite(value) and violation <= tolerance:
                     found.append((value, len(found), x))
-    found.sort()
+    found.sort(key=lambda entry: entry[0])
     best: ProvedPoint | None = None
     for value, _, x in found[:12]:
         if best is not None and value >= best.value:

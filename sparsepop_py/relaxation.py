@@ -206,7 +206,7 @@ class Relaxation:
         vector = np.bincount(
             number, weights=objective.coefficients, minlength=self.moments.shape[0] + 1
         )
-        return vector[1:], float(vector[0])
+        return vector[1:].astype(float), float(vector[0])
 
     def __str__(self) -> str:
         cliques = Counter(len(c) for c in self.cliques.members)
@@ -270,7 +270,8 @@ def relax(
       moments M = 23, conic rows R = 60 (0 equalities), 84 nonzeros
     """
     cliques = cliques or find_cliques(problem, objectives=objectives)
-    least, notes = least_order(problem, objectives), ()
+    least = least_order(problem, objectives)
+    notes: tuple[str, ...] = ()
     if order is not None and order < least:
         notes = (f"order {order} raised to {least}, the least for these degrees",)
     order = max(order or least, least)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .certificate.certificate import Certificate
 from .conic import ConicSolution
+from .display import rounded
 from .feasibility import ProvedPoint
 from .options import Options
 from .problem import Problem
@@ -132,8 +133,8 @@ class Result:
         lines = [
             repr(self.problem)[1:-1],
             f"status        {self.status}: {self.status.message}",
-            f"lower bound   {self._show(self.lower_bound)}  proved",
-            f"upper bound   {self._show(self.upper_bound)}  "
+            f"lower bound   {rounded(self.lower_bound, False, 11, scientific=False)}  proved",
+            f"upper bound   {rounded(self.upper_bound, True, 11, scientific=False)}  "
             + ("attained" if self.attained else "no attained point"),
             f"gap           {self.gap:.3g}",
         ]
@@ -155,17 +156,13 @@ class Result:
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines)
 
-    @staticmethod
-    def _show(value: float) -> str:
-        return f"{value:+.10g}"
-
     def __str__(self) -> str:
         return self.summary()
 
     def __repr__(self) -> str:
-        return (
-            f"<Result {self.status}: {self.lower_bound:.10g} <= minimum <= {self.upper_bound:.10g}>"
-        )
+        low = rounded(self.lower_bound, False, scientific=False)
+        high = rounded(self.upper_bound, True, scientific=False)
+        return f"<Result {self.status}: {low} <= minimum <= {high}>"
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.summary())}</pre>"

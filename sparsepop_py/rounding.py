@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,8 +100,8 @@ class Interval:
         hi = near if exact >= value else np.nextafter(near, np.inf)
         return Interval(np.float64(lo), np.float64(hi))  # type: ignore[arg-type]
 
-    def __getitem__(self, key: object) -> Interval:
-        return Interval(self.lo[key], self.hi[key])  # type: ignore[index]
+    def __getitem__(self, key: Any) -> Interval:
+        return Interval(self.lo[key], self.hi[key])
 
     def __neg__(self) -> Interval:
         return Interval(-self.hi, -self.lo)

@@ -15,7 +15,7 @@ from .boxes import find_box
 from .certificate.box import BoxProof, Propagation
 from .certificate.certificate import Certificate, certify
 from .certificate.dual import identity_of, margin, repaired
-from .conic import ConicSolution, assemble
+from .conic import ConicProgram, ConicSolution, assemble
 from .feasibility import ProvedPoint
 from .options import Options
 from .polynomial import Polynomial
@@ -29,7 +29,7 @@ from .sizing import fitting_relaxations
 from .solvers import solve_conic
 from .sparsity import find_cliques
 
-__all__ = ["Bound", "Clock", "Model", "better", "closed", "level", "one_round", "relaxed"]
+__all__ = ["Bound", "Clock", "Model", "Task", "better", "closed", "level", "one_round", "relaxed"]
 
 _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
 
@@ -73,28 +73,31 @@ class Clock:
         return self._end is not None and time.monotonic() >= self._end
 
 
-def one_round(
-    problem: Problem,
-    best: ProvedPoint | None,
-    options: Options,
-    shared: Model | None,
-    stages: Stages,
-    clock: Clock,
-) -> Bound:
-    """Box, relaxation, solver and certificate, once."""
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What every stage needs: the problem, the options, and the best attained point so far."""
+
+    problem: Problem
+    options: Options
+    stages: Stages
+    clock: Clock
+    best: ProvedPoint | None = None
+
+
+def one_round(task: Task, shared: Model | None) -> Bound:
+    """Box, relaxations, solver and certificate, once."""
+    problem, options, best = task.problem, task.options, task.best
     model = shared
     if model is None:
-        with stages.stage("presolve"):
-            model = Model(
-                *find_box(problem, best, options, done=_trivially(problem, best, options))
-            )
+        with task.stages.stage("presolve"):
+            model = Model(*find_box(problem, best, options, done=_trivially(task)))
         empty = _emptiness(problem, model)
         if empty is not None:
             return Bound(model, empty)
-        with stages.stage("relax"):
+        with task.stages.stage("relax"):
             typical = best.x if best is not None else None
             model = relaxed(problem, (problem.objective,), model, options, typical)
-    return _prove(problem, best, model, options, stages, clock)
+    return _prove(task, model)
 
 
 def _emptiness(problem: Problem, model: Model) -> Certificate | None:
@@ -109,12 +112,12 @@ def _emptiness(problem: Problem, model: Model) -> Certificate | None:
     return certify(problem, proof, None, None, empty=True)
 
 
-def _trivially(problem: Problem, best: ProvedPoint | None, options: Options) -> bool:
+def _trivially(task: Task) -> bool:
     """Whether the given bounds or squares close the gap without any relaxation."""
-    if best is None or options.effort == "plain":
+    if task.best is None or task.options.effort == "plain":
         return False
-    start = Model(BoxProof(), Interval(problem.lower, problem.upper))
-    return closed(Bound(start, certify(problem, start.proof, None, None)), best, options)
+    start = Model(BoxProof(), Interval(task.problem.lower, task.problem.upper))
+    return closed(task, Bound(start, certify(task.problem, start.proof, None, None)))
 
 
 def relaxed(
@@ -140,69 +143,81 @@ def relaxed(
     return replace(model, scaled=scaled, relaxations=relaxations, notes=notes)
 
 
-def _prove(
-    problem: Problem,
-    best: ProvedPoint | None,
-    model: Model,
-    options: Options,
-    stages: Stages,
-    clock: Clock,
-) -> Bound:
+def _prove(task: Task, model: Model) -> Bound:
     """Solve the relaxations and certify, until the gap to the attained value is closed."""
-    outcome = Bound(model, certify(problem, model.proof, best, None))
-    if not model.relaxations:
+    outcome = Bound(model, certify(task.problem, model.proof, task.best, None))
+    if not model.relaxations or model.scaled is None:
         return outcome
-    if options.effort != "plain" and closed(outcome, best, options):
+    if task.options.effort != "plain" and closed(task, outcome):
         # the box or the squares prove it already
         return replace(outcome, relaxation=model.relaxations[-1])
+    own = Scaled.of(task.problem, model.scaled.scaling, (task.problem.objective,))
     for relaxation in model.relaxations:
-        outcome = _solve_relaxation(
-            problem, best, model, relaxation, outcome, options, stages, clock
-        )
-        if closed(outcome, best, options) or clock.over:
+        outcome = _solve_relaxation(task, model, own, relaxation, outcome)
+        if closed(task, outcome) or task.clock.over:
             break
     return outcome
 
 
 def _solve_relaxation(
-    problem: Problem,
-    best: ProvedPoint | None,
-    model: Model,
-    relaxation: Relaxation,
-    outcome: Bound,
-    options: Options,
-    stages: Stages,
-    clock: Clock,
+    task: Task, model: Model, scaled: Scaled, relaxation: Relaxation, outcome: Bound
 ) -> Bound:
     """One relaxation; where variables have no box, with growing margins until it closes."""
-    assert model.scaled is not None
-    own = Scaled.of(problem, model.scaled.scaling, (problem.objective,))
-    objective, size = own.objectives[0], own.objective_sizes[0]
-    boxed = bool(np.all(model.scaled.scaling.boxed))
+    boxed = bool(np.all(scaled.scaling.boxed))
     for share in (0.0,) if boxed else _MARGINS:
-        with stages.stage("assemble"):
-            weighted = objective - margin(relaxation) * share if share else objective
-            program = assemble(relaxation, weighted)
-        for solver in _solvers(options):
-            with stages.stage("solve"):
-                solution = solve_conic(program, solver, clock.left)
-            with stages.stage("certify"):
-                empty = solution.status == "infeasible"
-                for z in (solution.z, None):
-                    if z is None:
-                        if closed(outcome, best, options) or empty:
-                            break
-                        z = repaired(program, solution.z)
-                    identity = identity_of(
-                        relaxation, model.scaled, z, 1.0 if empty else size, floor=share
-                    )
-                    certificate = certify(problem, model.proof, best, identity, empty=empty)
-                    new = Bound(model, certificate, relaxation, solution, size * solution.primal)
-                    outcome = better(outcome, new)
-            if solution.status != "almost" or closed(outcome, best, options) or clock.over:
+        with task.stages.stage("assemble"):
+            objective = scaled.objectives[0]
+            if share:
+                objective = objective - margin(relaxation) * share
+            program = assemble(relaxation, objective)
+        for solver in _solvers(task.options):
+            with task.stages.stage("solve"):
+                solution = solve_conic(program, solver, task.clock.left)
+            with task.stages.stage("certify"):
+                attempt = _Attempt(model, scaled, relaxation, program, solution, share)
+                outcome = _certified(task, attempt, outcome)
+            if solution.status != "almost" or closed(task, outcome) or task.clock.over:
                 break
-        if level(outcome.certificate) > -np.inf or clock.over:
+        if level(outcome.certificate) > -np.inf or task.clock.over:
             break
+    return outcome
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """One solution of one program, to be certified."""
+
+    model: Model
+    scaled: Scaled
+    relaxation: Relaxation
+    program: ConicProgram
+    solution: ConicSolution
+    share: float
+
+    def bound(self, task: Task, z: NDArray[np.float64]) -> Bound:
+        """What the multipliers z prove."""
+        size = self.scaled.objective_sizes[0]
+        empty = self.solution.status == "infeasible"
+        identity = identity_of(
+            self.relaxation, self.scaled, z, 1.0 if empty else size, floor=self.share
+        )
+        certificate = certify(task.problem, self.model.proof, task.best, identity, empty=empty)
+        value = size * self.solution.primal
+        return Bound(self.model, certificate, self.relaxation, self.solution, value)
+
+
+def _certified(task: Task, attempt: _Attempt, outcome: Bound) -> Bound:
+    """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
+    new = attempt.bound(task, attempt.solution.z)
+    outcome = better(outcome, new)
+    if attempt.solution.status == "infeasible" or task.options.effort == "plain":
+        return outcome
+    loss = np.inf if new.certificate is None else new.certificate.correction
+    scale = max(1.0, abs(attempt.scaled.objective_sizes[0] * attempt.solution.primal))
+    if loss > 1e-9 * scale:
+        outcome = better(
+            outcome, attempt.bound(task, repaired(attempt.program, attempt.solution.z))
+        )
     return outcome
 
 
@@ -225,9 +240,9 @@ def better(old: Bound | None, new: Bound) -> Bound:
     return replace(new, certificate=old.certificate)
 
 
-def closed(bound: Bound, best: ProvedPoint | None, options: Options) -> bool:
+def closed(task: Task, bound: Bound) -> bool:
     """Whether the gap to the attained value is within the options, or nothing is feasible."""
-    value = level(bound.certificate)
+    value, best, options = level(bound.certificate), task.best, task.options
     if value == np.inf:
         return True
     if best is None or value == -np.inf:

@@ -9,6 +9,7 @@ attained value, the cut-off shrinks the box and another round may gain.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from .progress import Stages
 from .refinement import best_attained, starting_points
 from .result import Point, Result, Status
 from .rounding import Interval
-from .rungs import Bound, Clock, Model, better, closed, level, one_round, relaxed
+from .rungs import Bound, Clock, Model, Task, better, closed, level, one_round, relaxed
 from .unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
@@ -123,7 +124,7 @@ def solve_each(
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         with stages.stage("relax"):
             model = relaxed(problem, tuple(objectives), Model(proof, box), options)
-    results = []
+    results: list[Result] = []
     for objective in objectives:
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not results else {})
@@ -149,28 +150,28 @@ def _solve_one(
     shared: Model | None,
     stages: Stages,
 ) -> Result:
-    clock = Clock(options.time_limit)
+    task = Task(problem, options, stages, Clock(options.time_limit))
     with stages.stage("search"):
         box = shared.box if shared else Interval(problem.lower, problem.upper)
         best, near = _search(problem, starts + _random_starts(problem, box, options), options)
-    best_round: Bound | None = None
-    for number in range(1 if shared else _ROUNDS):
-        bound = one_round(problem, best, options, shared, stages, clock)
-        best_round = better(best_round, bound)
+        task = replace(task, best=best)
+    outcome: Bound | None = None
+    for _ in range(1 if shared else _ROUNDS):
+        bound = one_round(task, shared)
+        outcome = better(outcome, bound)
         with stages.stage("extract"):
             found, more = _search(problem, _extracted(bound), options)
         near = near + more
-        improved = _lower(found, best)
-        old, best = best, (found if improved else best)
-        if closed(best_round, best, options) or clock.over or options.effort == "plain":
+        old, improved = task.best, _lower(found, task.best)
+        if improved:
+            task = replace(task, best=found)
+        if closed(task, outcome) or task.clock.over or options.effort == "plain":
             break
-        if number and not improved:
-            break
-        if not improved or not _worth_another(old, best, bound):
+        if not improved or not _worth_another(old, task.best, bound):
             break
     stages.close()
-    assert best_round is not None
-    return _result(problem, options, best_round, best, near, stages, clock)
+    assert outcome is not None
+    return _result(task, outcome, near)
 
 
 def _random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
@@ -213,15 +214,8 @@ def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: Boun
     return old.value - new.value > 0.05 * (new.value - bound.certificate.bound)
 
 
-def _result(
-    problem: Problem,
-    options: Options,
-    bound: Bound,
-    best: ProvedPoint | None,
-    near: list[NDArray],
-    stages: Stages,
-    clock: Clock,
-) -> Result:
+def _result(task: Task, bound: Bound, near: list[NDArray]) -> Result:
+    problem, best = task.problem, task.best
     lower = level(bound.certificate)
     upper = best.value if best is not None else np.inf
     if lower > upper:
@@ -233,17 +227,17 @@ def _result(
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE
-    elif closed(bound, best, options):
+    elif closed(task, bound):
         status = Status.OPTIMAL
     elif lower == -np.inf:
         status, note = _unproved(problem, bound, best)
         notes += note
-    elif clock.over:
+    elif task.clock.over:
         status = Status.LIMIT
     points = _points(problem, best, near)
     return Result(
         problem=problem,
-        options=options,
+        options=task.options,
         status=status,
         lower_bound=lower,
         upper_bound=upper if status is not Status.UNBOUNDED else -np.inf,
@@ -254,7 +248,7 @@ def _result(
         relaxation=bound.relaxation,
         solution=bound.solution,
         solver_value=bound.value,
-        timings=stages.seconds,
+        timings=task.stages.seconds,
         notes=tuple(notes),
     )
 

@@ -83,7 +83,7 @@ class PolynomialSystem:
     def values(self, x: NDArray) -> NDArray[np.float64]:
         """Values at ``x`` of shape (n,), giving (m,)."""
         terms = self.coefficients * monomials.evaluate(self.words, x)
-        return np.bincount(self.row, weights=terms, minlength=self.size)
+        return np.bincount(self.row, weights=terms, minlength=self.size).astype(float)
 
     @cached_property
     def _gradient(self) -> tuple[NDArray, NDArray, NDArray, Words]:
@@ -99,7 +99,7 @@ class PolynomialSystem:
         """Gradient of the only row at ``x``, shape (n,)."""
         _, variable, coefficient, words = self._gradient
         values = coefficient * monomials.evaluate(words, x)
-        return np.bincount(variable, weights=values, minlength=self.dimension)
+        return np.bincount(variable, weights=values, minlength=self.dimension).astype(float)
 
     @cached_property
     def gradient_system(self) -> PolynomialSystem:

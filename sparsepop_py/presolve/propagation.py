@@ -135,8 +135,8 @@ def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Inte
         count = np.bincount(row, weights=endless, minlength=size)[row]
         others = total[row] - Interval.point(finite)
         blocked = count - endless > 0
-        rest = np.where(alone, 0.0, others.lo if infinity < 0 else others.hi)
-        ends.append(np.where(blocked, infinity, rest))
+        remaining = np.where(alone, 0.0, others.lo if infinity < 0 else others.hi)
+        ends.append(np.where(blocked, infinity, remaining))
     rest = Interval(ends[0], ends[1])
     exact = (rest.lo == 0) & (rest.hi == 0)
     shifted = target[row] - rest

@@ -1,0 +1,171 @@
+"""The examples run as a user runs them, and the README's code does what it says."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py import cli
+
+ROOT = Path(__file__).resolve().parent.parent
+EXAMPLES = ROOT / "examples"
+PROBLEMS = sorted((EXAMPLES / "problems").glob("*.gms"))
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def run(name: str, folder: Path, *arguments: str) -> str:
+    """Output of an example, warnings being errors, started in another folder."""
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py"), *arguments],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path.rstrip(os.pathsep)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def numbers(text: str) -> list[float]:
+    return [float(token) for token in re.findall(r"-?\d+\.\d+(?:e[+-]\d+)?", text)]
+
+
+def test_every_example_is_tested() -> None:
+    named = {"demo", "expressions", "structs", "certificate", "many_objectives"}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == named | {"order_comparison"}
+
+
+# Minima (the maximum of pooling) that follow by hand or from enumeration; chain, quartic
+# and laboratory from multistart search, to the digits that are given.
+OPTIMA = {
+    "binary": -23.0,
+    "chain": -6.9,
+    "complementarity": -7.0,
+    "laboratory": 52.70660654,
+    "pooling": 700.0,
+    "quartic": -5.61583463,
+}
+
+
+def test_demo(tmp_path: Path) -> None:
+    output = run("demo", tmp_path, "--output", str(tmp_path / "pictures"))
+    rows = {line.split()[0]: line.split() for line in output.splitlines() if line.strip()}
+    assert set(OPTIMA) == {path.stem for path in PROBLEMS}
+    for name, optimum in OPTIMA.items():
+        _, _, sense, _, status, proved, attained, gap, _, verified = rows[name]
+        assert (status, verified) == ("OPTIMAL", "yes"), name
+        assert float(gap) <= 1e-6 * max(1.0, abs(optimum))
+        sign = -1.0 if sense == "max" else 1.0
+        assert sign * float(proved) <= sign * optimum + 1e-8
+        assert sign * float(attained) >= sign * optimum - 1e-8
+        picture = tmp_path / "pictures" / f"{name}.png"
+        assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_binary_optimum_by_enumeration() -> None:
+    problem = sp.read_gms(EXAMPLES / "problems" / "binary.gms")
+    n = problem.dimension
+    points = [[float(k >> i & 1) for i in range(n)] for k in range(2**n)]
+    feasible = [x for x in points if problem.violation(x) == 0.0]
+    assert min(problem.objective(x) for x in feasible) == OPTIMA["binary"]
+
+
+def test_expressions(tmp_path: Path) -> None:
+    output = run("expressions", tmp_path)
+    assert "status        OPTIMAL" in output
+    exact = -1.0 / (2.0 + 2.0**0.5)
+    proved = re.search(r"lower bound +(\S+) +proved", output)
+    assert proved and exact - 1e-6 <= float(proved.group(1)) <= exact + 1e-9
+
+
+def test_structs(tmp_path: Path) -> None:
+    output = run("structs", tmp_path)
+    lines = {line.split()[0]: line for line in output.splitlines() if line.strip()}
+    assert "OPTIMAL" in lines["status"]
+    (proved,), (attained,) = (numbers(lines[key]) for key in ("SDPobjValue", "POP.upperBound"))
+    assert proved <= attained <= proved + 1e-5
+    plain = lines["param.tighten"].split()[-1]
+    assert float(plain) <= attained
+
+
+def test_certificate(tmp_path: Path) -> None:
+    lines = run("certificate", tmp_path).splitlines()[1:]
+    assert ["accepted" in line for line in lines] == [True, False, False, False, True, False]
+    claim, _, damaged, short, *_ = (float(line.split()[-1]) for line in lines)
+    assert damaged < short < claim
+
+
+def test_many_objectives(tmp_path: Path) -> None:
+    output = run("many_objectives", tmp_path)
+    for true, name in ((0.6, "a"), (1.5, "b")):
+        block = output.split(f"{name}  true value")[1].split("\n")
+        outer, inner = numbers(block[1]), numbers(block[2])
+        assert outer[0] <= inner[0] <= true <= inner[1] <= outer[1]
+        assert outer[1] - outer[0] <= 1.001 * (inner[1] - inner[0])
+    assert "one relaxation for all: True" in output
+
+
+def test_order_comparison(tmp_path: Path) -> None:
+    rows = [line.split() for line in run("order_comparison", tmp_path).splitlines()[1:]]
+    assert len(rows) == 12
+    for name in ("laboratory", "chain"):
+        for effort in ("plain", "presolve"):
+            bounds = [float(r[4]) for r in rows if r[0] == name and r[2] == effort]
+            assert len(bounds) == 3 and max(bounds) <= OPTIMA[name]
+            if effort == "presolve":
+                assert all(a <= b + 1e-5 for a, b in zip(bounds, bounds[1:], strict=False))
+                assert bounds[-1] >= OPTIMA[name] - 1e-5
+
+
+# ---- README -----------------------------------------------------------------------------
+
+BLOCKS = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
+COMMANDS = re.findall(r"^sparsepop .*", README, re.M)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A scratch copy of the examples, as the current folder."""
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("number", range(len(BLOCKS)))
+def test_readme_code(number: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    exec(compile(BLOCKS[number], f"README.md block {number}", "exec"), {})
+    printed = capsys.readouterr().out
+    for promise in re.findall(r"print\(.*#\s+(\w+)$", BLOCKS[number], re.M):
+        assert promise in printed
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_readme_commands(command: str, folder: Path) -> None:
+    assert cli.main(shlex.split(command.split("#")[0])[1:]) == cli.EXIT_PROVED
+
+
+def test_readme_has_code_and_commands() -> None:
+    assert len(BLOCKS) >= 2
+    assert len(COMMANDS) >= 2
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", *ROOT.glob("docs/*.md")])
+def test_links_lead_somewhere(page: str | Path) -> None:
+    path = ROOT / page
+    for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
+        if "://" not in target:
+            assert (path.parent / target).exists(), f"{path.name} links to {target}"
