@@ -28,6 +28,7 @@ HEAD = COLUMNS.format(
 
 
 def main() -> None:
+    """Solve every problem, print the table, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="for pictures")
     output = parser.parse_args().output

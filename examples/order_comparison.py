@@ -15,6 +15,4 @@ for name in ("laboratory", "chain"):
             result = sp.solve(problem, sp.Options(order=order, effort=effort))
             bound = rounded(result.lower_bound, upwards=False, scientific=False)
             largest = max(result.relaxation.block_sizes) if result.relaxation else 0
-            print(
-                f"{name:<12}{order:>5}  {effort:<9}  {result.status:<9}{bound:>20}{largest:>15}"
-            )
+            print(f"{name:<12}{order:>5}  {effort:<9}  {result.status:<9}{bound:>20}{largest:>15}")

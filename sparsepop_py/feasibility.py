@@ -90,6 +90,7 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     >>> point.proof, point.radius < 1e-12
     ('krawczyk', True)
     """
+    problem = problem.sharpened
     x = np.clip(np.asarray(x, float), problem.lower, problem.upper)
     if not np.all(np.isfinite(x)):
         return None

@@ -180,6 +180,38 @@ class Problem:
         parts = [worst, self.lower - point, point - self.upper, np.zeros(1)]
         return float(np.max(np.concatenate(parts)))
 
+    @cached_property
+    def bound_rows(self) -> NDArray[np.bool_]:
+        """Which constraints are linear in one variable, that is, bounds in disguise, shape (m,)."""
+        return np.array(
+            [c.polynomial.degree == 1 and c.polynomial.support.size == 1 for c in self.constraints],
+            bool,
+        )
+
+    @cached_property
+    def sharpened(self) -> Problem:
+        """The same problem with the bounds that :attr:`bound_rows` hide, rounded inwards.
+
+        A point that is feasible here is feasible in the original problem.
+        """
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for number in np.flatnonzero(self.bound_rows):
+            p = self.constraints[number].polynomial
+            slope, variable = float(p.coefficients[-1]), int(p.support[0])
+            edge = -p.constant_term / slope
+            rounded = Fraction(edge) * Fraction(slope) != -Fraction(p.constant_term)
+            if self.equality[number] or slope > 0:
+                inner = np.nextafter(edge, np.inf) if rounded else edge
+                lower[variable] = max(lower[variable], inner)
+            if self.equality[number] or slope < 0:
+                inner = np.nextafter(edge, -np.inf) if rounded else edge
+                upper[variable] = min(upper[variable], inner)
+        if np.array_equal(lower, self.lower) and np.array_equal(upper, self.upper):
+            return self
+        if np.any(lower > upper):
+            return self
+        return Problem(self.objective, self.constraints, lower, upper, self.names)
+
     def with_objective(self, objective: Polynomial) -> Problem:
         """The same feasible set with another objective."""
         return Problem(objective, self.constraints, self.lower, self.upper, self.names, sense="min")

@@ -40,6 +40,7 @@ def local_search(
     method : {None, "ipopt"}
         None chooses among SciPy's methods by size and structure.
     """
+    problem = problem.sharpened
     start = np.clip(start, problem.lower, problem.upper)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
@@ -96,7 +97,10 @@ def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
 def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     rows, size = problem.rows, _row_sizes(problem)
     constraints = []
-    for kind, chosen in (("ineq", ~problem.equality), ("eq", _independent(problem, start))):
+    for kind, chosen in (
+        ("ineq", ~problem.equality & ~problem.bound_rows),
+        ("eq", _independent(problem, start)),
+    ):
         index = np.flatnonzero(chosen)
         if index.size:
             part, scale = rows.take(index), size[index]

@@ -72,6 +72,15 @@ class PolynomialSystem:
             self.dimension,
         )
 
+    def without(self, rows: NDArray) -> PolynomialSystem:
+        """The same system with the chosen rows emptied."""
+        gone = np.zeros(self.size, bool)
+        gone[rows] = True
+        keep = np.flatnonzero(~gone[self.row])
+        return PolynomialSystem(
+            self.words[keep], self.coefficients[keep], self.row[keep], self.size, self.dimension
+        )
+
     def terms_of(self, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Terms of the chosen rows: position in ``rows`` and term number, both (L,)."""
         first = np.searchsorted(self.row, np.arange(self.size + 1))

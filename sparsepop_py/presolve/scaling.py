@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import monomials
 from ..enclosure import expand_affine
 from ..polynomial import Constraint, Polynomial
 from ..problem import Problem
@@ -124,12 +125,19 @@ class Scaled:
         """Scale constraints, bounds and objectives."""
         n, m = problem.dimension, len(problem.constraints)
         polynomials = [c.polynomial for c in problem.constraints] + list(objectives)
-        system = scaling.expand(PolynomialSystem.stack(polynomials, n))
+        original = PolynomialSystem.stack(polynomials, n)
+        system = scaling.expand(original)
+        reach = np.abs(scaling.centre) + scaling.scale
+        magnitude = np.zeros(original.size)
+        terms = np.abs(original.coefficients) * monomials.evaluate(original.words, reach)
+        np.maximum.at(magnitude, original.row, terms)
         largest = np.zeros(system.size)
         varies = system.words.any(axis=1)
         np.maximum.at(largest, system.row[varies], np.abs(system.coefficients[varies]))
         size = np.where(largest > 0, largest, 1.0)
-        rows = _split(system, size)
+        useless = _repeats_bounds(system, problem, scaling) | (largest <= 1e-11 * magnitude)
+        useless[m:] = False  # objectives
+        rows = _split(system.without(np.flatnonzero(useless)), size)
         constraints = [
             Constraint(row, constraint.kind, constraint.name)
             for row, constraint in zip(rows, problem.constraints, strict=False)
@@ -137,6 +145,21 @@ class Scaled:
         low, high = scaling.bounds
         scaled = Problem(rows[m], constraints, low, high, problem.names)
         return Scaled(scaled, scaling, tuple(rows[m:]), tuple(size[m:].tolist()), size[:m])
+
+
+def _repeats_bounds(
+    system: PolynomialSystem, problem: Problem, scaling: Scaling
+) -> NDArray[np.bool_]:
+    """Rows that only repeat the bounds of one variable, which the box holds already."""
+    linear = monomials.degrees(system.words) == 1
+    boxed = np.append(False, scaling.boxed)[system.words[:, -1]]
+    slope = np.bincount(
+        system.row[linear], np.abs(system.coefficients[linear]) * boxed[linear], system.size
+    )
+    constant = np.bincount(system.row[~linear], system.coefficients[~linear], system.size)
+    implied = (slope > 0) & (constant >= (1.0 - 1e-9) * slope)
+    implied[: problem.equality.size] &= problem.bound_rows & ~problem.equality
+    return implied
 
 
 def _split(system: PolynomialSystem, size: NDArray) -> list[Polynomial]:
