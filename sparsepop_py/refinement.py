@@ -26,6 +26,7 @@ __all__ = ["best_attained", "local_search", "starting_points"]
 
 _DENSE_LIMIT = 300
 _FAR = 1e8
+_ENOUGH = 5  # searches that end at the best value before the rest is left out
 
 
 def local_search(
@@ -255,6 +256,24 @@ def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
     return bool(np.all(zero[p.words].any(axis=1)))
 
 
+def _candidates(
+    problem: Problem, start: NDArray, tolerance: float, method: str | None
+) -> list[tuple[float, NDArray[np.float64]]]:
+    """Nearly feasible (value, vector) pairs that one start leads to, the start included."""
+    tried = [local_search(problem, start, method), start]
+    branch = _decide(problem, start)
+    if branch is not problem:
+        tried.append(local_search(branch, start, method))
+    kept = []
+    for x in tried:
+        if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < _FAR * 1e4:
+            with np.errstate(all="ignore"):
+                value, violation = problem.objective(x), problem.violation(x)
+            if np.isfinite(value) and violation <= tolerance:
+                kept.append((value, x))
+    return kept
+
+
 def best_attained(
     problem: Problem,
     starts: Iterable[NDArray[np.float64]],
@@ -270,24 +289,19 @@ def best_attained(
     tolerance : float
         Largest violation, in the user's units, of a vector that is kept.
     """
-    found: list[tuple[float, int, NDArray[np.float64]]] = []
+    found: list[tuple[float, NDArray[np.float64]]] = []
     for start in starts:
-        branch = _decide(problem, start)
-        tried = [local_search(problem, start, method), start]
-        if branch is not problem:
-            tried.append(local_search(branch, start, method))
-        for x in tried:
-            if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < 1e12:
-                with np.errstate(all="ignore"):
-                    value, violation = problem.objective(x), problem.violation(x)
-                if np.isfinite(value) and violation <= tolerance:
-                    found.append((value, len(found), x))
+        found += _candidates(problem, start, tolerance, method)
+        best_value = min((value for value, _ in found), default=np.inf)
+        hits = sum(value <= best_value + 1e-7 * (1.0 + abs(best_value)) for value, _ in found)
+        if hits >= _ENOUGH:
+            break
     found.sort(key=lambda entry: entry[0])
     best: ProvedPoint | None = None
-    for value, _, x in found[:12]:
+    for value, x in found[:12]:
         if best is not None and value >= best.value:
             break
         proved = prove_feasible(problem, x)
         if proved is not None and (best is None or proved.value < best.value):
             best = proved
-    return best, [x for _, _, x in found]
+    return best, [x for _, x in found]

@@ -271,6 +271,8 @@ def _unproved(problem: Problem, bound: Bound, best: ProvedPoint | None) -> tuple
 def _points(problem: Problem, best: ProvedPoint | None, near: list[NDArray]) -> tuple[Point, ...]:
     """Distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []
+    least = min([problem.objective(x) for x in vectors + near], default=np.inf)
+    near = [x for x in near if problem.objective(x) <= least + 1e-3 * (1.0 + abs(least))]
     rated = sorted(near, key=problem.objective)
     for x in rated:
         if all(np.abs(x - kept).max() > 1e-4 * (1.0 + np.abs(kept).max()) for kept in vectors):
