@@ -5,6 +5,8 @@ Each step is the same object that the certificate replays later.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .certificate.box import BoxProof, Propagation, Sublevel, sublevel_box, tighten
@@ -19,7 +21,7 @@ from .problem import Problem
 from .relaxation import relax
 from .rounding import Interval
 from .solvers import solve_conic
-from .sparsity import find_cliques
+from .sparsity import Cliques, find_cliques
 
 __all__ = ["finite", "find_box"]
 
@@ -62,6 +64,16 @@ def find_box(
     return BoxProof(tuple(steps)), box
 
 
+def _cliques(scaled: Scaled, options: Options) -> Cliques:
+    """Cliques that need not hold the cut-off row: outside them its multiplier is a constant."""
+    rows = scaled.problem
+    rest = Problem(rows.objective, rows.constraints[:-1], rows.lower, rows.upper)
+    cliques = find_cliques(rest, sparse=options.sparse, method=options.chordal)
+    used = set(rows.constraints[-1].polynomial.support.tolist())
+    inside = [k for k, members in enumerate(cliques.members) if used <= set(members)]
+    return replace(cliques, home=np.append(cliques.home, inside[0] if inside else -1))
+
+
 def _sublevel(
     problem: Problem, cutoff: ProvedPoint, box: Interval, options: Options
 ) -> Sublevel | None:
@@ -80,7 +92,7 @@ def _sublevel(
     )
     scaling = Scaling.of_box(box, typical=cutoff.x)
     scaled = Scaled.of(inside, scaling, (f,))
-    cliques = find_cliques(scaled.problem, sparse=options.sparse, method=options.chordal)
+    cliques = _cliques(scaled, options)
     for order in (least, least + 1):
         relaxation = relax(scaled.problem, order, cliques=cliques)
         if order > least and max(relaxation.block_sizes) > _LARGEST_BLOCK:

@@ -148,6 +148,12 @@ class ConicSolution:
 def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
     """Put an objective on a relaxation.
 
+    Parameters
+    ----------
+    relaxation : Relaxation
+    objective : Polynomial
+        In the variables of ``relaxation.problem``.
+
     Raises
     ------
     ProblemError

@@ -25,6 +25,7 @@ __all__ = [
     "evaluate",
     "from_exponents",
     "full_basis",
+    "lookup",
     "multiply",
     "pack",
     "runs",
@@ -32,6 +33,19 @@ __all__ = [
     "trim",
     "widen",
 ]
+
+
+def lookup(words: Words, table: Words, dimension: int) -> NDArray[np.int64]:
+    """Row of each word in a graded table of distinct words, -1 where it is not there."""
+    width = table.shape[1]
+    words = widen(trim(words), width)
+    outside = degrees(words) > width
+    keys = pack(np.where(outside[:, None], 0, words)[:, words.shape[1] - width :], dimension)
+    known = pack(table, dimension)
+    if known.size == 0:
+        return np.full(keys.size, -1)
+    place = np.minimum(np.searchsorted(known, keys), known.size - 1)
+    return np.where((known[place] == keys) & ~outside, place, -1)
 
 
 def degrees(words: Words) -> NDArray[np.int64]:

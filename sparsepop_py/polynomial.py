@@ -372,6 +372,11 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
 def total(terms: Iterable[Polynomial | float]) -> Polynomial:
     """Sum of polynomials (and numbers) in one pass.
 
+    Parameters
+    ----------
+    terms : iterable of Polynomial or float
+        At least one of them a Polynomial.
+
     Examples
     --------
     >>> import sparsepop_py as sp

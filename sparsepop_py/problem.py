@@ -59,7 +59,7 @@ class Problem:
     >>> import sparsepop_py as sp
     >>> x, y = sp.variables(2, ["x", "y"])
     >>> problem = sp.Problem(x * y, [x**2 + y**2 == 1], lower=-1, upper=1)
-    >>> problem.violation([0.6, 0.8])
+    >>> problem.violation([1.0, 0.0])
     0.0
     """
 

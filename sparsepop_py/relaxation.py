@@ -150,25 +150,10 @@ class Relaxation:
         """Number of rows that say L(...) = 0."""
         return sum(g.count * g.rows_each for g in self.groups if g.free)
 
-    @cached_property
-    def _keys(self) -> NDArray:
-        return monomials.pack(self.moments, self.problem.dimension)
-
     def moment_numbers(self, words: Words) -> NDArray[np.int64]:
         """Column of each word in ``entries`` (0: the constant, -1: not a moment here)."""
-        width = self.moments.shape[1]
-        words = monomials.trim(words)
-        if words.shape[1] > width:
-            outside = monomials.degrees(words) > width
-            words = np.where(outside[:, None], 0, words)[:, words.shape[1] - width :]
-        else:
-            outside = np.zeros(words.shape[0], bool)
-            words = monomials.widen(words, width)
-        keys = monomials.pack(words, self.problem.dimension)
-        place = np.minimum(np.searchsorted(self._keys, keys), max(0, self._keys.size - 1))
-        found = self._keys[place] == keys if self._keys.size else np.zeros(keys.size, bool)
-        number = np.where(found, place + 1, -1)
-        return np.where(words.any(axis=1), number, np.where(outside, -1, 0))
+        number = monomials.lookup(words, self.moments, self.problem.dimension)
+        return np.where(words.any(axis=1), np.where(number < 0, -1, number + 1), 0)
 
     @cached_property
     def scaled_rows(self) -> tuple[sps.csc_array, NDArray[np.float64]]:
@@ -267,7 +252,7 @@ def relax(
     moment relaxation of order 2: 3 variables, 2 cliques
       clique sizes   2 x 2
       block sizes    3 x 3, 6 x 2
-      moments M = 23, conic rows R = 60 (0 equalities), 84 nonzeros
+      moments M = 24, conic rows R = 60 (0 equalities), 78 nonzeros
     """
     cliques = cliques or find_cliques(problem, objectives=objectives)
     least = least_order(problem, objectives)
@@ -337,13 +322,15 @@ def _localizing(
         boxed = degree[box] > 0
         degree[lower][boxed] = degree[upper][boxed] = 0
     single = generators.count(len(problem.constraints), problem.dimension)
-    home = np.zeros(degree.size, int)  # products are single rows, which need no clique
+    home = np.zeros(degree.size, int)  # products are single rows and need no clique
     home[:single] = np.concatenate([[0], cliques.home, *[cliques.home_of_variable] * 3])
     free = np.zeros(degree.size, bool)
     free[1 : problem.equality.size + 1] = problem.equality
     top = np.maximum(2 * order - 1 if lean else 2 * order, degree)
     reach = np.where(free, top - degree, order - (degree + 1) // 2)
     reach[single:] = 0
+    reach[home < 0] = 0
+    home = np.maximum(home, 0)
     blocks: _Blocks = []
     for is_free in (True, False):
         for level in np.unique(reach[degree > 0]):

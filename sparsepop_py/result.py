@@ -64,7 +64,16 @@ _MESSAGES = {
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A nearly feasible vector: shown with its violation, and nothing proved rests on it."""
+    """A nearly feasible vector: shown with its violation, and nothing proved rests on it.
+
+    Parameters
+    ----------
+    x : (n,) float
+    value : float
+        The objective at x, as evaluated in floating point.
+    violation : float
+        Largest violation of constraints and bounds at x, in the user's units.
+    """
 
     x: NDArray[np.float64]
     value: float
