@@ -11,7 +11,6 @@ from __future__ import annotations
 import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
 from typing import Any
 
@@ -20,17 +19,11 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from . import monomials
+from .constraint import Constraint, Kind
 from .errors import ProblemError
 from .monomials import Words
 
 __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
-
-
-class Kind(Enum):
-    """What a constraint asks of its polynomial p."""
-
-    NONNEGATIVE = "p >= 0"
-    ZERO = "p == 0"
 
 
 def _frozen(array: NDArray) -> NDArray:
@@ -306,34 +299,6 @@ class Polynomial:
     def name(self, variable: int) -> str:
         """Name of the variable of index ``variable`` (from 0)."""
         return self.names[variable] if self.names else f"x{variable + 1}"
-
-
-@dataclass(frozen=True, eq=False)
-class Constraint:
-    """A polynomial that has to be non-negative or zero.
-
-    Comparisons of polynomials make constraints; ``bool()`` of one raises, so that
-    ``0 <= x <= 1`` cannot silently lose half of itself.
-
-    Parameters
-    ----------
-    polynomial : Polynomial
-    kind : Kind
-    name : str
-        Used in messages; empty when not given.
-    """
-
-    polynomial: Polynomial
-    kind: Kind
-    name: str = ""
-
-    def __bool__(self) -> bool:
-        raise ProblemError("a constraint has no truth value: write 0 <= x <= 1 as two constraints")
-
-    def __str__(self) -> str:
-        relation = "==" if self.kind is Kind.ZERO else ">="
-        label = f"{self.name}: " if self.name else ""
-        return f"{label}{self.polynomial} {relation} 0"
 
 
 def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, ...]:

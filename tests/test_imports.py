@@ -17,7 +17,7 @@ PACKAGE = "sparsepop_py"
 
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
-errors progress display monomials rounding polynomial system symbolic problem
+errors constraint progress display monomials rounding polynomial system symbolic problem
 enclosure linear krawczyk feasibility generators presolve presolve.propagation presolve.scaling
 chordal sparsity basis relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_ solvers
