@@ -35,6 +35,7 @@ from .system import PolynomialSystem
 
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 
+_LARGEST_SYSTEM = 400  # equations that Krawczyk's test encloses with dense matrices
 _NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -340,23 +341,26 @@ def _eliminate(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
 def _prove_by_krawczyk(
     problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
 ) -> ProvedPoint | None:
-    if rows.size == 0 or rows.size != solved.size or solved.size > 400:
+    distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
+    if not distinct or not 0 < rows.size == solved.size <= _LARGEST_SYSTEM:
         return None
     system = problem.rows.take(rows)
     near = polished(system, x, solved)
-    if near is None or np.any(near < problem.lower) or np.any(near > problem.upper):
+    if near is None:
         return None
     x = near
     box = zero_near(system, x, solved)
     if box is None:
         return None
-    if np.any(box.lo < problem.lower) or np.any(box.hi > problem.upper):
+    if not (np.all(box.lo >= problem.lower) and np.all(box.hi <= problem.upper)):
         return None
     others = np.setdiff1d(np.arange(len(problem.constraints)), rows)
     values = range_over(problem.rows.take(others), box)
     equal = problem.equality[others]
-    if np.any(values.lo < 0) or np.any(values.hi[equal] > 0):
+    if not (np.all(values.lo >= 0) and np.all(values.hi[equal] <= 0)):
         return None
     value = float(range_over(problem.objective_row, box).hi[0])
+    if not np.isfinite(value):
+        return None
     spread = float(np.max(np.maximum(box.hi - x, x - box.lo)))
     return ProvedPoint(x, value, float(np.nextafter(spread, np.inf)), "krawczyk", rows, solved)

@@ -133,16 +133,18 @@ def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: In
     if not proved.floor > 0 or not np.isfinite(proved.bound):
         return box
     size = Interval.point(-proved.bound) / Interval.point(proved.floor)
-    room = max(0.0, float((size - Interval.point(1.0)).hi))
     power = np.zeros(problem.dimension + 1, np.int64)
+    one = 0.0
     for group in step.identity.multipliers:
         if group.floor > 0 and not group.free:
             words = group.basis[group.generator == 0].reshape(-1, group.basis.shape[2])
+            one = max(one, float(not words.any(axis=1).all()))
             row, variable, exponent = monomials.runs(words)
             pure = np.bincount(row, minlength=words.shape[0]) == 1
             keep = pure[row]
             np.maximum.at(power, variable[keep], exponent[keep])
     power = power[:-1]
+    room = max(0.0, float((size - Interval.point(one)).hi))
     radius = np.where(power > 0, _root_above(room, 2 * np.maximum(power, 1)), np.inf)
     reach = Interval.point(scaling.scale) * Interval.point(np.where(power > 0, radius, 0.0))
     centre = Interval.point(scaling.centre)

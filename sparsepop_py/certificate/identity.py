@@ -211,7 +211,13 @@ class Identity:
             generators.single_letters(*self.scaling.bounds, rows, g.generator) for g in groups
         ]
         usable = [(g, v) for g, v in zip(groups, letters, strict=True) if np.all(v >= 0)]
-        kept, open_ = [], np.ones(words.shape[0], bool)
+        open_ = np.ones(words.shape[0], bool)
+        # what other groups hold of the moment blocks stays untouched
+        kept = [
+            g.floor
+            for g, v in zip(groups, letters, strict=True)
+            if np.any(v < 0) and np.any(g.generator == 0)
+        ]
         for group, letter in usable:
             spent, hit = _spend(group, letter, words, size * open_, n)
             open_ &= ~hit

@@ -121,6 +121,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     split = plain.size
     _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:])
     _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
+    lo, hi = np.where(np.isnan(lo), box.lo, lo), np.where(np.isnan(hi), box.hi, hi)
     return Interval(lo + 0.0, hi + 0.0)  # no negative zeros
 
 

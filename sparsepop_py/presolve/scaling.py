@@ -74,8 +74,9 @@ class Scaling:
         sides = ((self.side <= 0) | (box.lo >= self.centre)) & (
             (self.side >= 0) | (box.hi <= self.centre)
         )
-        inside = (low <= box.lo) & (box.hi <= high)
-        return bool(np.all(np.where(self.boxed, inside, sides)))
+        inside = (low <= box.lo) & (box.hi <= high) & (self.scale >= 0)
+        sound = np.isfinite(self.centre) & np.isfinite(self.scale)
+        return bool(np.all(sound & np.where(self.boxed, inside, sides & (self.scale > 0))))
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
