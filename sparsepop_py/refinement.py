@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
+from scipy.sparse.linalg import spsolve
 
 from .errors import SolverNotFound
 from .feasibility import ProvedPoint, prove_feasible
@@ -26,6 +28,7 @@ __all__ = ["best_attained", "local_search", "starting_points"]
 
 _DENSE_LIMIT = 300
 _FAR = 1e8
+_NEWTON_STEPS = 30
 _ENOUGH = 5  # searches that end at the best value before the rest is left out
 
 
@@ -71,7 +74,7 @@ def _by_bounds(problem: Problem, start: NDArray) -> NDArray[np.float64]:
         options=options,
         callback=_stop_far_away,
     ).x
-    return _newton_polish(problem, x) if problem.dimension <= _DENSE_LIMIT else x
+    return _newton_polish(problem, x)
 
 
 def _stop_far_away(intermediate_result: Any) -> None:
@@ -81,17 +84,26 @@ def _stop_far_away(intermediate_result: Any) -> None:
 
 
 def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
-    """A few Newton steps in the variables off their bounds, kept while they descend."""
+    """Damped Newton steps in the variables off their bounds, as long as they descend."""
     row = problem.objective_row
-    for _ in range(4):
+    value = float(row.values(x)[0])
+    for _ in range(_NEWTON_STEPS):
         inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
-        hessian = row.gradient_system.jacobian(x).toarray()[np.ix_(inner, inner)]
+        hessian = row.gradient_system.jacobian(x)[inner][:, inner]
+        shift = 1e-12 * max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
         step = np.zeros(x.size)
-        step[inner] = -np.linalg.lstsq(hessian, row.gradient(x)[inner], rcond=1e-10)[0]
-        trial = np.clip(x + step, problem.lower, problem.upper)
-        if not np.all(np.isfinite(trial)) or row.values(trial)[0] > row.values(x)[0]:
-            break
-        x = trial
+        step[inner] = -spsolve(
+            (hessian + shift * sps.eye_array(inner.size)).tocsc(), row.gradient(x)[inner]
+        )
+        for _ in range(6):
+            trial = np.clip(x + step, problem.lower, problem.upper)
+            reached = float(row.values(trial)[0])
+            if reached < value:
+                break
+            step = 0.5 * step
+        else:
+            return x
+        x, value = trial, reached
     return x
 
 

@@ -36,7 +36,7 @@ def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | N
         return None
     origin = [Fraction(v) for v in start.x.tolist()]
     for direction in _directions(problem, start.x):
-        if np.any(direction) and _proves(problem, origin, direction):
+        if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
             return direction
     return None
 
@@ -51,6 +51,15 @@ def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
         for signs in range(3**problem.dimension if problem.dimension <= 5 else 0):
             digits = [(signs // 3**k) % 3 - 1 for k in range(problem.dimension)]
             yield np.array(digits, float)
+
+
+def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
+    """Whether the objective falls far out along the ray, in floating point."""
+    if not np.any(direction):
+        return False
+    with np.errstate(all="ignore"):
+        values = [problem.objective(x + s * direction) for s in (0.0, 1e4, 1e6)]
+    return values[2] < values[1] < values[0]
 
 
 def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> bool:

@@ -287,9 +287,11 @@ def test_sharpened_bounds_imply_the_rows_they_come_from(slope, constant, relatio
     problem = Problem(y, [row])
     sharp = problem.sharpened
     exact = Fraction(-constant, slope)
-    if relation == "eq":
-        if sharp is not problem:
+    if relation == "eq":  # a rational that is no double fixes nothing
+        if Fraction(float(exact)) == exact:
             assert Fraction(sharp.lower[0]) == exact == Fraction(sharp.upper[0])
+        else:
+            assert sharp is problem
         return
     end = sharp.lower[0] if slope > 0 else sharp.upper[0]
     assert slope * Fraction(float(end)) + constant >= 0
