@@ -101,8 +101,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_solve_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
+    effort = command.add_mutually_exclusive_group()
+    effort.add_argument(
         "--plain", action="store_true", help="the bounds as given, no search for tighter ones"
+    )
+    effort.add_argument(
+        "--auto", action="store_true", help="higher orders too while the gap is open"
     )
     command.add_argument(
         "--solver", default="clarabel", help="clarabel, clarabel-moment or cvxpy:NAME"
@@ -128,7 +132,7 @@ def _solve(arguments: argparse.Namespace) -> int:
     problem = read_gms(arguments.file)
     options = Options(
         order=arguments.order,
-        effort="plain" if arguments.plain else "presolve",
+        effort="plain" if arguments.plain else "auto" if arguments.auto else "presolve",
         sparse=not arguments.dense,
         solver=arguments.solver,
         time_limit=arguments.time_limit,

@@ -11,7 +11,7 @@ from .errors import ProblemError
 __all__ = ["Options"]
 
 _CHOICES = {
-    "effort": ("plain", "presolve"),
+    "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative"),
     "chordal": ("min-degree", "mcs-m"),
     "refine": ("scipy", "ipopt", "none"),
@@ -26,9 +26,10 @@ class Options:
     ----------
     order : int, optional
         Relaxation order; the least legal one when left out, raised to it when smaller.
-    effort : {"presolve", "plain"}
+    effort : {"presolve", "plain", "auto"}
         ``"plain"``: scaling and exactly the relaxation of that order. ``"presolve"``:
-        finite boxes too, by interval propagation and an objective cut-off.
+        finite boxes too, by interval propagation and an objective cut-off. ``"auto"``:
+        presolve, and higher orders while the gap is open, starting at ``order``.
     gap : float
         The gap that counts as closed.
     gap_kind : {"relative", "absolute"}
@@ -58,7 +59,7 @@ class Options:
     """
 
     order: int | None = None
-    effort: Literal["plain", "presolve"] = "presolve"
+    effort: Literal["plain", "presolve", "auto"] = "presolve"
     gap: float = 1e-6
     gap_kind: Literal["relative", "absolute"] = "relative"
     tolerance: float = 1e-6

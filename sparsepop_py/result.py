@@ -21,7 +21,7 @@ from .relaxation import Relaxation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Point", "Result", "Status"]
+__all__ = ["Point", "Result", "Rung", "Status"]
 
 
 class Status(StrEnum):
@@ -80,6 +80,32 @@ class Point:
     violation: float
 
 
+@dataclass(frozen=True)
+class Rung:
+    """One order of the ladder, with the bounds known after it.
+
+    Parameters
+    ----------
+    order : int
+        Relaxation order, 0 where no relaxation was needed.
+    lower_bound, upper_bound : float
+        Proved and attained so far.
+    seconds : float
+        CPU seconds spent on this order.
+    largest_block : int
+        Size of its largest semidefinite block.
+    moments : int
+        Number of moments of its relaxation.
+    """
+
+    order: int
+    lower_bound: float
+    upper_bound: float
+    seconds: float
+    largest_block: int
+    moments: int
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """Result of :func:`sparsepop_py.solve`.
@@ -108,6 +134,8 @@ class Result:
         What the conic solver returned (scaled units; no value in it is a bound).
     solver_value : float
         The solver's value in the units of the objective: no bound.
+    history : tuple of Rung
+        One entry for each order that was solved.
     timings : dict of str to float
         CPU seconds of each stage.
     notes : tuple of str
@@ -126,6 +154,7 @@ class Result:
     relaxation: Relaxation | None
     solution: ConicSolution | None
     solver_value: float
+    history: tuple[Rung, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -159,6 +188,9 @@ class Result:
             lines.append(f"correction    {self.certificate.correction:.3g}  paid for the proof")
         if self.relaxation is not None:
             lines.append(str(self.relaxation))
+        for rung in self.history if len(self.history) > 1 else ():
+            low = rounded(rung.lower_bound, False, 8, scientific=False)
+            lines.append(f"  order {rung.order}: >= {low}, {rung.seconds:.2f} CPU seconds")
         if self.timings:
             stages = ", ".join(f"{name} {sec:.2f}" for name, sec in self.timings.items())
             lines.append(f"CPU seconds   {stages}")

@@ -100,6 +100,8 @@ def fitting_relaxations(
         if plain:
             fits = solver_bytes(full) <= _BYTES and order >= asked
             return ((full,), notes) if fits else ((), _too_large(asked))
+        if order < asked and options.effort == "auto":
+            break  # the ladder has been there
         if order < asked:
             notes += (f"order {asked} lowered to {order}: it would be too large",)
         chosen = _worthwhile(full, build(lean=True))

@@ -2,8 +2,7 @@
 
     search -> box -> scale -> cliques -> relax -> assemble -> solve -> certify -> extract
 
-A round ends with a certificate and with candidate minimisers. When these improve the
-attained value, the cut-off shrinks the box and another round may gain.
+The stages are in :mod:`sparsepop_py.rungs`, their repetition in :mod:`sparsepop_py.ladder`.
 """
 
 from __future__ import annotations
@@ -16,22 +15,20 @@ from numpy.typing import NDArray
 
 from .boxes import find_box, finite
 from .errors import ProblemError, SparsePOPError
-from .extraction import candidates
 from .feasibility import ProvedPoint
+from .ladder import Climbed, attain, climb
 from .options import Options
 from .polynomial import Polynomial
 from .presolve.propagation import is_empty
 from .problem import Problem
 from .progress import Stages
-from .refinement import best_attained, starting_points
+from .refinement import starting_points
 from .result import Point, Result, Status
 from .rounding import Interval
-from .rungs import Bound, Clock, Model, Task, better, closed, level, one_round, relaxed
+from .rungs import Bound, Clock, Model, Task, closed, level, relaxed
 from .unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
-
-_ROUNDS = 3
 
 
 def solve(
@@ -153,25 +150,11 @@ def _solve_one(
     task = Task(problem, options, stages, Clock(options.time_limit))
     with stages.stage("search"):
         box = shared.box if shared else Interval(problem.lower, problem.upper)
-        best, near = _search(problem, starts + _random_starts(problem, box, options), options)
+        best, near = attain(problem, starts + _random_starts(problem, box, options), options)
         task = replace(task, best=best)
-    outcome: Bound | None = None
-    for _ in range(1 if shared else _ROUNDS):
-        bound = one_round(task, shared)
-        outcome = better(outcome, bound)
-        with stages.stage("extract"):
-            found, more = _search(problem, _extracted(bound), options)
-        near = near + more
-        old, improved = task.best, _lower(found, task.best)
-        if improved:
-            task = replace(task, best=found)
-        if closed(task, outcome) or task.clock.over or options.effort == "plain":
-            break
-        if not improved or not _worth_another(old, task.best, bound):
-            break
+    climbed = climb(task, near, shared)
     stages.close()
-    assert outcome is not None
-    return _result(task, outcome, near)
+    return _result(climbed)
 
 
 def _random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
@@ -183,38 +166,8 @@ def _random_starts(problem: Problem, box: Interval, options: Options) -> list[ND
     return starting_points(problem, box, count, options.seed)
 
 
-def _search(
-    problem: Problem, starts: list[NDArray], options: Options
-) -> tuple[ProvedPoint | None, list[NDArray]]:
-    if options.refine == "none" or not starts:
-        return None, []
-    method = "ipopt" if options.refine == "ipopt" else None
-    return best_attained(problem, starts, options.tolerance, method)
-
-
-def _extracted(bound: Bound) -> list[NDArray[np.float64]]:
-    model, solution = bound.model, bound.solution
-    if solution is None or solution.status not in ("solved", "almost"):
-        return []
-    assert model.scaled is not None and bound.relaxation is not None
-    scaling = model.scaled.scaling
-    return [scaling.point(t) for t in candidates(bound.relaxation, solution.y)]
-
-
-def _lower(new: ProvedPoint | None, old: ProvedPoint | None) -> bool:
-    return new is not None and (old is None or new.value < old.value)
-
-
-def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: Bound) -> bool:
-    """Whether the improvement of the attained value is a good part of the open gap."""
-    if new is None:
-        return False
-    if old is None or bound.certificate is None:
-        return True
-    return old.value - new.value > 0.05 * (new.value - bound.certificate.bound)
-
-
-def _result(task: Task, bound: Bound, near: list[NDArray]) -> Result:
+def _result(climbed: Climbed) -> Result:
+    task, bound, near = climbed.task, climbed.outcome, climbed.near
     problem, best = task.problem, task.best
     lower = level(bound.certificate)
     upper = best.value if best is not None else np.inf
@@ -248,6 +201,7 @@ def _result(task: Task, bound: Bound, near: list[NDArray]) -> Result:
         relaxation=bound.relaxation,
         solution=bound.solution,
         solver_value=bound.value,
+        history=climbed.history,
         timings=task.stages.seconds,
         notes=tuple(notes),
     )

@@ -67,7 +67,7 @@ def holds(interval, value, index):
 
 
 @given(systems, boxes, st.lists(shares, min_size=1, max_size=4))
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 def test_ranges_hold_the_exact_values_in_the_box(rows, pairs, weights):
     box = interval_box(pairs)
     found = range_over(stack(rows), box)
@@ -78,7 +78,7 @@ def test_ranges_hold_the_exact_values_in_the_box(rows, pairs, weights):
 
 
 @given(tables.filter(bool), st.integers(0, N - 1), boxes, st.integers(-(10**6), 10**6))
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_ranges_over_endless_boxes_hold_values_far_away(table, variable, pairs, far):
     box = interval_box(pairs)
     box.lo[variable], box.hi[variable] = -np.inf, np.inf
@@ -102,7 +102,7 @@ def test_the_range_of_the_zero_polynomial_is_zero():
 
 
 @given(systems, boxes, shares)
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_jacobian_ranges_hold_the_derivatives_of_sympy(rows, pairs, weights):
     box = interval_box(pairs)
     found = jacobian_range(stack(rows), box)
@@ -145,7 +145,7 @@ def substituted(table, centre, scale):
 
 
 @given(systems, centres, scales)
-@settings(max_examples=80)
+@settings(max_examples=80, deadline=None)
 def test_expansion_holds_the_exact_coefficients(rows, centre, scale):
     system = stack(rows)
     words, row, value = expand_affine(system, np.array(centre), np.array(scale))
@@ -164,7 +164,7 @@ def test_expansion_holds_the_exact_coefficients(rows, centre, scale):
 
 
 @given(systems, centres, scales, st.integers(0, N - 1))
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 def test_fixed_variables_vanish(rows, centre, scale, fixed):
     scale[fixed] = 0.0
     words, _, _ = expand_affine(stack(rows), np.array(centre), np.array(scale))
@@ -172,7 +172,7 @@ def test_fixed_variables_vanish(rows, centre, scale, fixed):
 
 
 @given(systems)
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_the_identity_changes_nothing(rows):
     system = stack(rows)
     words, row, value = expand_affine(system, np.zeros(N), np.ones(N))

@@ -22,7 +22,7 @@ enclosure linear krawczyk feasibility generators presolve presolve.propagation p
 chordal sparsity basis relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_ solvers
 certificate certificate.identity certificate.box certificate.certificate certificate.dual
-extraction refinement unbounded options sizing boxes rungs result solve
+extraction refinement unbounded options sizing boxes result rungs ladder solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs problems plots
 parameter_table parameters sparsepop_output sparsepop_report sparsepop cli

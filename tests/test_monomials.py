@@ -33,6 +33,7 @@ def graded(row):
 
 
 @given(exponent_tables())
+@settings(deadline=None)
 def test_words_hold_the_letters_in_order_padded_on_the_left(table):
     words = words_of(table)
     width = max(1, int(table.sum(axis=1).max()))
@@ -42,6 +43,7 @@ def test_words_hold_the_letters_in_order_padded_on_the_left(table):
 
 
 @given(exponent_tables())
+@settings(deadline=None)
 def test_exponents_survive_the_round_trip(table):
     back = monomials.to_exponents(words_of(table), table.shape[1])
     assert back.shape == table.shape
@@ -49,11 +51,13 @@ def test_exponents_survive_the_round_trip(table):
 
 
 @given(exponent_tables())
+@settings(deadline=None)
 def test_degrees_are_row_sums(table):
     assert monomials.degrees(words_of(table)).tolist() == table.sum(axis=1).tolist()
 
 
 @given(exponent_tables(), st.integers(0, 4))
+@settings(deadline=None)
 def test_widen_and_trim_are_inverse_and_keep_the_monomials(table, extra):
     words = words_of(table)
     wide = monomials.widen(words, words.shape[1] + extra)
@@ -69,7 +73,7 @@ def test_trim_keeps_one_column():
 
 @pytest.mark.parametrize(("dimension", "kind"), [(5, "i"), (2**16, "S"), (2**30, "S")])
 @given(table=exponent_tables(rows=8, power=2))
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_pack_orders_like_the_graded_order(dimension, kind, table):
     words = words_of(table)
     wide = monomials.widen(words, 10)
@@ -95,7 +99,7 @@ def test_pack_tells_letters_apart_whose_last_bytes_are_zero():
 
 @pytest.mark.parametrize("dimension", [4, 2**20])
 @given(table=exponent_tables(rows=10, variables=3, power=1))
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_collect_gives_distinct_words_in_graded_order(dimension, table):
     words = monomials.widen(words_of(table), 5)
     distinct, number = monomials.collect(words, dimension)
@@ -111,6 +115,7 @@ def test_collect_of_nothing_is_nothing():
 
 
 @given(exponent_tables(), st.data())
+@settings(deadline=None)
 def test_products_add_exponents(table, data):
     n = table.shape[1]
     row = st.lists(st.integers(0, 3), min_size=n, max_size=n)
@@ -122,6 +127,7 @@ def test_products_add_exponents(table, data):
 
 
 @given(exponent_tables(), st.integers(1, 4), st.data())
+@settings(deadline=None)
 def test_values_are_those_of_numpy_powers(table, count, data):
     n = table.shape[1]
     coordinate = st.integers(-4, 4)  # small integers: every product is exact
@@ -134,6 +140,7 @@ def test_values_are_those_of_numpy_powers(table, count, data):
 
 
 @given(exponent_tables())
+@settings(deadline=None)
 def test_runs_are_the_nonzero_exponents(table):
     row, variable, power = monomials.runs(monomials.widen(words_of(table), 20))
     where = np.nonzero(table)

@@ -79,11 +79,13 @@ def from_sympy(expression):
 
 
 @given(tables)
+@settings(deadline=None)
 def test_arithmetic_builds_the_table(table):
     assert read(build(table)) == clean(table)
 
 
 @given(tables, tables)
+@settings(deadline=None)
 def test_sums_and_differences_are_exact(left, right):
     p, q = build(left), build(right)
     assert read(p + q) == added(left, right)
@@ -94,13 +96,14 @@ def test_sums_and_differences_are_exact(left, right):
 
 
 @given(tables, tables)
+@settings(deadline=None)
 def test_products_are_exact_and_commute(left, right):
     p, q = build(left), build(right)
     assert read(p * q) == multiplied(left, right) == read(q * p)
 
 
 @given(tables, tables, tables)
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 def test_products_distribute_and_associate(a, b, c):
     p, q, r = build(a), build(b), build(c)
     assert read(p * (q + r)) == multiplied(a, added(b, c)) == read(p * q + p * r)
@@ -108,12 +111,13 @@ def test_products_distribute_and_associate(a, b, c):
 
 
 @given(tables, st.integers(0, 4))
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_powers_are_repeated_products(table, power):
     assert read(build(table) ** power) == raised(table, power)
 
 
 @given(tables, exact)
+@settings(deadline=None)
 def test_numbers_act_on_both_sides(table, number):
     p, one = build(table), {(0,) * N: number}
     assert read(p + number) == added(table, one) == read(number + p)
@@ -123,25 +127,27 @@ def test_numbers_act_on_both_sides(table, number):
 
 
 @given(tables, st.sampled_from([-4.0, 0.5, 2]))
+@settings(deadline=None)
 def test_division_by_a_power_of_two_is_exact(table, number):
     assert read(build(table) / number) == {e: c / Fraction(number) for e, c in clean(table).items()}
 
 
 @given(tables, tables)
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_sympy_agrees_on_products(left, right):
     expected = from_sympy(sympy.expand(as_sympy(left) * as_sympy(right)))
     assert read(build(left) * build(right)) == expected
 
 
 @given(tables, st.integers(0, N - 1))
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_derivatives_are_those_of_sympy(table, variable):
     expected = from_sympy(sympy.diff(as_sympy(table), SYMBOLS[variable]))
     assert read(build(table).derivative(variable)) == expected
 
 
 @given(tables, st.lists(points, min_size=1, max_size=3))
+@settings(deadline=None)
 def test_values_are_exact_at_dyadic_points(table, where):
     p = build(table)
     expected = [
@@ -156,6 +162,7 @@ def test_values_are_exact_at_dyadic_points(table, where):
 
 
 @given(st.lists(tables, min_size=1, max_size=5), exact)
+@settings(deadline=None)
 def test_total_is_the_sum_of_its_terms(items, number):
     expected = {(0,) * N: Fraction(number)}
     for item in items:
@@ -164,6 +171,7 @@ def test_total_is_the_sum_of_its_terms(items, number):
 
 
 @given(tables)
+@settings(deadline=None)
 def test_words_are_distinct_graded_and_coefficients_not_zero(table):
     p = build(table)
     order = [(len(w), w) for w in ([k for k in row if k] for row in p.words.tolist())]
@@ -173,6 +181,7 @@ def test_words_are_distinct_graded_and_coefficients_not_zero(table):
 
 
 @given(tables)
+@settings(deadline=None)
 def test_degree_support_and_constant_term(table):
     p = build(table)
     assert p.degree == max((sum(e) for e in table), default=0)
@@ -245,6 +254,35 @@ def test_arrays_are_frozen():
             p.words[...] = 2
     with pytest.raises(AttributeError):
         x.dimension = 3
+
+
+@pytest.mark.parametrize("names", [["a"], ["a", "a"], ["a", "b", "c"]])
+@pytest.mark.xfail(strict=True, reason="from_terms stores any names; printing fails later")
+def test_from_terms_needs_distinct_names_of_the_right_number(names):
+    with pytest.raises(ProblemError, match="names: found"):
+        Polynomial.from_terms([[1, 1]], [1.0], names)
+
+
+@pytest.mark.parametrize("variable", [-1, 2])
+@pytest.mark.xfail(strict=True, reason="index -1 counts padding as a variable, index n gives 0")
+def test_derivatives_with_respect_to_no_variable_are_refused(variable):
+    x, y = sp.variables(2)
+    with pytest.raises((ProblemError, IndexError)):
+        (x**2 + y).derivative(variable)
+
+
+@pytest.mark.xfail(strict=True, raises=RuntimeWarning, reason="numpy warns before the check")
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda x: (x * 1e200) * 1e200,
+        lambda x: (x * 1e200) * (x * 1e200),
+        lambda x: x / 1e-320,
+    ],
+)
+def test_coefficients_that_overflow_are_named(act):
+    with pytest.raises(ProblemError, match="coefficients"):
+        act(sp.variables(1)[0])
 
 
 # ---- operators that are not ring operations ----------------------------------------------

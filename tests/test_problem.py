@@ -21,6 +21,7 @@ def pair():
 
 
 @given(st.tuples(*[st.integers(-40, 40)] * 2))
+@settings(deadline=None)
 def test_violation_is_the_worst_of_rows_and_bounds(numerators):
     """All values are multiples of 1/64 below 2^10, so floating point is exact here."""
     x, y = pair()
@@ -138,6 +139,13 @@ def test_malformed_input_is_named(case):
         Problem(*args, **keywords)
 
 
+@pytest.mark.xfail(strict=True, reason="text and complex numbers count as numbers beside rows")
+@pytest.mark.parametrize("objective", ["x", 1j])
+def test_an_objective_that_is_no_number_is_named_beside_rows_too(objective):
+    with pytest.raises(ProblemError, match="objective: found"):
+        Problem(objective, [pair()[0] >= 0])
+
+
 def test_inputs_are_neither_modified_nor_shared():
     x, y = pair()
     lower, rows = np.array([-1.0, -2.0]), [x + y >= 0]
@@ -170,7 +178,7 @@ def make(data, names=None, row_name="", sense="min"):
 
 
 @given(st.sampled_from(["f", "g", "lower", "upper"]), st.integers(0, 1), st.booleans())
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 def test_the_last_bit_of_any_number_changes_the_fingerprint(field, place, upwards):
     data = parts()
     old = make(data).fingerprint
@@ -228,7 +236,7 @@ def test_squares_constant_is_the_exact_rest():
 
 
 @given(st.lists(st.tuples(*[st.integers(-9, 9)] * 3), min_size=1, max_size=4), st.integers(-9, 9))
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 def test_squares_constant_of_random_sums_is_exact(rows, constant):
     x, y = pair()
     residuals = [a * x + b * y * x + c / 4 for a, b, c in rows]
@@ -279,7 +287,7 @@ def test_sympy_expressions_make_the_same_problem():
 
 
 @given(st.integers(-20, 20).filter(bool), st.integers(-20, 20), st.sampled_from(["ge", "eq"]))
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 def test_sharpened_bounds_imply_the_rows_they_come_from(slope, constant, relation):
     """The edge -c/a is rounded inwards: at the new bound the row holds exactly."""
     x, y = pair()

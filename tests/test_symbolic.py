@@ -28,7 +28,7 @@ def read(polynomial):
         max_size=5,
     )
 )
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 def test_rational_coefficients_become_the_nearest_doubles(table):
     expression = sympy.Add(
         *(sympy.Rational(c.numerator, c.denominator) * A**i * B**j for (i, j), c in table.items())

@@ -1,0 +1,472 @@
+"""Certificates: what is true verifies without a solver, what is damaged is refused."""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py import rungs, solvers
+from sparsepop_py.certificate.box import BoxProof, Propagation, Sublevel, sublevel_box
+from sparsepop_py.certificate.certificate import Certificate, certify
+from sparsepop_py.certificate.identity import Identity, Multipliers
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.rounding import Interval
+from sparsepop_py.solvers import clarabel_
+
+ROOT = Path(sp.__file__).resolve().parent
+INF = np.inf
+
+
+def circle():
+    """min x + 2 y on the unit circle without its lower right: -sqrt(5) at -(1, 2) / sqrt(5)."""
+    x, y = sp.variables(2)
+    return sp.Problem(x + 2 * y, [x**2 + y**2 == 1, x * y >= -0.25], lower=-2, upper=2)
+
+
+def disc():
+    """min x y on the unit disc: -1/2."""
+    x, y = sp.variables(2)
+    return sp.Problem(x * y, [x**2 + y**2 <= 1])
+
+
+def hill():
+    """The six-hump camel function without bounds: a sublevel box is needed."""
+    x, y = sp.variables(2)
+    return sp.Problem(4 * x**2 - 2.1 * x**4 + x**6 / 3 + x * y - 4 * y**2 + 4 * y**4)
+
+
+def chain():
+    """Three cliques, a cut-off, products: min -> 0 at (1, 1, 1, 1) of squares, expanded."""
+    x = sp.variables(4)
+    f = sp.total((x[i + 1] - x[i] ** 2) ** 2 + (1 - x[i]) ** 2 for i in range(3))
+    return sp.Problem(f, [x[0] * x[1] >= 0.5], lower=-2, upper=2)
+
+
+def lattice():
+    """Binary: min (x + y + z - 1.5)^2 over {-1, 1}^3 is 1/4."""
+    x = sp.variables(3)
+    return sp.Problem((x[0] + x[1] + x[2] - 1.5) ** 2, [v**2 == 1 for v in x])
+
+
+def empty():
+    """No point of the disc has x y >= 0.51 (Farkas, no propagation)."""
+    x, y = sp.variables(2)
+    return sp.Problem(x, [x**2 + y**2 <= 1, x * y >= 0.51], lower=-2, upper=2)
+
+
+KNOWN = {
+    circle: -np.sqrt(5.0),
+    disc: -0.5,
+    hill: -1.031628453489877,
+    chain: 0.0,
+    lattice: 0.25,
+    empty: INF,
+}
+made = pytest.mark.parametrize("make", KNOWN, ids=lambda make: make.__name__)
+
+
+@pytest.fixture(scope="module")
+def results():
+    orders = {hill: 3, lattice: 2}
+    found = {}
+    for make in KNOWN:
+        problem = make()
+        found[make] = sp.solve(problem, sp.Options(order=orders.get(make, 2)))
+    return found
+
+
+# ---- true claims ------------------------------------------------------------------------------
+
+
+@made
+def test_a_true_claim_verifies_on_an_equal_problem(results, make):
+    result = results[make]
+    assert result.lower_bound <= KNOWN[make]
+    if np.isfinite(KNOWN[make]):
+        assert result.lower_bound >= KNOWN[make] - 1e-5
+    verdict = result.certificate.verify(make())
+    assert verdict.ok
+    assert verdict.reason == ""
+    assert verdict.bound >= result.lower_bound
+    assert result.certificate.fingerprint == make().fingerprint
+
+
+@made
+def test_verification_needs_no_solver(results, make, monkeypatch):
+    def refuse(*_args, **_settings):
+        raise AssertionError("a solver was called")
+
+    monkeypatch.setattr(solvers, "solve_conic", refuse)
+    monkeypatch.setattr(rungs, "solve_conic", refuse)
+    for name in ("solve_squares_form", "solve_moment_form"):
+        monkeypatch.setattr(clarabel_, name, refuse)
+    monkeypatch.setattr("scipy.optimize.linprog", refuse)
+    monkeypatch.setattr("scipy.optimize.minimize", refuse)
+    assert results[make].certificate.verify(make()).ok
+
+
+def test_verification_runs_where_clarabel_cannot_be_imported(results, tmp_path):
+    """In a fresh process, from files, with every solver package blocked."""
+    pairs = [(make(), results[make].certificate) for make in KNOWN]
+    (tmp_path / "pairs.pickle").write_bytes(pickle.dumps(pairs))
+    script = f"""
+import importlib.abc, pickle, sys, types
+
+class Block(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in ("clarabel", "cvxpy", "highspy", "scs", "casadi"):
+            raise ImportError("blocked: " + name)
+
+sys.meta_path.insert(0, Block())
+try:
+    import clarabel
+except ImportError:
+    pass
+else:
+    raise SystemExit("clarabel is not blocked")
+package = types.ModuleType("sparsepop_py")  # its __init__ would import the solvers
+package.__path__ = [{str(ROOT)!r}]
+sys.modules["sparsepop_py"] = package
+with open({str(tmp_path / "pairs.pickle")!r}, "rb") as file:
+    pairs = pickle.load(file)
+for problem, certificate in pairs:
+    verdict = certificate.verify(problem)
+    print(verdict.ok, repr(float(verdict.bound)))
+assert not any(name.startswith("sparsepop_py.solvers") for name in sys.modules)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.split("\n")[: len(pairs)]
+    for line, (problem, certificate) in zip(lines, pairs, strict=True):
+        ok, bound = line.split()
+        assert ok == "True"
+        assert float(bound) == certificate.verify(problem).bound
+
+
+@made
+def test_verification_does_not_change_certificate_or_problem(results, make):
+    certificate, problem = results[make].certificate, make()
+    before = pickle.dumps(certificate), problem.fingerprint
+    first, second = certificate.verify(problem), certificate.verify(problem)
+    assert first == second
+    assert (pickle.dumps(certificate), problem.fingerprint) == before
+
+
+# ---- refused exactly when less is proved than claimed -----------------------------------------
+
+
+def check(certificate, problem, optimum):
+    """ok exactly when the recomputed bound reaches the claim; never a bound above the truth."""
+    verdict = certificate.verify(problem)
+    assert verdict.ok == (verdict.bound >= certificate.bound)
+    assert verdict.ok or verdict.reason
+    if verdict.ok:
+        assert certificate.bound <= verdict.bound
+    assert verdict.bound <= optimum
+    return verdict
+
+
+@pytest.mark.parametrize("make", [make for make in KNOWN if make is not empty])
+def test_a_claim_one_ulp_above_is_refused(results, make):
+    certificate, problem = results[make].certificate, make()
+    recomputed = certificate.verify(problem).bound
+    assert replace(certificate, bound=recomputed).verify(problem).ok
+    above = replace(certificate, bound=float(np.nextafter(recomputed, INF))).verify(problem)
+    assert not above.ok
+    assert above.bound == recomputed
+    assert "less than what is claimed" in above.reason
+    assert replace(certificate, bound=float(np.nextafter(recomputed, -INF))).verify(problem).ok
+    assert not replace(certificate, bound=np.nan).verify(problem).ok
+    assert not replace(certificate, bound=INF).verify(problem).ok
+
+
+def last_bit(problem, where):
+    """The problem with one coefficient or bound changed in its last bit."""
+    f, rows = problem.objective, list(problem.constraints)
+    low, high = problem.lower.copy(), problem.upper.copy()
+
+    def nudged(p):
+        values = p.coefficients.copy()
+        values[-1] = np.nextafter(values[-1], INF)
+        return sp.Polynomial.from_words(p.words, values, p.dimension, p.names)
+
+    if where == "objective":
+        f = nudged(f)
+    elif where == "constraint":
+        rows[0] = sp.Constraint(nudged(rows[0].polynomial), rows[0].kind)
+    elif where == "kind":
+        other = {sp.Kind.ZERO: sp.Kind.NONNEGATIVE, sp.Kind.NONNEGATIVE: sp.Kind.ZERO}
+        rows[0] = sp.Constraint(rows[0].polynomial, other[rows[0].kind])
+    elif where == "lower":
+        low[0] = np.nextafter(low[0], INF) if np.isfinite(low[0]) else -1e300
+    elif where == "upper":
+        high[-1] = np.nextafter(high[-1], INF) if np.isfinite(high[-1]) else 1e300
+    elif where == "row added":
+        rows.append(sp.variables(problem.dimension)[0] <= 100)
+    elif where == "row dropped":
+        rows = rows[1:]
+    return sp.Problem(f, rows, low, high, problem.names)
+
+
+@pytest.mark.parametrize(
+    "where",
+    ["objective", "constraint", "kind", "lower", "upper", "row added", "row dropped"],
+)
+@made
+def test_another_problem_is_refused_even_in_the_last_bit(results, make, where):
+    problem = make()
+    if where in ("constraint", "kind", "row dropped") and not problem.constraints:
+        where = "objective"
+    other = last_bit(problem, where)
+    verdict = results[make].certificate.verify(other)
+    assert not verdict.ok
+    assert verdict.bound == -INF
+    assert "another problem" in verdict.reason
+
+
+def test_names_and_memos_are_not_part_of_the_claim(results):
+    problem = circle()
+    renamed = sp.Problem(
+        problem.objective,
+        problem.constraints,
+        problem.lower,
+        problem.upper,
+        ["u", "v"],
+        sense="max",
+    )
+    assert results[circle].certificate.verify(renamed).ok
+
+
+def with_multipliers(certificate, change):
+    identity = certificate.identity
+    changed = tuple(change(group) for group in identity.multipliers)
+    return replace(certificate, identity=replace(identity, multipliers=changed))
+
+
+@pytest.mark.parametrize("size", [1e-15, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3])
+@made
+def test_perturbed_multipliers_lower_the_bound_or_are_refused(results, make, size):
+    certificate, problem = results[make].certificate, make()
+    assert certificate.identity is not None
+    rng = np.random.default_rng(int(-np.log10(size)) + 20)
+    noisy = with_multipliers(
+        certificate, lambda g: replace(g, values=g.values + size * rng.normal(size=g.values.shape))
+    )
+    verdict = check(noisy, problem, KNOWN[make])
+    if size >= 1.0:
+        assert not verdict.ok
+
+
+@made
+def test_rounded_and_missing_multipliers(results, make):
+    certificate, problem = results[make].certificate, make()
+    rounded = with_multipliers(certificate, lambda g: replace(g, values=g.values.astype("f4")))
+    check(rounded, problem, KNOWN[make])
+    none = replace(certificate, identity=replace(certificate.identity, multipliers=()))
+    assert not check(none, problem, KNOWN[make]).ok
+    nothing = replace(certificate, identity=None)
+    assert not check(nothing, problem, KNOWN[make]).ok
+    bad = with_multipliers(certificate, lambda g: replace(g, values=g.values * np.nan))
+    verdict = check(bad, problem, KNOWN[make])
+    assert not verdict.ok
+    assert "not finite" in verdict.reason
+
+
+@made
+def test_multipliers_of_other_constraints_are_refused(results, make):
+    certificate, problem = results[make].certificate, make()
+
+    def swapped(group):
+        return replace(group, generator=np.where(group.generator == 0, 1, 0 * group.generator))
+
+    if problem.constraints:
+        assert not check(with_multipliers(certificate, swapped), problem, KNOWN[make]).ok
+    far = with_multipliers(certificate, lambda g: replace(g, generator=g.generator + 10**6))
+    verdict = check(far, problem, KNOWN[make])
+    assert not verdict.ok
+    assert "does not exist" in verdict.reason
+
+
+@made
+def test_a_changed_scaling_is_refused_or_still_sound(results, make):
+    certificate, problem = results[make].certificate, make()
+    scaling = certificate.identity.scaling
+
+    def rescaled(**fields):
+        changed = replace(scaling, **fields)
+        identity = replace(certificate.identity, scaling=changed)
+        return check(replace(certificate, identity=identity), problem, KNOWN[make])
+
+    shrunk = rescaled(scale=scaling.scale * 0.99)
+    if scaling.boxed.all():
+        assert not shrunk.ok
+        assert "larger than the multipliers assume" in shrunk.reason
+    assert not rescaled(scale=scaling.scale * 1.01).ok  # the identity no longer fits
+    assert not rescaled(centre=scaling.centre + 0.01 * scaling.scale).ok
+    assert not rescaled(scale=-scaling.scale).ok
+    assert not rescaled(scale=0.0 * scaling.scale).ok
+    assert not rescaled(scale=np.full_like(scaling.scale, np.nan)).ok
+    if not scaling.boxed.all():
+        assert not rescaled(boxed=np.ones_like(scaling.boxed)).ok
+
+
+def test_the_point_of_the_cut_off_is_rechecked(results):
+    for make in (circle, hill):
+        certificate, problem = results[make].certificate, make()
+        assert certificate.box.uses_cutoff
+        point = certificate.cutoff
+        moved = replace(certificate, cutoff=replace(point, x=point.x + 0.3))
+        verdict = check(moved, problem, KNOWN[make])  # not feasible, or worse: a larger box
+        assert not verdict.ok
+        far = replace(certificate, cutoff=replace(point, x=point.x + 1e6))
+        assert not check(far, problem, KNOWN[make]).ok
+        # the stored value is not believed: the point is evaluated again
+        liar = replace(certificate, cutoff=replace(point, value=point.value - 1.0))
+        assert liar.verify(problem) == certificate.verify(problem)
+        assert not check(replace(certificate, cutoff=None), problem, KNOWN[make]).ok
+
+
+def test_box_steps_are_replayed_not_believed(results):
+    for make in (circle, hill, chain):
+        certificate, problem = results[make].certificate, make()
+        assert certificate.box.steps
+        bare = check(replace(certificate, box=BoxProof()), problem, KNOWN[make])
+        assert make is chain or not bare.ok  # the box of the chain is that of its bounds
+        for k in range(len(certificate.box.steps)):
+            steps = certificate.box.steps[:k] + certificate.box.steps[k + 1 :]
+            check(replace(certificate, box=BoxProof(steps)), problem, KNOWN[make])
+        fewer = tuple(
+            replace(s, sweeps=0) if isinstance(s, Propagation) else s for s in certificate.box.steps
+        )
+        check(replace(certificate, box=BoxProof(fewer)), problem, KNOWN[make])
+
+
+def test_an_empty_box_after_a_cut_off_proves_nothing():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, lower=0, upper=1)
+    point = prove_feasible(problem, np.zeros(2))
+    below = sp.Problem(x + y + 1, lower=0, upper=1)  # same feasible set, larger objective
+    box = BoxProof((Propagation(2, True),))
+    honest = certify(problem, box, point, None)
+    assert honest.verify(problem).ok
+    assert honest.bound <= 0.0
+    # an objective whose values exceed the cut-off's cannot be built: the value is recomputed
+    forged = replace(honest, fingerprint=below.fingerprint, bound=INF)
+    verdict = forged.verify(below)
+    assert not verdict.ok
+    assert verdict.bound <= 1.0
+
+
+# ---- forged arguments -------------------------------------------------------------------------
+
+
+ONE, X = np.zeros((1, 1, 1), np.int32), np.ones((1, 1, 1), np.int32)
+
+
+def test_a_sublevel_identity_needs_the_monomial_one_for_its_root():
+    """4 - x^2 >= 0 gives x^2 <= 4; with the basis {1, x} it would be 1 + x^2 <= 5."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x, [4 - x**2 >= 0])
+    point = prove_feasible(problem, np.zeros(1))
+    scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
+    row = Multipliers(np.array([1]), ONE, np.ones((1, 1, 1)))
+    without = Multipliers(np.array([0]), X, np.zeros((1, 1, 1)), 1.0)
+    step = Sublevel(Identity(scaling, (row, without)))
+    box = sublevel_box(problem, point.value, step, Interval(problem.lower, problem.upper))
+    assert box.lo[0] <= -2.0  # -2 is feasible
+    forged = certify(problem, BoxProof((step,)), point, None)
+    assert forged is None or forged.bound <= -2.0
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0])
+def test_a_scaling_that_turns_a_variable_around_proves_nothing(scale):
+    """min -x, x >= 0 has no lower bound, whatever t stands for."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(-x, lower=0)
+    scaling = Scaling(
+        np.zeros(1), np.full(1, scale), np.zeros(1, bool), np.full(1, 1 if scale else 0)
+    )
+    floor = Multipliers(np.array([2]), ONE, np.zeros((1, 1, 1)), 1.0)
+    for multipliers in ((floor,), ()):
+        assert certify(problem, BoxProof(), None, Identity(scaling, multipliers)) is None
+
+
+def test_emptiness_cannot_be_claimed_of_a_feasible_problem(results):
+    for make in (circle, disc, hill, chain, lattice):
+        certificate, problem = results[make].certificate, make()
+        claim = replace(certificate, bound=INF)
+        verdict = claim.verify(problem)
+        assert not verdict.ok
+        assert verdict.bound <= KNOWN[make]
+        farkas = results[empty].certificate.identity
+        foreign = replace(claim, identity=farkas)
+        if problem.dimension == 2 and len(problem.constraints) == 2:
+            assert not foreign.verify(problem).ok
+
+
+def test_a_proof_of_emptiness_is_no_finite_bound_in_disguise(results):
+    certificate, problem = results[empty].certificate, empty()
+    assert certificate.bound == INF
+    assert certificate.cutoff is None
+    finite = replace(certificate, bound=1e6).verify(problem)  # then the objective is x, not 0
+    assert not finite.ok
+
+
+def test_an_empty_certificate_claims_the_range_and_nothing_more():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x - 3 * y, lower=[0, -1], upper=[2, 1])
+    plain = Certificate(problem.fingerprint, -3.0 - 1e-12, BoxProof())
+    assert plain.verify(problem).ok
+    assert not replace(plain, bound=-3.0 + 1e-12).verify(problem).ok
+    endless = sp.Problem(x - 3 * y)
+    assert not Certificate(endless.fingerprint, -1e300, BoxProof()).verify(endless).ok
+    assert certify(endless, BoxProof(), None, None) is None
+
+
+def raises(field):
+    broken = pytest.mark.xfail(strict=True, raises=(IndexError, ValueError), reason="verify raises")
+    return pytest.param(field, marks=broken)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "scaling",
+        raises("x not a number"),
+        raises("x endless"),
+        raises("x too short"),
+        raises("rows out of range"),
+        raises("solved out of range"),
+        raises("too many generators"),
+    ],
+)
+def test_a_malformed_certificate_is_refused_without_an_exception(results, field):
+    certificate, problem = results[circle].certificate, circle()
+    point, identity = certificate.cutoff, certificate.identity
+    points = {
+        "x not a number": {"x": point.x * np.nan},
+        "x endless": {"x": point.x * INF},
+        "x too short": {"x": point.x[:1]},
+        "rows out of range": {"rows": np.array([7])},
+        "solved out of range": {"solved": np.array([7])},
+    }
+    if field in points:
+        certificate = replace(certificate, cutoff=replace(point, **points[field]))
+    elif field == "too many generators":
+        certificate = with_multipliers(
+            certificate, lambda g: replace(g, generator=np.repeat(g.generator, 2))
+        )
+    else:
+        small = Scaling(np.zeros(1), np.ones(1), np.ones(1, bool), np.zeros(1, int))
+        certificate = replace(certificate, identity=replace(identity, scaling=small))
+    assert not certificate.verify(problem).ok

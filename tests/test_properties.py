@@ -1,0 +1,394 @@
+"""Random problems against brute force: grids on which every value is exact.
+
+Coefficients are multiples of 1/4 and grid points of 1/16, degrees at most 4, so that a
+polynomial's values on the grid are exact in double precision, however they are added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import sparsepop_py as sp
+from sparsepop_py.certificate.box import box_rows
+from sparsepop_py.certificate.dual import identity_of
+from sparsepop_py.certificate.identity import Identity
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.presolve.propagation import is_empty, propagate
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.rounding import Interval
+
+SEEDS = st.integers(0, 2**32 - 1)
+quick = settings(max_examples=40, deadline=None, derandomize=True, database=None)
+
+
+# ---- problems and their grids -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem, the feasible points of a grid and the objective there."""
+
+    problem: sp.Problem
+    points: np.ndarray
+    values: np.ndarray
+
+    @property
+    def least(self):
+        return float(self.values.min())
+
+
+def some_polynomial(rng, x, degree):
+    n = len(x)
+    parts = [0.0 * x[0]]
+    for _ in range(int(rng.integers(1, 6))):
+        word = rng.integers(0, n, int(rng.integers(1, degree + 1)))
+        term = float(rng.integers(-12, 13)) / 4
+        for v in word.tolist():
+            term = term * x[v]
+        parts.append(term)
+    return sp.total(parts)
+
+
+def on_grid(polynomial, points):
+    """Values on the grid, term by term, apart from the package's own evaluation."""
+    result = np.zeros(points.shape[0])
+    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
+        term = np.full(points.shape[0], coefficient)
+        for letter in word.tolist():
+            if letter:
+                term = term * points[:, letter - 1]
+        result += term
+    return result
+
+
+def exact(polynomial, point):
+    result = Fraction(0)
+    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
+        term = Fraction(float(coefficient))
+        for letter in word.tolist():
+            if letter:
+                term *= Fraction(float(point[letter - 1]))
+        result += term
+    return result
+
+
+def random_case(seed, *, constrained=True):
+    """A box, a planted grid point that satisfies every constraint, and the whole grid."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    x = sp.variables(n)
+    low = rng.integers(-2, 1, n).astype(float)
+    high = low + rng.integers(1, 4, n)
+    step = (1 / 64, 1 / 16, 1 / 4)[n - 1]
+    planted = low + step * rng.integers(0, np.round((high - low) / step) + 1)
+    rows = []
+    for _ in range(int(rng.integers(0, 4)) if constrained else 0):
+        g = some_polynomial(rng, x, int(rng.integers(1, 5)))
+        at = float(exact(g, planted))
+        kind = rng.integers(0, 5)
+        if kind <= 2:
+            rows.append(g >= at - float(rng.integers(0, 5)) / 4)
+        elif kind == 3:
+            i, j = rng.integers(0, n, 2)
+            factor = x[i] - planted[i]
+            rows.append(factor * (x[j] - float(rng.integers(-2, 3))) == 0)
+        else:
+            rows.append(g == at)
+    problem = sp.Problem(some_polynomial(rng, x, 4), rows, low, high)
+    axes = [np.arange(a, b + step / 2, step) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, n)
+    keep = np.ones(points.shape[0], bool)
+    for row in rows:
+        value = on_grid(row.polynomial, points)
+        keep &= value == 0 if row.kind is sp.Kind.ZERO else value >= 0
+    points = points[keep]
+    case = Case(problem, points, on_grid(problem.objective, points))
+    assert np.any(np.all(points == planted, axis=1))
+    # the arithmetic was exact: once more in rationals, at the best point
+    best = points[int(np.argmin(case.values))]
+    assert exact(problem.objective, best) == Fraction(case.least)
+    for row in rows:
+        value = exact(row.polynomial, best)
+        assert value == 0 if row.kind is sp.Kind.ZERO else value >= 0
+    return case
+
+
+# ---- any multipliers --------------------------------------------------------------------------
+
+
+def variants(z, rng):
+    yield "solver", z
+    for size in (1e-12, 1e-9, 1e-6, 1e-3, 1.0):
+        yield f"noise {size}", z + size * rng.normal(size=z.size)
+    yield "float32", z.astype(np.float32).astype(float)
+    yield "random", rng.normal(size=z.size) * 10.0 ** rng.integers(-3, 4)
+    yield "zero", 0.0 * z
+    yield "negated", -z
+
+
+def bounds_of_any_multipliers(case, order, products, rng):
+    problem = case.problem
+    scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
+    scaled = Scaled.of(problem, scaling, (problem.objective,))
+    relaxation = sp.relax(scaled.problem, order, products=products)
+    program = sp.assemble(relaxation, scaled.objectives[0])
+    z = sp.solve_conic(program).z
+    for name, multipliers in variants(z, rng):
+        identity = identity_of(relaxation, scaled, multipliers, scaled.objective_sizes[0])
+        yield name, identity
+    last = identity_of(relaxation, scaled, z, scaled.objective_sizes[0])
+    for name, change in {
+        "factors in float32": lambda v: v.astype(np.float32),
+        "factors disturbed": lambda v: v * (1 + 1e-4 * rng.normal(size=v.shape)),
+        "columns lost": lambda v: v[..., :1] if v.ndim == 3 else 0.5 * v,
+    }.items():
+        groups = tuple(replace(g, values=change(g.values)) for g in last.multipliers)
+        yield name, replace(last, multipliers=groups)
+    floors = tuple(
+        g if g.free else replace(g, floor=float(rng.uniform(0, 1))) for g in last.multipliers
+    )
+    yield "floors", replace(last, multipliers=floors)
+    shuffled = rng.permutation(len(last.multipliers))[: len(last.multipliers) // 2]
+    yield "half", replace(last, multipliers=tuple(last.multipliers[k] for k in shuffled))
+    yield "none", Identity(last.scaling, ())
+
+
+@given(SEEDS)
+@quick
+def test_no_multipliers_prove_more_than_the_grid_allows(seed):
+    case, rng = random_case(seed), np.random.default_rng([seed, 7])
+    problem = case.problem
+    for name, identity in bounds_of_any_multipliers(case, 2, bool(seed % 2), rng):
+        found = identity.evaluate(problem.rows, problem.equality, problem.objective_row)
+        assert found.bound <= case.least, (name, found)
+        assert found.bound > -np.inf, (name, found)  # all variables are boxed
+
+
+def test_good_multipliers_prove_nearly_everything():
+    """So that the property above is not one of useless bounds."""
+    close = 0
+    for seed in range(30):
+        case = random_case(seed, constrained=False)
+        rng = np.random.default_rng(seed)
+        _, identity = next(bounds_of_any_multipliers(case, 2, False, rng))
+        problem = case.problem
+        found = identity.evaluate(problem.rows, problem.equality, problem.objective_row)
+        spread = 1.0 + np.ptp(case.values)
+        assert found.bound <= case.least
+        close += case.least - found.bound <= 0.02 * spread
+    assert close >= 25
+
+
+# ---- the whole solver -------------------------------------------------------------------------
+
+
+@given(SEEDS)
+@settings(quick, max_examples=25)
+def test_solve_is_right_about_random_problems(seed):
+    case = random_case(seed)
+    for effort in ("presolve", "plain"):
+        result = sp.solve(case.problem, sp.Options(effort=effort, order=2))
+        assert result.status is not sp.Status.INFEASIBLE
+        assert result.lower_bound <= min(case.least, result.upper_bound)
+        assert result.lower_bound > -np.inf
+        assert result.certificate.verify(case.problem).ok
+        if result.attained is not None:
+            worst = max([1.0, *(abs(c.polynomial.coefficients).max() for c in rows(case))])
+            assert case.problem.violation(result.x) <= 1e-9 * worst
+        # the grid has a point of value least: a good upper bound is not much above it
+        if not case.problem.constraints:
+            assert result.upper_bound <= case.least + 1e-9 * (1 + abs(case.least))
+
+
+def rows(case):
+    return [c for c in case.problem.constraints if c.polynomial.terms]
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_a_feasible_problem_is_never_called_infeasible(block):
+    """100 problems with a planted point: random doubles, equalities that hold exactly there."""
+    for seed in range(25 * block, 25 * block + 25):
+        case = random_case([seed, 99])
+        result = sp.solve(case.problem, sp.Options(refine="none", order=2))
+        assert result.status is not sp.Status.INFEASIBLE
+        assert result.lower_bound <= case.least
+
+
+@given(SEEDS)
+@quick
+def test_every_candidate_that_is_proved_is_feasible(seed):
+    case, rng = random_case(seed), np.random.default_rng([seed, 3])
+    start = case.points[rng.integers(case.points.shape[0])]
+    proved = prove_feasible(case.problem, start + 1e-9 * rng.normal(size=start.size))
+    if proved is None:
+        return
+    assert np.all(proved.x >= case.problem.lower)
+    assert np.all(proved.x <= case.problem.upper)
+    if proved.proof == "exact" and proved.radius == 0:
+        for row in case.problem.constraints:
+            value = exact(row.polynomial, proved.x)
+            assert value == 0 if row.kind is sp.Kind.ZERO else value >= 0
+        assert exact(case.problem.objective, proved.x) <= Fraction(proved.value)
+
+
+# ---- boxes ------------------------------------------------------------------------------------
+
+
+@given(SEEDS)
+@quick
+def test_propagation_keeps_every_feasible_point(seed):
+    case = random_case(seed)
+    problem = case.problem
+    for cutoff in (None, float(np.median(case.values)), case.least):
+        box, sweeps = propagate(
+            box_rows(problem, cutoff), Interval(problem.lower, problem.upper), limit=30
+        )
+        kept = case.points if cutoff is None else case.points[case.values <= cutoff]
+        assert sweeps >= 1
+        assert not is_empty(box)
+        assert np.all(kept >= box.lo)
+        assert np.all(kept <= box.hi)
+
+
+@given(SEEDS)
+@quick
+def test_propagation_from_nothing_keeps_every_feasible_point(seed):
+    """The same rows without the bounds: what shrinks must still hold the grid's points."""
+    case = random_case(seed)
+    problem = case.problem
+    endless = Interval(np.full(problem.dimension, -np.inf), np.full(problem.dimension, np.inf))
+    box, _ = propagate(box_rows(problem, case.least), endless, limit=30)
+    kept = case.points[case.values <= case.least]
+    assert np.all(kept >= box.lo)
+    assert np.all(kept <= box.hi)
+
+
+@given(SEEDS, st.integers(-8, 8))
+@quick
+def test_propagation_keeps_a_point_of_any_size(seed, decade):
+    """Random doubles of many sizes; rows that hold at the point in rational arithmetic."""
+    rng = np.random.default_rng([seed, decade + 8])
+    n = int(rng.integers(1, 4))
+    x = sp.variables(n)
+    point = rng.normal(size=n) * 10.0 ** rng.integers(-3, 4, n) * 10.0**decade
+    constraints = []
+    for _ in range(int(rng.integers(1, 4))):
+        parts = [0.0 * x[0]]
+        for _ in range(int(rng.integers(1, 5))):
+            term = float(rng.normal() * 10.0 ** rng.integers(-6, 7))
+            for v in rng.integers(0, n, int(rng.integers(1, 5))).tolist():
+                term = term * x[v]
+            parts.append(term)
+        g = sp.total(parts)
+        value = float(exact(g, point))
+        g = g - value
+        slack = exact(g, point)  # the constant's rounding, of either sign
+        constraints.append(g >= 0 if slack >= 0 else g <= 0)
+        if slack == 0:
+            constraints.append(g == 0)
+    problem = sp.Problem(x[0], constraints)
+    box, _ = propagate(
+        box_rows(problem, None), Interval(point - np.abs(point), point + np.abs(point))
+    )
+    assert np.all(point >= box.lo)
+    assert np.all(point <= box.hi)
+
+
+@given(SEEDS)
+@quick
+def test_ranges_enclose_the_values_on_the_grid(seed):
+    case = random_case(seed)
+    box = Interval(case.problem.lower, case.problem.upper)
+    enclosed = range_over(case.problem.objective_row, box)
+    assert enclosed.lo[0] <= case.least
+    assert case.values.max() <= enclosed.hi[0]
+
+
+# ---- relations between problems ---------------------------------------------------------------
+
+
+def bound(problem, **fields):
+    return sp.solve(problem, sp.Options(order=2, **fields)).lower_bound
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("effort", ["plain", "presolve"])
+def test_more_constraints_and_tighter_bounds_never_lower_the_bound(seed, effort):
+    case = random_case([seed, 5])
+    problem = case.problem
+    base = bound(problem, effort=effort)
+    best = case.points[int(np.argmin(case.values))]
+    x = sp.variables(problem.dimension)
+    scale = 1e-5 * (1 + abs(base))
+    extra = sp.total((v - float(p)) ** 2 for v, p in zip(x, best, strict=True)) <= 4
+    more = sp.Problem(
+        problem.objective, [*problem.constraints, extra], problem.lower, problem.upper
+    )
+    assert base - scale <= bound(more, effort=effort) <= case.least
+    middle = 0.5 * (problem.lower + best), 0.5 * (problem.upper + best)
+    tighter = sp.Problem(problem.objective, problem.constraints, *middle)
+    assert base - scale <= bound(tighter, effort=effort) <= case.least
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_names_of_variables_do_not_matter(seed):
+    case = random_case([seed, 6])
+    problem = case.problem
+    order = np.random.default_rng(seed).permutation(problem.dimension)
+    place = np.argsort(order)
+    x = sp.variables(problem.dimension)
+
+    def moved(p):
+        parts = [0.0 * x[0]]
+        for word, coefficient in zip(p.words.tolist(), p.coefficients.tolist(), strict=True):
+            term = coefficient
+            for letter in word:
+                term = term * x[place[letter - 1]] if letter else term
+            parts.append(term)
+        return sp.total(parts)
+
+    relabelled = sp.Problem(
+        moved(problem.objective),
+        [sp.Constraint(moved(c.polynomial), c.kind) for c in problem.constraints],
+        problem.lower[order],
+        problem.upper[order],
+    )
+    assert bound(relabelled, effort="plain") == pytest.approx(
+        bound(problem, effort="plain"), rel=1e-6, abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("factor", [1e3, 1e-3, 2.0**20])
+def test_the_bound_scales_with_the_objective(seed, factor):
+    problem = random_case([seed, 8]).problem
+    large = sp.Problem(
+        factor * problem.objective, problem.constraints, problem.lower, problem.upper
+    )
+    expected = bound(problem, effort="plain")
+    assert bound(large, effort="plain") / factor == pytest.approx(expected, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_shift_of_the_objective_shifts_the_bound(seed):
+    problem = random_case([seed, 9]).problem
+    moved = sp.Problem(problem.objective + 7.0, problem.constraints, problem.lower, problem.upper)
+    assert bound(moved, effort="plain") == pytest.approx(
+        bound(problem, effort="plain") + 7.0, abs=1e-5
+    )
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_higher_orders_prove_more(seed):
+    problem = random_case([seed, 10]).problem
+    scale = 1e-6 * (1 + abs(bound(problem)))
+    values = [sp.solve(problem, sp.Options(order=k, effort="plain")).lower_bound for k in (2, 3, 4)]
+    assert values[0] <= values[1] + scale
+    assert values[1] <= values[2] + scale

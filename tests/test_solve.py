@@ -1,0 +1,600 @@
+"""From a problem to a result: bounds, statuses, shared relaxations, options, old traps."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py import problems, rungs
+
+INF = np.inf
+
+
+def check(problem, result, optimum=None, tight=1e-5):
+    """What holds of every result; and with ``optimum``, that it lies between the bounds."""
+    assert result.lower_bound <= result.upper_bound
+    if result.certificate is None:
+        assert result.lower_bound == -INF
+    else:
+        assert result.certificate.verify(problem).ok
+        assert result.certificate.bound == result.lower_bound
+    if result.attained is not None:
+        assert problem.violation(result.x) <= 1e-8
+        assert result.attained.recheck(problem) is not None
+    if optimum is not None:
+        rounding = 1e-12 * (1 + abs(optimum))
+        assert result.lower_bound <= optimum + rounding
+        assert result.upper_bound >= optimum - rounding
+        assert result.lower_bound >= optimum - tight * max(1.0, abs(optimum))
+    return result
+
+
+# ---- the laboratory problem -------------------------------------------------------------------
+
+LAB_OPTIMUM = 52.7066065447  # 10 digits: min over x1 > 7 of f(x1, 10 / (x1 - 7)), see below
+
+
+@pytest.fixture(scope="module")
+def laboratory():
+    return {
+        order: sp.solve(problems.laboratory(), sp.Options(order=order)) for order in range(1, 6)
+    }
+
+
+def test_the_optimum_of_the_laboratory_problem():
+    """On the branch x1 > 7, x2 = 10 / (x1 - 7), by a fine grid; for x1 < 7 nothing is feasible."""
+    left = np.linspace(-50, 7, 100001)[:-1]
+    assert np.all(10 / (left - 7) + 0.5 * left < 1)
+    x1 = np.linspace(7.5, 12, 2000001)
+    x2 = 10 / (x1 - 7)
+    f = x1**2 + x2**2 - 4 * x1 - 6 * x2 + 13
+    best = int(np.argmin(f))
+    assert f[best] == pytest.approx(LAB_OPTIMUM, abs=1e-9)
+    assert (x1[best], x2[best]) == pytest.approx((8.8605284, 5.3748171), abs=1e-5)
+
+
+@pytest.mark.parametrize("order", range(1, 6))
+def test_laboratory_bounds(laboratory, order):
+    result = check(problems.laboratory(), laboratory[order])
+    low = 28.55 if order == 1 else 52.7064
+    assert low <= result.lower_bound <= 52.7066065447
+    assert 52.70660654 <= result.upper_bound <= 52.706607
+    assert result.x == pytest.approx([8.8605284, 5.3748171], abs=1e-6)
+    assert result.attained is not None
+    if order > 1:
+        assert result.status is sp.Status.OPTIMAL
+
+
+def test_laboratory_bounds_do_not_fall_with_the_order(laboratory):
+    bounds = [laboratory[order].lower_bound for order in range(1, 6)]
+    assert all(b >= a - 1e-6 for a, b in zip(bounds, bounds[1:], strict=False))
+
+
+# ---- no feasible point ------------------------------------------------------------------------
+
+EMPTY = {
+    "disc and hyperbola": "min x+y; s.t. 1-x^2-y^2>=0; x*y>=1; x+2>=0; 2-x>=0; y+2>=0; 2-y>=0",
+    "just empty": "min x+y; s.t. 1-x^2-y^2>=0; x*y>=0.51; x+2>=0; 2-x>=0; y+2>=0; 2-y>=0",
+    "negative square": "min x; s.t. x^2==-1",
+    "linear": "min x+y; s.t. x+y>=3; x<=1; y<=1; x>=0; y>=0",
+    "parallel": "min x; s.t. x-y>=1; y-x>=1; x>=-5; x<=5; y>=-5; y<=5",
+    "parity": "min x; s.t. x^2==1; y^2==1; x+y==1",
+    "chain": "min a; s.t. a>=1; b>=a; c>=b; d>=c; d<=0.5",
+    "cube": "min x; s.t. x^3==8; x<=1",
+}
+
+
+@pytest.mark.parametrize("effort", ["presolve", "plain"])
+@pytest.mark.parametrize("name", EMPTY)
+def test_emptiness_is_proved(name, effort):
+    problem = sp.parse(EMPTY[name])
+    result = sp.solve(problem, sp.Options(order=2, effort=effort))
+    boxed = np.isfinite(problem.lower).all() and np.isfinite(problem.upper).all()
+    if effort == "plain" and not boxed:  # no box: a Farkas proof would need one
+        assert result.status in (sp.Status.INFEASIBLE, sp.Status.UNPROVED, sp.Status.FAILED)
+        assert result.upper_bound == INF
+        return
+    assert result.status is sp.Status.INFEASIBLE
+    assert result.lower_bound == result.upper_bound == INF
+    assert result.gap == 0.0
+    assert result.attained is None
+    assert result.certificate.bound == INF
+    assert result.certificate.cutoff is None
+    verdict = result.certificate.verify(problem)
+    assert verdict.ok
+    assert verdict.bound == INF
+
+
+def test_both_arguments_of_emptiness_occur():
+    by_boxes = sp.solve(sp.parse(EMPTY["linear"])).certificate
+    assert by_boxes.identity is None
+    by_farkas = sp.solve(sp.parse(EMPTY["just empty"])).certificate
+    assert by_farkas.identity is not None
+
+
+def test_a_set_of_one_point_is_not_empty():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [x**2 + y**2 <= 0.5, x * y >= 0.25], lower=-2, upper=2)
+    result = check(problem, sp.solve(problem), -1.0)  # (1/2, 1/2) and (-1/2, -1/2)
+    assert result.status is not sp.Status.INFEASIBLE
+
+
+# ---- no bounds on the variables ---------------------------------------------------------------
+
+
+def expanded(problem):
+    """The same objective with nothing known of its squares."""
+    return sp.Problem(problem.objective, problem.constraints, problem.lower, problem.upper)
+
+
+def double_well_chain(n):
+    """sum (x_i^2 - 1)^2 + sum (x_i - x_{i+1})^2: 0 at +-(1, ..., 1)."""
+    x = sp.variables(n)
+    wells = [(v**2 - 1) ** 2 for v in x]
+    return sp.Problem(sp.total(wells + [(a - b) ** 2 for a, b in zip(x, x[1:], strict=False)]))
+
+
+ENDLESS = {
+    "quartic chain": (lambda: double_well_chain(5), 2, 0.0),
+    "broyden tridiagonal": (lambda: expanded(problems.broyden_tridiagonal(4)), 2, 0.0),
+    "six-hump camel": (
+        lambda: sp.parse("min 4*x1^2-2.1*x1^4+(1/3)*x1^6+x1*x2-4*x2^2+4*x2^4"),
+        3,
+        -1.031628453489877,
+    ),
+    "himmelblau": (
+        lambda: expanded(sp.parse("min (x1^2+x2-11)^2+(x1+x2^2-7)^2")),
+        2,
+        0.0,
+    ),
+    "wood": (
+        lambda: expanded(
+            sp.parse(
+                "min 100*(x2-x1^2)^2+(1-x1)^2+90*(x4-x3^2)^2+(1-x3)^2"
+                "+10.1*((x2-1)^2+(x4-1)^2)+19.8*(x2-1)*(x4-1)"
+            )
+        ),
+        2,
+        0.0,
+    ),
+    "quartic with margin": (
+        lambda: sp.parse("min 1+x1^4+x2^4+x3^4+x1^2*x2^2+x1^2*x3^2+x2^2*x3^2+x2*x3"),
+        2,
+        11 / 12,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_bounds_are_proved_without_a_box(name):
+    make, order, optimum = ENDLESS[name]
+    problem = make()
+    assert not problem.squares
+    assert not np.isfinite(problem.lower).any()
+    result = sp.solve(problem, sp.Options(order=order))
+    check(problem, result, optimum)
+    assert result.upper_bound <= optimum + 1e-5
+
+
+@pytest.mark.parametrize("name", ["broyden", "wood", "himmelblau"])
+def test_squares_bound_what_expansion_hides(name):
+    problem = {
+        "broyden": lambda: problems.broyden_tridiagonal(6),
+        "wood": lambda: problems.chained_wood(8),
+        "himmelblau": lambda: sp.parse("min (x1^2+x2-11)^2+(x1+x2^2-7)^2"),
+    }[name]()
+    optimum = 1.0 if name == "wood" else 0.0
+    result = check(problem, sp.solve(problem), optimum, tight=0.0)
+    assert result.status is sp.Status.OPTIMAL
+    assert result.lower_bound == optimum  # the constant of the squares, exactly
+
+
+def test_an_infimum_that_is_not_attained_is_left_unproved():
+    """x^2 + (1 - x y)^2 > 0 has the infimum 0, at y -> inf: y has no finite bounds."""
+    x, y = sp.variables(2, ["x", "y"])
+    problem = sp.Problem(x**2 + (1 - x * y) ** 2)
+    result = sp.solve(problem)
+    assert result.status is sp.Status.UNPROVED
+    assert result.lower_bound == -INF
+    assert result.certificate is None
+    assert result.upper_bound > 0
+    note = next(note for note in result.notes if "finite bounds" in note)
+    assert note.rstrip(".").split("for ")[-1].split(", ")[-1] == "y"
+    assert "lower and upper bounds" in result.status.message
+    assert "y" in result.summary()
+    known = sp.Problem(x**2 + (1 - x * y) ** 2, squares=[x, 1 - x * y])
+    assert check(known, sp.solve(known)).lower_bound == 0.0
+
+
+@pytest.mark.parametrize("order", [3, 4])
+@pytest.mark.parametrize("effort", ["plain", "presolve"])
+def test_motzkin_without_bounds_never_gets_a_number_above_zero(order, effort):
+    problem = problems.motzkin()
+    result = sp.solve(problem, sp.Options(order=order, effort=effort))
+    assert result.lower_bound <= 0.0
+    assert 0.0 <= result.upper_bound <= 1e-9
+    check(problem, result)
+
+
+# ---- traps of the original --------------------------------------------------------------------
+
+SQUARES = {
+    "cube of a root": ("min x^3; s.t. x^2==4; x>=-5; x<=5", -8.0),
+    "cube, no bounds": ("min x^3; s.t. x^2==4", -8.0),
+    "square equals multiple": ("min -x^2; s.t. x^2==3*x; x>=0; x<=10", -9.0),
+    "two of them": ("min x^2*y; s.t. x^2==4; y^2==1", -4.0),
+    "ordinary binary": ("min x^3-2*x*y; s.t. x^2==x; y^2==y", -1.0),
+    "minus one to one": ("min x*y+x; s.t. x^2==1; y^2==1", -2.0),
+}
+
+
+@pytest.mark.parametrize("name", SQUARES)
+def test_square_equations_keep_their_coefficients(name):
+    text, optimum = SQUARES[name]
+    problem = sp.parse(text)
+    result = check(problem, sp.solve(problem), optimum)
+    assert result.status is sp.Status.OPTIMAL
+    assert result.upper_bound == pytest.approx(optimum, abs=1e-9)
+    plain = sp.solve(problem, sp.Options(effort="plain", order=2))
+    assert plain.lower_bound <= optimum
+
+
+@pytest.mark.parametrize("effort", ["plain", "presolve"])
+def test_points_that_are_fixed_altogether(effort):
+    x, y = sp.variables(2)
+    for low, rows, status in [
+        ([3.0, 3.0], [x + y >= 6], sp.Status.OPTIMAL),
+        ([3.0, 3.0], [x + y >= 7], sp.Status.INFEASIBLE),
+        ([3.0, 3.0], [x + y >= 6.0 + 2**-50], sp.Status.INFEASIBLE),
+        ([0.1, 0.2], [x + y == 0.25], sp.Status.INFEASIBLE),
+        ([0.5, 0.25], [x * y == 0.125], sp.Status.OPTIMAL),
+    ]:
+        problem = sp.Problem(x + y, rows, low, low)
+        result = sp.solve(problem, sp.Options(effort=effort))
+        assert result.status is status
+        if status is sp.Status.INFEASIBLE:
+            assert result.lower_bound == result.upper_bound == INF
+            assert result.certificate.verify(problem).ok
+        else:
+            check(problem, result, sum(low), tight=1e-12)
+
+
+def test_tiny_coefficients_are_kept():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + 1e-12 * y, lower=-1, upper=1)
+    result = check(problem, sp.solve(problem, sp.Options(gap=0.0)), -1.0 - 1e-12, tight=1e-14)
+    assert result.lower_bound < -1.0
+    only = sp.Problem(1e-14 * x, lower=-1, upper=1)
+    result = check(only, sp.solve(only, sp.Options(gap=0.0)), -1e-14)
+    assert -1.001e-14 <= result.lower_bound <= -1e-14 <= result.upper_bound
+    # 1e-9 x >= 1 means x >= 1e9: with x <= 2 nothing is feasible
+    empty = sp.Problem(y, [1e-9 * x >= 1], lower=0, upper=2)
+    assert sp.solve(empty).status is sp.Status.INFEASIBLE
+    # and 1e-9 x^2 y <= 1e-9 is a constraint
+    row = sp.Problem(-x * y, [1e-9 * x**2 * y <= 1e-9], lower=0, upper=2)
+    check(row, sp.solve(row, sp.Options(order=3)), -2.0)  # x = 1/2, y = 2 is not: x y = sqrt(y)
+
+
+def test_unused_variables_do_no_harm():
+    x = sp.variables(5)
+    problem = sp.Problem(x[1] ** 2 - x[1], [x[3] >= -1])
+    check(problem, sp.solve(problem), -0.25)
+
+
+def test_a_constant_objective():
+    x, y = sp.variables(2)
+    problem = sp.Problem(0.0 * x + 3.5, [x + y == 1], lower=0, upper=1)
+    result = check(problem, sp.solve(problem), 3.5, tight=1e-12)
+    assert result.status is sp.Status.OPTIMAL
+
+
+# ---- many objectives over one set -------------------------------------------------------------
+
+
+def region():
+    x, y = sp.variables(2)
+    rows = [x**2 + y**2 <= 1, x + y >= -0.5, x * y <= 0.25]
+    return sp.Problem(0.0 * x, rows), [x, -x, y, -y, x * y, x - 2 * y]
+
+
+def test_objectives_share_one_relaxation():
+    problem, objectives = region()
+    together = sp.solve_each(problem, objectives, sp.Options(order=2))
+    assert len(together) == len(objectives)
+    assert len({id(result.relaxation) for result in together}) == 1
+    for objective, result in zip(objectives, together, strict=True):
+        single = problem.with_objective(objective)
+        check(single, result)
+        alone = sp.solve(single, sp.Options(order=2))
+        for a, b in ((result, alone), (alone, result)):
+            assert a.lower_bound <= b.upper_bound
+        assert result.lower_bound == pytest.approx(alone.lower_bound, abs=2e-6)
+        # nothing of one objective's cut-off is in the box that all share
+        assert result.certificate.cutoff is None
+        assert not result.certificate.box.uses_cutoff
+        assert result.problem.fingerprint == single.fingerprint
+    grid = np.linspace(-1, 1, 201)
+    a, b = (axis.ravel() for axis in np.meshgrid(grid, grid))
+    inside = (a**2 + b**2 <= 1) & (a + b >= -0.5) & (a * b <= 0.25)
+    points = np.stack([a[inside], b[inside]], axis=1)
+    for objective, result in zip(objectives, together, strict=True):
+        values = [objective(p) for p in points]
+        assert result.lower_bound <= min(values)
+        assert min(values) - 0.05 <= result.lower_bound
+
+
+def test_a_shared_certificate_speaks_of_its_own_objective_only():
+    problem, objectives = region()
+    first, second, *_ = sp.solve_each(problem, objectives)
+    assert not first.certificate.verify(second.problem).ok
+    assert first.certificate.verify(first.problem).ok
+
+
+def test_objectives_without_a_common_box_get_their_own():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x, [x - y >= 0], lower=0)
+    low, falls, bowl = sp.solve_each(problem, [x, -x, x**2 - x])
+    check(low.problem, low, 0.0)
+    check(bowl.problem, bowl, -0.25)
+    assert falls.status is sp.Status.UNBOUNDED
+    assert falls.lower_bound == -INF
+
+
+def test_an_empty_set_is_empty_for_every_objective():
+    problem = sp.parse(EMPTY["just empty"])
+    x, y = sp.variables(2)
+    for result in sp.solve_each(problem, [x, -x, x * y]):
+        assert result.status is sp.Status.INFEASIBLE
+        assert result.certificate.verify(result.problem).ok
+
+
+def test_wrong_objectives_are_named():
+    problem, _ = region()
+    x, _ = sp.variables(2)
+    assert sp.solve_each(problem, []) == []
+    for wrong in (3, "x", sp.variables(3)[0], x >= 0):
+        with pytest.raises(sp.ProblemError, match=r"objectives\[1\]"):
+            sp.solve_each(problem, [x, wrong])
+
+
+# ---- starting points --------------------------------------------------------------------------
+
+
+def test_a_starting_point_is_used(monkeypatch):
+    """Without random starts worth anything, the far minimiser is found from the start only."""
+    x, y = sp.variables(2)
+    problem = sp.Problem((x - 40) ** 2 * (x + 1) ** 2 + y**2 - 0.5 * x, lower=-100, upper=100)
+    result = sp.solve(problem, sp.Options(refine="none"), start=[40.0, 0.0])
+    assert result.attained is None  # no local search, no attained point
+    from sparsepop_py import solve as module
+
+    seen = []
+    original = module.best_attained
+
+    def spy(problem, starts, *rest):
+        starts = list(starts)
+        seen.extend(starts)
+        return original(problem, starts, *rest)
+
+    monkeypatch.setattr("sparsepop_py.solve.best_attained", spy, raising=False)
+    found = sp.solve(problem, start=[40.0, 0.0])
+    assert found.upper_bound <= -20.0 + 1e-9
+
+
+@pytest.mark.parametrize(
+    "start", [np.zeros(3), [0.0], np.zeros((2, 1)), np.zeros((1, 2)), 5.0, [np.nan, 0], [0, INF]]
+)
+def test_wrong_starting_points_are_named(start):
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    for call in (
+        lambda: sp.solve(problem, start=start),
+        lambda: sp.solve_each(problem, [x], start=start),
+    ):
+        with pytest.raises(sp.ProblemError, match=r"start: found shape .*, expected \(2,\)"):
+            call()
+
+
+def test_a_start_outside_the_bounds_is_no_error():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [x**2 + y**2 <= 1], lower=-0.5)
+    check(problem, sp.solve(problem, start=[1e6, -1e6]), -1.0)
+
+
+# ---- options ----------------------------------------------------------------------------------
+
+WRONG = {
+    "order": [0, -1, 2.0, 2.5, "2", [2]],
+    "effort": ["ladder", "", None, []],
+    "gap": [-1e-9, np.nan, "small", None],
+    "gap_kind": ["rel", None],
+    "tolerance": [-1.0, np.nan, "1e-6", None],
+    "chordal": ["amd", None],
+    "refine": ["fmincon", True],
+    "time_limit": [0, -3.0, np.nan],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [(name, value) for name, values in WRONG.items() for value in values]
+)
+def test_wrong_options_name_themselves(name, value):
+    with pytest.raises(sp.ProblemError, match=rf"Options\.{name}: found .*, expected"):
+        sp.Options(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("time_limit", "5"), ("seed", -1), ("seed", "a"), ("seed", 1.5), ("solver", 3)],
+)
+@pytest.mark.xfail(strict=True, raises=(AttributeError, TypeError, ValueError))
+def test_more_wrong_options_name_themselves(name, value):
+    """Each raises something, but not a ProblemError that names the option."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    try:
+        sp.solve(problem, sp.Options(**{name: value}))
+    except sp.SparsePOPError as error:
+        assert name in str(error)  # noqa: PT017
+    else:
+        raise AssertionError("accepted")
+
+
+def test_unknown_solvers_are_named():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    for name in ("sedumi", "", "cvxpy:NOSUCH", "Clarabel"):
+        with pytest.raises(sp.SolverNotFound, match="solver: "):
+            sp.solve(problem, sp.Options(solver=name))
+
+
+def test_options_are_frozen_and_kept():
+    options = sp.Options(order=np.int64(2), gap=1e-3)
+    with pytest.raises(AttributeError):
+        options.order = 3
+    x, y = sp.variables(2)
+    assert sp.solve(sp.Problem(x * y, [x**2 + y**2 <= 1]), options).options is options
+
+
+def test_a_low_order_is_raised_with_a_note():
+    x, y = sp.variables(2)
+    result = sp.solve(sp.Problem(x**4 + x * y - 4 * x, [y**2 <= 4]), sp.Options(order=1))
+    assert result.relaxation.order == 2
+    assert any("order 1 raised to 2" in note for note in result.notes)
+
+
+def test_the_gap_decides_the_status():
+    x, y = sp.variables(2)
+    # order 2 leaves a gap of 0.0025 here (Nie, Example 6.1); in [1e-3, 0.0521]
+    z = sp.variables(3)
+    problem = sp.Problem(z[0] * z[1] * (10 - z[2]), [z[0] + z[1] + z[2] <= 1], lower=0)
+    wide = sp.solve(problem, sp.Options(order=2, gap=0.06, gap_kind="absolute"))
+    narrow = sp.solve(problem, sp.Options(order=2, gap=1e-9, gap_kind="absolute"))
+    for result in (wide, narrow):
+        check(problem, result, 0.0, tight=0.0521)
+    assert wide.status is sp.Status.OPTIMAL
+    assert narrow.status in (sp.Status.BOUNDED, sp.Status.OPTIMAL)
+    assert (narrow.status is sp.Status.OPTIMAL) == (narrow.gap <= 1e-9)
+    # relative gaps are divided by max(1, |attained|): 1e6 (x y + 1) is closed by 1e-3 at once
+    large = sp.Problem(1e6 * x * y, lower=-1, upper=1)
+    result = sp.solve(large, sp.Options(gap=1e-3, gap_kind="relative"))
+    assert result.status is sp.Status.OPTIMAL
+    assert result.gap <= 1e-3 * 1e6
+
+
+@pytest.mark.parametrize("limit", [1e-6, 0.01, 0.3])
+def test_a_time_limit_leaves_a_valid_result(limit):
+    x = sp.variables(6)
+    rng = np.random.default_rng(2)
+    f = sp.total(
+        float(c) * x[i] * x[j] * x[k] + x[i] ** 4
+        for c, (i, j, k) in zip(rng.normal(size=20), rng.integers(0, 6, (20, 3)), strict=True)
+    )
+    problem = sp.Problem(f, [sp.total(v**2 for v in x) <= 5], lower=-1, upper=1)
+    result = sp.solve(problem, sp.Options(order=3, time_limit=limit))
+    check(problem, result)
+    assert result.status in (sp.Status.LIMIT, sp.Status.OPTIMAL, sp.Status.BOUNDED)
+    assert result.lower_bound > -INF  # the box alone proves something
+    for point in rng.uniform(-1, 1, (200, 6)):
+        if problem.violation(point) == 0.0:
+            assert result.lower_bound <= f(point)
+
+
+@pytest.mark.parametrize("solver", ["clarabel-moment", "cvxpy:SCS", "cvxpy:CLARABEL"])
+def test_other_solvers_prove_valid_bounds(solver):
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y + x**2, [x**2 + y**2 <= 1, x + y >= 0.5])
+    angle = np.linspace(-np.pi, np.pi, 400001)
+    # the minimum is on the circle or on the line; both by brute force
+    a, b = np.cos(angle), np.sin(angle)
+    on_circle = (a * b + a**2)[a + b >= 0.5].min()
+    t = np.linspace(-1, 1, 400001)
+    on_line = (t * (0.5 - t) + t**2)[t**2 + (0.5 - t) ** 2 <= 1].min()
+    optimum = min(on_circle, on_line)
+    result = sp.solve(problem, sp.Options(solver=solver, order=2))
+    check(problem, result)
+    assert optimum - 1e-2 <= result.lower_bound <= optimum + 1e-9
+    assert optimum - 1e-9 <= result.upper_bound <= optimum + 1e-5
+
+
+def test_wrong_multipliers_cannot_make_a_wrong_bound(monkeypatch):
+    """A solver that lies: noise in its duals, "solved" in its status, a proud value."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1])  # optimum -1/2
+    honest = rungs.solve_conic
+    rng = np.random.default_rng(1)
+    for lie in (
+        lambda s: replace(s, z=s.z + rng.normal(size=s.z.size), primal=99.0, dual=99.0),
+        lambda s: replace(s, z=0.0 * s.z, primal=99.0),
+        lambda s: replace(s, status="infeasible", z=rng.normal(size=s.z.size)),
+        lambda s: replace(s, status="failed", z=-s.z),
+    ):
+        monkeypatch.setattr(rungs, "solve_conic", lambda *a, lie=lie: lie(honest(*a)))
+        result = check(problem, sp.solve(problem))
+        assert result.lower_bound <= -0.5 <= result.upper_bound
+        assert result.status is not sp.Status.INFEASIBLE
+
+
+# ---- inputs and repetition --------------------------------------------------------------------
+
+
+def frozen(problem):
+    rows = [c.polynomial for c in problem.constraints]
+    arrays = [a.tobytes() for p in [problem.objective, *rows] for a in (p.words, p.coefficients)]
+    return arrays, problem.lower.tobytes(), problem.upper.tobytes(), problem.names
+
+
+def test_inputs_are_not_modified():
+    problem, objectives = region()
+    start = np.array([0.1, 0.2])
+    before = frozen(problem), [pickle.dumps(f) for f in objectives], start.tobytes()
+    options = sp.Options(order=2)
+    copied = {f.name: getattr(options, f.name) for f in fields(options)}
+    sp.solve(problem, options, start=start)
+    sp.solve_each(problem, objectives, options, start=start)
+    assert (frozen(problem), [pickle.dumps(f) for f in objectives], start.tobytes()) == before
+    assert {f.name: getattr(options, f.name) for f in fields(options)} == copied
+    state = np.random.get_state()[1].copy()  # noqa: NPY002
+    sp.solve(problem, options)
+    assert np.array_equal(state, np.random.get_state()[1])  # noqa: NPY002
+
+
+@pytest.mark.parametrize(
+    "make", [problems.laboratory, lambda: double_well_chain(4), lambda: region()[0]]
+)
+def test_two_runs_are_equal(make):
+    first, second = sp.solve(make()), sp.solve(make())
+    assert first.lower_bound == second.lower_bound
+    assert first.upper_bound == second.upper_bound
+    assert first.status is second.status
+    assert np.array_equal(first.x, second.x)
+    assert len(first.points) == len(second.points)
+    for a, b in zip(first.points, second.points, strict=True):
+        assert np.array_equal(a.x, b.x)
+
+
+def test_another_seed_changes_no_bound_beyond_the_gap():
+    for seed in (1, 2):
+        result = sp.solve(problems.laboratory(), sp.Options(order=2, seed=seed))
+        assert 52.7064 <= result.lower_bound <= LAB_OPTIMUM + 1e-9 <= result.upper_bound + 2e-9
+
+
+def test_results_describe_themselves():
+    problem = problems.laboratory()
+    result = sp.solve(problem, sp.Options(order=2))
+    text = result.summary()
+    assert "OPTIMAL" in text
+    assert str(result) == text
+    assert "52.7066" in repr(result)
+    assert result.timings["solve"] >= 0
+    assert all(
+        point.violation == problem.violation(point.x) and point.value == problem.objective(point.x)
+        for point in result.points
+    )
+    assert np.array_equal(result.points[0].x, result.x)
+    for status in sp.Status:
+        assert status.message.endswith(".")
