@@ -20,7 +20,7 @@ from .feasibility import ProvedPoint
 from .options import Options
 from .polynomial import Polynomial
 from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling
+from .presolve.scaling import Scaled, Scaling, scale_objective
 from .problem import Problem
 from .progress import Stages
 from .relaxation import Relaxation
@@ -151,30 +151,36 @@ def _prove(task: Task, model: Model) -> Bound:
     if task.options.effort != "plain" and closed(task, outcome):
         # the box or the squares prove it already
         return replace(outcome, relaxation=model.relaxations[-1])
-    own = Scaled.of(task.problem, model.scaled.scaling, (task.problem.objective,))
+    objective = scale_objective(task.problem.objective, model.scaled.scaling)
     for relaxation in model.relaxations:
-        outcome = _solve_relaxation(task, model, own, relaxation, outcome)
+        outcome = _solve_relaxation(task, model, relaxation, objective, outcome)
         if closed(task, outcome) or task.clock.over:
             break
     return outcome
 
 
 def _solve_relaxation(
-    task: Task, model: Model, scaled: Scaled, relaxation: Relaxation, outcome: Bound
+    task: Task,
+    model: Model,
+    relaxation: Relaxation,
+    objective: tuple[Polynomial, float],
+    outcome: Bound,
 ) -> Bound:
     """One relaxation; where variables have no box, with growing margins until it closes."""
-    boxed = bool(np.all(scaled.scaling.boxed))
+    assert model.scaled is not None
+    boxed = bool(np.all(model.scaled.scaling.boxed))
+    scaled_objective, size = objective
     for share in (0.0,) if boxed else _MARGINS:
         with task.stages.stage("assemble"):
-            objective = scaled.objectives[0]
+            minimised = scaled_objective
             if share:
-                objective = objective - margin(relaxation) * share
-            program = assemble(relaxation, objective)
+                minimised = minimised - margin(relaxation) * share
+            program = assemble(relaxation, minimised)
         for solver in _solvers(task.options):
             with task.stages.stage("solve"):
                 solution = solve_conic(program, solver, task.clock.left)
             with task.stages.stage("certify"):
-                attempt = _Attempt(model, scaled, relaxation, program, solution, share)
+                attempt = _Attempt(model, relaxation, program, solution, size, share)
                 outcome = _certified(task, attempt, outcome)
             if solution.status != "almost" or closed(task, outcome) or task.clock.over:
                 break
@@ -188,21 +194,21 @@ class _Attempt:
     """One solution of one program, to be certified."""
 
     model: Model
-    scaled: Scaled
     relaxation: Relaxation
     program: ConicProgram
     solution: ConicSolution
+    size: float
     share: float
 
     def bound(self, task: Task, z: NDArray[np.float64]) -> Bound:
         """What the multipliers z prove."""
-        size = self.scaled.objective_sizes[0]
+        assert self.model.scaled is not None
         empty = self.solution.status == "infeasible"
         identity = identity_of(
-            self.relaxation, self.scaled, z, 1.0 if empty else size, floor=self.share
+            self.relaxation, self.model.scaled, z, 1.0 if empty else self.size, floor=self.share
         )
         certificate = certify(task.problem, self.model.proof, task.best, identity, empty=empty)
-        value = size * self.solution.primal
+        value = self.size * self.solution.primal
         return Bound(self.model, certificate, self.relaxation, self.solution, value)
 
 
@@ -213,7 +219,7 @@ def _certified(task: Task, attempt: _Attempt, outcome: Bound) -> Bound:
     if attempt.solution.status == "infeasible" or task.options.effort == "plain":
         return outcome
     loss = np.inf if new.certificate is None else new.certificate.correction
-    scale = max(1.0, abs(attempt.scaled.objective_sizes[0] * attempt.solution.primal))
+    scale = max(1.0, abs(attempt.size * attempt.solution.primal))
     if loss > 1e-9 * scale:
         outcome = better(
             outcome, attempt.bound(task, repaired(attempt.program, attempt.solution.z))

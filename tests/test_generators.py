@@ -131,8 +131,10 @@ def test_products_of_random_problems_are_nonnegative_where_the_problem_is_feasib
     cliques = find_cliques(problem)
     pairs = generators.useful_products(problem, cliques.members, cliques.home, ())
     assert not np.any(problem.equality[pairs[(pairs > 0) & (pairs <= 3)] - 1])
+    system = generators.stacked(problem, pairs)
+    assert set(pairs.ravel().tolist()) <= set(system.row.tolist())  # no factor is missing
     grid = np.array(list(np.ndindex(3, 3, 3, 3))) / 2
     feasible = [p for p in grid if problem.violation(p) == 0]
     assert feasible
     for point in feasible:
-        assert np.all(values(generators.stacked(problem, pairs), point)[-len(pairs) or None :] >= 0)
+        assert np.all(values(system, point)[system.size - len(pairs) :] >= 0)

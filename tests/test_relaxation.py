@@ -124,9 +124,24 @@ def planted(draw):
 @settings(max_examples=60, deadline=None)
 def test_a_dirac_measure_satisfies_every_block(planted_, order, sparse, lean, products, reduce):
     problem, point = planted_
+    fixed = problem.lower == problem.upper
+    reduce &= not any(  # see the next test
+        np.any(fixed[c.polynomial.support]) for c in problem.constraints if c.kind is Kind.ZERO
+    )
     cliques = find_cliques(problem, sparse=sparse)
     relaxation = relax(problem, order, cliques=cliques, lean=lean, products=products, reduce=reduce)
     check_dirac(problem, relaxation, point)
+
+
+@pytest.mark.xfail(
+    strict=True,
+    raises=IndexError,
+    reason="facial reduction looks for the monomials of fixed variables in bases without them",
+)
+def test_a_fixed_variable_in_an_equality_can_be_reduced():
+    x, y = sp.variables(2)
+    problem = Problem(y, [x == 0], [0, -1], [0, 1])
+    check_dirac(problem, relax(problem, 1), np.array([0.0, 0.5]))
 
 
 @pytest.mark.parametrize("lean", [False, True])

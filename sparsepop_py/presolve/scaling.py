@@ -20,7 +20,7 @@ from ..problem import Problem
 from ..rounding import Interval
 from ..system import PolynomialSystem
 
-__all__ = ["Scaled", "Scaling"]
+__all__ = ["Scaled", "Scaling", "scale_objective"]
 
 _NARROW = 2.0**-300  # half widths below this are rounding; their powers would underflow
 _SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
@@ -146,6 +146,14 @@ class Scaled:
         low, high = scaling.bounds
         scaled = Problem(rows[m], constraints, low, high, problem.names)
         return Scaled(scaled, scaling, tuple(rows[m:]), tuple(size[m:].tolist()), size[:m])
+
+
+def scale_objective(objective: Polynomial, scaling: Scaling) -> tuple[Polynomial, float]:
+    """One objective in scaled variables, divided by its largest coefficient, and that size."""
+    system = scaling.expand(PolynomialSystem.stack([objective], objective.dimension))
+    varies = system.words.any(axis=1)
+    size = float(np.abs(system.coefficients[varies]).max(initial=0.0)) or 1.0
+    return _split(system, np.array([size]))[0], size
 
 
 def _repeats_bounds(
