@@ -67,7 +67,8 @@ def reduced_bases(
     equalities: dict[int, list[int]] = {}
     for number in np.flatnonzero(problem.equality):
         polynomial = problem.constraints[number].polynomial
-        if 0 < polynomial.degree <= order:
+        inside = set(polynomial.support.tolist()) <= set(members[home[number]])
+        if 0 < polynomial.degree <= order and inside:
             equalities.setdefault(int(home[number]), []).append(int(number))
     plain = np.array([c for c in range(len(members)) if c not in equalities], int)
     stacked: dict[int, list[tuple[NDArray, Words]]] = {}

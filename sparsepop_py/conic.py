@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import scipy.sparse as sps
@@ -71,19 +72,20 @@ class ConicProgram:
     offset: float = 0.0
 
     def save(self, path: str | Path) -> None:
-        """Write the program as a NumPy ``.npz`` archive, read back by :meth:`load`."""
-        np.savez_compressed(
-            path,
-            q=self.q,
-            b=self.b,
-            offset=self.offset,
-            data=self.A.data,
-            indices=self.A.indices,
-            indptr=self.A.indptr,
-            zero=self.cones.zero,
-            nonnegative=self.cones.nonnegative,
-            psd=np.array(self.cones.psd, int),
-        )
+        """Write the program as a NumPy ``npz`` archive to that very path, for :meth:`load`."""
+        with open(path, "wb") as file:
+            np.savez_compressed(
+                file,
+                q=self.q,
+                b=self.b,
+                offset=self.offset,
+                data=self.A.data,
+                indices=self.A.indices,
+                indptr=self.A.indptr,
+                zero=self.cones.zero,
+                nonnegative=self.cones.nonnegative,
+                psd=np.array(self.cones.psd, int),
+            )
 
     @staticmethod
     def load(path: str | Path) -> ConicProgram:
@@ -95,13 +97,13 @@ class ConicProgram:
             If the file is missing or is no such archive.
         """
         try:
-            with np.load(path) as file:
+            with open(path, "rb") as stream, np.load(stream) as file:
                 shape = (file["b"].size, file["q"].size)
                 matrix = sps.csc_array((file["data"], file["indices"], file["indptr"]), shape=shape)
                 sizes = tuple(int(s) for s in file["psd"])
                 cones = Cones(int(file["zero"]), int(file["nonnegative"]), sizes)
                 return ConicProgram(file["q"], matrix, file["b"], cones, float(file["offset"]))
-        except (OSError, KeyError, ValueError) as error:
+        except (OSError, EOFError, KeyError, TypeError, ValueError, BadZipFile) as error:
             raise FormatError(f"{path}: expected a saved conic program: {error}") from error
 
     def __str__(self) -> str:

@@ -40,6 +40,10 @@ class Constraint:
     kind: Kind
     name: str = ""
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.kind, Kind):
+            raise ProblemError(f"kind: found {self.kind!r}, expected a Kind")
+
     def __bool__(self) -> bool:
         raise ProblemError("a constraint has no truth value: write 0 <= x <= 1 as two constraints")
 

@@ -6,10 +6,11 @@ Both keep every rounding error, so that what follows from them is proved.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import comb
 
 from . import monomials
 from .monomials import Words
@@ -103,6 +104,7 @@ def expand_affine(
     term = np.arange(system.row.size)
     words, value = system.words, Interval.point(system.coefficients)
     columns = np.arange(words.shape[1])
+    binomials = _binomials(int(factors.power.max(initial=0)))
     for slot in range(factors.variable.shape[1]):
         variable = factors.variable[term, slot]
         power = factors.power[term, slot]
@@ -113,7 +115,7 @@ def expand_affine(
         power, c, w = power[copy], c[copy], w[copy]
         dropped = np.where(w == 0, power, dropped)
         shift = Interval.point(c).power(dropped) * Interval.point(w).power(power - dropped)
-        weight = Interval.point(comb(power, dropped)) * shift
+        weight = binomials[power, dropped] * shift
         plain = (c == 0) & (w == 1)
         value = value[copy]
         scaled = value * weight
@@ -124,6 +126,18 @@ def expand_affine(
         words = np.where(gone, 0, words[copy]).astype(np.int32)
     words = np.sort(words, axis=1)
     return merge_terms(words, system.row[term], value, system.dimension)
+
+
+def _binomials(largest: int) -> Interval:
+    """Enclosures of C(a, b) for a, b <= largest; beyond 2^53 they are no doubles."""
+    table = [
+        [Interval.of_fraction(Fraction(comb(a, b))) for b in range(largest + 1)]
+        for a in range(largest + 1)
+    ]
+    return Interval(
+        np.array([[float(c.lo) for c in row] for row in table]),
+        np.array([[float(c.hi) for c in row] for row in table]),
+    )
 
 
 def merge_terms(

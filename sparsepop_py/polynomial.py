@@ -83,7 +83,7 @@ class Polynomial:
             raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
         words = monomials.trim(words)
         unique, where = monomials.collect(words, dimension)
-        sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0])
+        sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0]).astype(float)
         keep = sums != 0.0
         if not np.all(np.isfinite(sums)):
             raise ProblemError("coefficients: a sum of equal monomials overflows")
@@ -110,9 +110,14 @@ class Polynomial:
             raise ProblemError(
                 f"coefficients: found {values.size}, expected {matrix.shape[0]}, one a row"
             )
-        if matrix.nnz and (np.any(matrix.data < 0) or np.any(matrix.data % 1 != 0)):
-            bad = matrix.data[(matrix.data < 0) | (matrix.data % 1 != 0)][0]
-            raise ProblemError(f"exponents: found {bad}, expected non-negative integers")
+        bad = ~np.isfinite(matrix.data) | (matrix.data < 0)
+        bad[~bad] = matrix.data[~bad] % 1 != 0
+        if np.any(bad):
+            raise ProblemError(
+                f"exponents: found {matrix.data[bad][0]}, expected non-negative integers"
+            )
+        if names is not None:
+            _check_names(names, int(matrix.shape[1]))
         words = monomials.from_exponents(matrix)
         return Polynomial.from_words(
             words, values, int(matrix.shape[1]), tuple(names) if names is not None else None
@@ -131,7 +136,10 @@ class Polynomial:
                 )
             return other
         if isinstance(other, numbers.Real):
-            return self._constant(float(other))
+            try:
+                return self._constant(float(other))
+            except OverflowError:
+                raise ProblemError("a number is too large for a double") from None
         return None
 
     # ---- views --------------------------------------------------------------------------
@@ -195,7 +203,8 @@ class Polynomial:
         return NotImplemented if left is None else total([left, self._scaled(-1.0)])
 
     def _scaled(self, factor: float) -> Polynomial:
-        values = self.coefficients * factor
+        with np.errstate(over="ignore", under="ignore"):
+            values = self.coefficients * factor
         if factor == 0.0 or not np.all(np.isfinite(values)) or not np.all(values):
             return Polynomial.from_words(self.words, values, self.dimension, self.names)
         return Polynomial(self.words, _frozen(values), self.dimension, self.names)
@@ -207,7 +216,8 @@ class Polynomial:
         if right is None:
             return NotImplemented
         words = monomials.multiply(self.words[:, None, :], right.words[None, :, :])
-        values = self.coefficients[:, None] * right.coefficients[None, :]
+        with np.errstate(over="ignore", under="ignore"):
+            values = self.coefficients[:, None] * right.coefficients[None, :]
         return Polynomial.from_words(
             words.reshape(values.size, words.shape[-1]),
             values.ravel(),
@@ -222,7 +232,8 @@ class Polynomial:
             return NotImplemented
         if other == 0:
             raise ProblemError("division of a polynomial by zero")
-        values = self.coefficients / float(other)
+        with np.errstate(over="ignore", under="ignore"):
+            values = self.coefficients / float(other)
         return Polynomial.from_words(self.words, values, self.dimension, self.names)
 
     def __pow__(self, power: Any) -> Polynomial:
@@ -239,6 +250,8 @@ class Polynomial:
 
     def derivative(self, variable: int) -> Polynomial:
         """Partial derivative with respect to the variable of index ``variable`` (from 0)."""
+        if not 0 <= variable < self.dimension:
+            raise ProblemError(f"variable: found {variable}, expected 0..{self.dimension - 1}")
         letter = variable + 1
         power = np.count_nonzero(self.words == letter, axis=1)
         rows = np.flatnonzero(power)
@@ -301,6 +314,11 @@ class Polynomial:
         return self.names[variable] if self.names else f"x{variable + 1}"
 
 
+def _check_names(names: Sequence[str], n: int) -> None:
+    if len(names) != n or len(set(names)) != n:
+        raise ProblemError(f"names: found {len(names)} names, expected {n} distinct ones")
+
+
 def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, ...]:
     """The variables x1, ..., xn as polynomials.
 
@@ -326,8 +344,8 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
     if not isinstance(n, numbers.Integral) or n < 1:
         raise ProblemError(f"n: found {n!r}, expected a positive integer")
     labels = tuple(str(name) for name in names) if names is not None else None
-    if labels is not None and (len(labels) != n or len(set(labels)) != n):
-        raise ProblemError(f"names: found {len(labels)} names, expected {n} distinct ones")
+    if labels is not None:
+        _check_names(labels, int(n))
     one = _frozen(np.ones(1))
     return tuple(
         Polynomial(_frozen(np.array([[v]], np.int32)), one, int(n), labels) for v in range(1, n + 1)

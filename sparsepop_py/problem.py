@@ -6,6 +6,7 @@ minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
 from __future__ import annotations
 
 import hashlib
+import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -175,10 +176,12 @@ class Problem:
         point = np.asarray(x, float)
         if point.shape != (self.dimension,):
             raise ProblemError(f"x: found shape {point.shape}, expected ({self.dimension},)")
-        values = self.rows.values(point)
-        worst = np.where(self.equality, np.abs(values), -values)
-        parts = [worst, self.lower - point, point - self.upper, np.zeros(1)]
-        return float(np.max(np.concatenate(parts)))
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = self.rows.values(point)
+            worst = np.where(self.equality, np.abs(values), -values)
+            parts = [worst, self.lower - point, point - self.upper, np.zeros(1)]
+            largest = np.concatenate(parts)
+        return float("inf") if np.any(np.isnan(largest)) else float(np.max(largest))
 
     @cached_property
     def bound_rows(self) -> NDArray[np.bool_]:
@@ -252,8 +255,8 @@ def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
     if isinstance(objective, Polynomial):
         return objective
     first = next((row for row in rows if isinstance(row, Constraint)), None)
-    if first is not None and np.isscalar(objective):
-        return total([first.polynomial * 0.0, float(objective)])  # type: ignore[arg-type]
+    if first is not None and isinstance(objective, numbers.Real):
+        return total([first.polynomial * 0.0, float(objective)])
     raise ProblemError(
         f"objective: found {type(objective).__name__}, expected a Polynomial "
         "(see sparsepop_py.variables) or a sympy expression"

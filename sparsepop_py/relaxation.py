@@ -37,7 +37,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .basis import clique_bases, consistent_bases, reduced_bases
+from .blocks import BlockGroup, block_groups, row_monomials
 from .errors import ProblemError
 from .monomials import Words
 from .polynomial import Polynomial
@@ -46,57 +46,6 @@ from .sparsity import Cliques, find_cliques
 from .system import PolynomialSystem
 
 __all__ = ["BlockGroup", "Relaxation", "least_order", "relax"]
-
-
-@dataclass(frozen=True, eq=False)
-class BlockGroup:
-    """Blocks of one size, stacked.
-
-    Parameters
-    ----------
-    free : bool
-        Rows L(g b_i) = 0 of an equality when true, matrices L(g b b') when false.
-    generator : (K,) int
-        What each block is made of, numbered as in :mod:`sparsepop_py.generators`; 0 is
-        the constant 1 (a moment matrix).
-    clique : (K,) int
-        The clique of each block.
-    basis : (K, s, D) int32
-        The monomials b of each block as words.
-    """
-
-    free: bool
-    generator: NDArray[np.int64]
-    clique: NDArray[np.int64]
-    basis: Words
-
-    @property
-    def size(self) -> int:
-        """Number of monomials s in each basis."""
-        return self.basis.shape[1]
-
-    @property
-    def count(self) -> int:
-        """Number of blocks K."""
-        return self.basis.shape[0]
-
-    @property
-    def rows_each(self) -> int:
-        """Rows of one block: s when free, s (s + 1) / 2 otherwise."""
-        return self.size if self.free else self.size * (self.size + 1) // 2
-
-    @cached_property
-    def pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows i <= columns j of the upper triangle, column by column."""
-        j, i = np.tril_indices(self.size)
-        return i, j
-
-    def products(self) -> Words:
-        """The monomial of every row, shape (K, rows_each, D')."""
-        if self.free:
-            return self.basis
-        i, j = self.pairs
-        return monomials.multiply(self.basis[:, i], self.basis[:, j])
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,8 +213,9 @@ def relax(
     if products:
         pairs = generators.useful_products(problem, cliques.members, cliques.home, objectives)
     system = generators.stacked(problem, pairs)
-    groups = _groups(problem, cliques, order, system, objectives, reduce, lean)
-    moments, entries = _entries(groups, system, problem.dimension)
+    groups = block_groups(problem, cliques, order, system, objectives, reduce, lean)
+    asked = [f.words for f in (problem.objective, *objectives)]
+    moments, entries = _entries(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
 
 
@@ -274,117 +224,31 @@ def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
 
 
-def _groups(
-    problem: Problem,
-    cliques: Cliques,
-    order: int,
-    system: PolynomialSystem,
-    objectives: Sequence[Polynomial],
-    reduce: bool,
-    lean: bool,
-) -> tuple[BlockGroup, ...]:
-    """Every block of the relaxation: free rows first, then matrices by size."""
-    fixed = problem.lower == problem.upper
-    members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
-    blocks = _localizing(problem, cliques, members, order, system, lean)
-    if reduce and problem.equality.any():
-        moment = reduced_bases(problem, members, cliques.home, order)
-    else:
-        moment = clique_bases(members, np.arange(len(members)), order)
-    endless = ~fixed & (np.isinf(problem.lower) | np.isinf(problem.upper))
-    if lean or endless.any():
-        held = [_products(group, system) for group in _stack(blocks)]
-        held += [f.words for f in (problem.objective, *objectives)]
-        moment = consistent_bases(moment, held, problem.dimension)
-    zero = [np.zeros(place.size, int) for place, _ in moment]
-    blocks += [(False, z, place, basis) for z, (place, basis) in zip(zero, moment, strict=True)]
-    return _stack(blocks)
-
-
-_Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
-
-
-def _localizing(
-    problem: Problem,
-    cliques: Cliques,
-    members: list[tuple[int, ...]],
-    order: int,
-    system: PolynomialSystem,
-    lean: bool,
-) -> _Blocks:
-    """Localizing blocks and equality rows, each in the home of its generator."""
-    degree = np.zeros(system.size, int)
-    np.maximum.at(degree, system.row, monomials.degrees(system.words))
-    box, lower, upper = generators.bound_family(len(problem.constraints), problem.dimension)
-    if lean:
-        degree[box] = 0
-    else:
-        boxed = degree[box] > 0
-        degree[lower][boxed] = degree[upper][boxed] = 0
-    single = generators.count(len(problem.constraints), problem.dimension)
-    home = np.zeros(degree.size, int)  # products are single rows and need no clique
-    home[:single] = np.concatenate([[0], cliques.home, *[cliques.home_of_variable] * 3])
-    free = np.zeros(degree.size, bool)
-    free[1 : problem.equality.size + 1] = problem.equality
-    top = np.maximum(2 * order - 1 if lean else 2 * order, degree)
-    reach = np.where(free, top - degree, order - (degree + 1) // 2)
-    reach[single:] = 0
-    reach[home < 0] = 0
-    home = np.maximum(home, 0)
-    blocks: _Blocks = []
-    for is_free in (True, False):
-        for level in np.unique(reach[degree > 0]):
-            index = np.flatnonzero((degree > 0) & (free == is_free) & (reach == level))
-            for place, basis in clique_bases(members, home[index], int(level)):
-                blocks.append((is_free, index[place], home[index[place]], basis))
-    return blocks
-
-
-def _stack(blocks: _Blocks) -> tuple[BlockGroup, ...]:
-    """Blocks of equal kind and size in one group; free rows first, then by size."""
-    keyed: dict[tuple[bool, int], _Blocks] = {}
-    for block in blocks:
-        keyed.setdefault((not block[0], block[3].shape[1]), []).append(block)
-    groups = []
-    for (matrix, _), parts in sorted(keyed.items(), key=lambda item: item[0]):
-        width = max(basis.shape[2] for *_, basis in parts)
-        groups.append(
-            BlockGroup(
-                not matrix,
-                np.concatenate([generator for _, generator, _, _ in parts]),
-                np.concatenate([clique for _, _, clique, _ in parts]),
-                np.concatenate([monomials.widen(basis, width) for *_, basis in parts]),
-            )
-        )
-    return tuple(groups)
-
-
-def _products(group: BlockGroup, system: PolynomialSystem) -> Words:
-    """Every monomial of every row of a group, one row a term."""
-    block, term = system.terms_of(group.generator)
-    words = system.words[term][:, None, :]
-    joined = monomials.multiply(group.products()[block], words)
-    return monomials.trim(joined.reshape(-1, joined.shape[-1]))
-
-
 def _entries(
-    groups: tuple[BlockGroup, ...], system: PolynomialSystem, dimension: int
+    groups: tuple[BlockGroup, ...],
+    system: PolynomialSystem,
+    asked: list[Words],
+    dimension: int,
 ) -> tuple[Words, sps.csr_array]:
-    """Moments and the affine form of every conic row, by one merge of all monomials."""
+    """Moments and the affine form of every conic row, by one merge of all monomials.
+
+    The monomials of objectives are moments even if no row holds them.
+    """
     words, values, rows, offset = [], [], [], 0
     for group in groups:
         block, term = system.terms_of(group.generator)
         row = offset + block[:, None] * group.rows_each + np.arange(group.rows_each)
-        words.append(_products(group, system))
+        words.append(row_monomials(group, system))
         values.append(np.repeat(system.coefficients[term], group.rows_each))
         rows.append(row.ravel())
         offset += group.count * group.rows_each
+    used = sum(w.shape[0] for w in words)
+    words += [np.zeros((1, 1), np.int32), *asked]
     width = max(w.shape[1] for w in words)
     stacked = np.concatenate([monomials.widen(w, width) for w in words])
-    stacked = np.concatenate([np.zeros((1, width), np.int32), stacked])
     distinct, number = monomials.collect(stacked, dimension)
     entries = sps.csr_array(
-        (np.concatenate(values), (np.concatenate(rows), number[1:])),
+        (np.concatenate(values), (np.concatenate(rows), number[:used])),
         shape=(offset, distinct.shape[0]),
     )
     entries.sum_duplicates()

@@ -94,7 +94,12 @@ class Interval:
     @staticmethod
     def of_fraction(value: Fraction) -> Interval:
         """The tightest doubles around a rational number."""
-        near = float(value)
+        try:
+            near = float(value)
+        except OverflowError:
+            edge = np.float64(np.finfo(float).max)
+            ends = (edge, np.inf) if value > 0 else (-np.inf, -edge)
+            return Interval(np.float64(ends[0]), np.float64(ends[1]))  # type: ignore[arg-type]
         exact = Fraction(near)
         lo = near if exact <= value else np.nextafter(near, -np.inf)
         hi = near if exact >= value else np.nextafter(near, np.inf)
@@ -119,7 +124,8 @@ class Interval:
         high = np.maximum(
             np.maximum(products[0], products[1]), np.maximum(products[2], products[3])
         )
-        return Interval(np.where(low == 0, 0.0, down(low)), np.where(high == 0, 0.0, up(high)))
+        with np.errstate(over="ignore"):
+            return Interval(np.where(low == 0, 0.0, down(low)), np.where(high == 0, 0.0, up(high)))
 
     def __truediv__(self, other: Interval) -> Interval:
         """Quotient; the whole line where the divisor contains zero."""
@@ -173,14 +179,16 @@ def sum_by(index: NDArray, terms: Interval, size: int) -> Interval:
     Single terms and empty sums stay exact.
     """
     count = np.bincount(index, minlength=size)
-    ends = []
+    ends: list[NDArray[np.float64]] = []
     for end, sign in ((terms.lo, -1.0), (terms.hi, 1.0)):
         value = np.bincount(index, weights=end, minlength=size)
         size_of_terms = np.bincount(index, weights=np.abs(end), minlength=size)
         error = (count + 4.0) * (1.001 * _UNIT) * size_of_terms
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             shifted = np.nextafter(value + sign * error, sign * np.inf)
-        ends.append(np.where(count > 1, np.where(np.isinf(value), value, shifted), value))
+        # a partial sum may overflow although the sum is finite: then nothing is known
+        safe = np.where(np.isfinite(shifted), shifted, sign * np.inf)
+        ends.append(np.where(count > 1, safe, value))
     return Interval(ends[0], ends[1])
 
 
@@ -191,11 +199,14 @@ def gram(factor: NDArray[np.float64]) -> Interval:
     its factor needs no eigenvalue test.
     """
     transposed = np.swapaxes(factor, -1, -2)
-    product = factor @ transposed
-    size = np.abs(factor) @ np.abs(transposed)
     inner = factor.shape[-1] + 4.0
-    error = inner * (1.001 * _UNIT) * size + inner * _TINY
-    return Interval(down(product - error), up(product + error))
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = factor @ transposed
+        size = np.abs(factor) @ np.abs(transposed)
+        error = inner * (1.001 * _UNIT) * size + inner * _TINY
+        lo, hi = down(product - error), up(product + error)
+    known = np.isfinite(lo) & np.isfinite(hi)
+    return Interval(np.where(known, lo, -np.inf), np.where(known, hi, np.inf))
 
 
 def exact_values(

@@ -19,7 +19,7 @@ PACKAGE = "sparsepop_py"
 ORDER = """
 errors constraint progress display monomials rounding polynomial system symbolic problem
 enclosure linear krawczyk feasibility generators presolve presolve.propagation presolve.scaling
-chordal sparsity basis relaxation conic
+chordal sparsity basis blocks relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_ solvers
 certificate certificate.identity certificate.box certificate.certificate certificate.dual
 extraction refinement unbounded options sizing boxes result rungs ladder solve

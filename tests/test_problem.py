@@ -139,7 +139,6 @@ def test_malformed_input_is_named(case):
         Problem(*args, **keywords)
 
 
-@pytest.mark.xfail(strict=True, reason="text and complex numbers count as numbers beside rows")
 @pytest.mark.parametrize("objective", ["x", 1j])
 def test_an_objective_that_is_no_number_is_named_beside_rows_too(objective):
     with pytest.raises(ProblemError, match="objective: found"):

@@ -171,6 +171,17 @@ def test_no_multipliers_prove_more_than_the_grid_allows(seed):
         assert found.bound > -np.inf, (name, found)  # all variables are boxed
 
 
+@pytest.mark.slow
+@given(SEEDS)
+@settings(quick, max_examples=500)
+def test_no_multipliers_prove_more_many_times(seed):
+    case, rng = random_case([seed, 1]), np.random.default_rng([seed, 8])
+    problem = case.problem
+    for name, identity in bounds_of_any_multipliers(case, 2 + seed % 2, bool(seed % 3), rng):
+        found = identity.evaluate(problem.rows, problem.equality, problem.objective_row)
+        assert found.bound <= case.least, (name, found)
+
+
 def test_good_multipliers_prove_nearly_everything():
     """So that the property above is not one of useless bounds."""
     close = 0
@@ -190,9 +201,19 @@ def test_good_multipliers_prove_nearly_everything():
 
 
 @given(SEEDS)
-@settings(quick, max_examples=25)
+@settings(quick, max_examples=10)
 def test_solve_is_right_about_random_problems(seed):
-    case = random_case(seed)
+    check_solve(random_case(seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", range(8))
+def test_solve_is_right_about_many_random_problems(block):
+    for seed in range(25):
+        check_solve(random_case([block, seed, 4]))
+
+
+def check_solve(case):
     for effort in ("presolve", "plain"):
         result = sp.solve(case.problem, sp.Options(effort=effort, order=2))
         assert result.status is not sp.Status.INFEASIBLE

@@ -478,7 +478,7 @@ def test_more_wrong_options_name_themselves(name, value):
     try:
         sp.solve(problem, sp.Options(**{name: value}))
     except sp.SparsePOPError as error:
-        assert name in str(error)  # noqa: PT017
+        assert name in str(error)
     else:
         raise AssertionError("accepted")
 

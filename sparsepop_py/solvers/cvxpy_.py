@@ -7,6 +7,7 @@ only when asked for.
 from __future__ import annotations
 
 import time
+import warnings
 from typing import Any
 
 import numpy as np
@@ -67,7 +68,9 @@ def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
     problem = cp.Problem(cp.Minimize(program.q @ y), constraints)
     start = time.process_time()
     try:
-        problem.solve(solver=name.upper(), **settings)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # inaccuracy is in the status
+            problem.solve(solver=name.upper(), **settings)
         detail = str(problem.status)
     except cp.error.SolverError as error:
         detail = str(error)
