@@ -200,8 +200,8 @@ def relax(
     >>> print(sp.relax(problem, 2))
     moment relaxation of order 2: 3 variables, 2 cliques
       clique sizes   2 x 2
-      block sizes    3 x 3, 6 x 2
-      moments M = 24, conic rows R = 60 (0 equalities), 78 nonzeros
+      block sizes    3 x 4, 6 x 2
+      moments M = 24, conic rows R = 66 (0 equalities), 90 nonzeros
     """
     cliques = cliques or find_cliques(problem, objectives=objectives)
     least = least_order(problem, objectives)
