@@ -6,6 +6,7 @@ Each step is the same object that the certificate replays later.
 from __future__ import annotations
 
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 
@@ -18,13 +19,14 @@ from .polynomial import Constraint, Kind
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
 from .problem import Problem
-from .relaxation import relax
+from .relaxation import least_order, relax
 from .rounding import Interval
 from .solvers import solve_conic
 from .sparsity import Cliques, find_cliques
 
 __all__ = ["finite", "find_box"]
 
+_USEFUL = 1e4  # boxes that reach further beyond the attained point than this help nobody
 _LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
 
 
@@ -67,6 +69,9 @@ def find_box(
 def _cliques(scaled: Scaled, options: Options) -> Cliques:
     """Cliques that need not hold the cut-off row: outside them its multiplier is a constant."""
     rows = scaled.problem
+    least = least_order(rows)
+    if comb(rows.dimension + least, least) <= _LARGEST_BLOCK:
+        return find_cliques(rows, sparse=False)  # dense is tighter and still cheap
     rest = Problem(rows.objective, rows.constraints[:-1], rows.lower, rows.upper)
     cliques = find_cliques(rest, sparse=options.sparse, method=options.chordal)
     used = set(rows.constraints[-1].polynomial.support.tolist())
@@ -82,7 +87,7 @@ def _sublevel(
     Minimises -sum_b b(t)^2 over the sublevel set, b running over the moment bases.
     """
     f = problem.objective
-    least = (max(problem.degree, 1) + 1) // 2
+    least = least_order(problem)
     inside = Problem(
         f,
         [*problem.constraints, Constraint(cutoff.value - f, Kind.NONNEGATIVE)],
@@ -103,6 +108,8 @@ def _sublevel(
             continue
         step = Sublevel(identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0))
         tighter = sublevel_box(problem, cutoff.value, step, box)
-        if finite(tighter) or np.any(np.isinf(box.hi - box.lo) & np.isfinite(tighter.hi)):
+        gained = (np.isinf(box.lo) | np.isinf(box.hi)) & np.isfinite(tighter.hi - tighter.lo)
+        reach = np.maximum(np.abs(tighter.lo), np.abs(tighter.hi))
+        if np.any(gained) and np.all(reach[gained] <= _USEFUL * (1.0 + np.abs(cutoff.x[gained]))):
             return step
     return None

@@ -64,7 +64,16 @@ class ProvedPoint:
     solved: NDArray[np.int64]
 
     def recheck(self, problem: Problem) -> ProvedPoint | None:
-        """Repeat the proof for ``problem``; None if it fails."""
+        """Repeat the proof for ``problem``; None if it fails or makes no sense."""
+        n, m = problem.dimension, len(problem.constraints)
+        sensible = (
+            self.x.shape == (n,)
+            and np.all(np.isfinite(self.x))
+            and np.all((self.rows >= 0) & (self.rows < m))
+            and np.all((self.solved >= 0) & (self.solved < n))
+        )
+        if not sensible:
+            return None
         return prove_point(problem, self.x, self.rows, self.solved, self.proof)
 
 

@@ -112,8 +112,9 @@ def evaluate(words: Words, points: NDArray) -> NDArray:
     """Values of the words at ``points`` of shape (n,) or (N, n), giving (T,) or (N, T)."""
     extended = np.concatenate([np.ones((*points.shape[:-1], 1)), points], axis=-1)
     values = extended[..., words[:, 0]]
-    for column in range(1, words.shape[1]):
-        values = values * extended[..., words[:, column]]
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        for column in range(1, words.shape[1]):
+            values = values * extended[..., words[:, column]]
     return values
 
 

@@ -6,6 +6,8 @@ import numbers
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from .errors import ProblemError
 
 __all__ = ["Options"]
@@ -79,14 +81,27 @@ class Options:
                     + ", ".join(map(repr, choices))
                 )
         if self.order is not None and (
-            not isinstance(self.order, numbers.Integral) or self.order < 1
+            isinstance(self.order, bool)
+            or not isinstance(self.order, numbers.Integral)
+            or self.order < 1
         ):
             raise ProblemError(f"Options.order: found {self.order!r}, expected a positive integer")
         for name in ("gap", "tolerance"):
             value = getattr(self, name)
             if not isinstance(value, numbers.Real) or not float(value) >= 0:
                 raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise ProblemError(
-                f"Options.time_limit: found {self.time_limit!r}, expected seconds > 0"
-            )
+        self._check_kinds()
+
+    def _check_kinds(self) -> None:
+        limit = self.time_limit
+        if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
+            raise ProblemError(f"Options.time_limit: found {limit!r}, expected seconds > 0")
+        if not isinstance(self.solver, str):
+            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
+        if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
+            raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
+        for name in ("sparse", "progress"):
+            if not isinstance(getattr(self, name), (bool, np.bool_)):
+                raise ProblemError(
+                    f"Options.{name}: found {getattr(self, name)!r}, expected True or False"
+                )

@@ -305,7 +305,7 @@ def best_attained(
     for start in starts:
         found += _candidates(problem, start, tolerance, method)
         best_value = min((value for value, _ in found), default=np.inf)
-        hits = sum(value <= best_value + 1e-7 * (1.0 + abs(best_value)) for value, _ in found)
+        hits = sum(value <= best_value + 1e-5 * (1.0 + abs(best_value)) for value, _ in found)
         if hits >= _ENOUGH:
             break
     found.sort(key=lambda entry: entry[0])

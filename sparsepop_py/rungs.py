@@ -96,8 +96,24 @@ def one_round(task: Task, shared: Model | None) -> Bound:
             return Bound(model, empty)
         with task.stages.stage("relax"):
             typical = best.x if best is not None else None
-            model = relaxed(problem, (problem.objective,), model, options, typical)
+            scaled = relaxed(problem, (problem.objective,), model, options, typical)
+        outcome = _prove(task, scaled)
+        if _sensible(task, outcome) or options.effort == "plain":
+            return outcome
+        # a far attained point spoils the scale, a huge box the proof: try without either
+        with task.stages.stage("relax"):
+            bare = Model(*find_box(problem, best, options, done=True))
+            bare = relaxed(problem, (problem.objective,), bare, options)
+        return better(outcome, _prove(task, bare))
     return _prove(task, model)
+
+
+def _sensible(task: Task, bound: Bound) -> bool:
+    """Whether the bound has the size of the attained value, or there is nothing to compare."""
+    if task.best is None:
+        return True
+    value = level(bound.certificate)
+    return value > task.best.value - 1e3 * (1.0 + abs(task.best.value))
 
 
 def _emptiness(problem: Problem, model: Model) -> Certificate | None:

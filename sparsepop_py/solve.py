@@ -132,7 +132,10 @@ def solve_each(
 def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.float64]]:
     if start is None:
         return []
-    vector = np.asarray(start, float)
+    try:
+        vector = np.asarray(start, float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"start: found {start!r}, expected numbers") from None
     if vector.shape != (problem.dimension,) or not np.all(np.isfinite(vector)):
         raise ProblemError(
             f"start: found shape {vector.shape}, expected ({problem.dimension},) finite numbers"

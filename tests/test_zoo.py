@@ -134,13 +134,10 @@ def test_the_listed_minimiser_attains_the_listed_optimum(name):
 
 
 # 0.1 is no double: the squares do not add up exactly, and a sublevel box has to serve.
-WEAK = {("chained_wood_8", 2): "0.99995, and 0.999994 before the cut-off row left the cliques"}
 
 
 @cases
-def test_the_bound_is_below_the_optimum_and_close(name, order, request):
-    if (name, order) in WEAK:
-        request.applymarker(pytest.mark.xfail(strict=True, reason=WEAK[name, order]))
+def test_the_bound_is_below_the_optimum_and_close(name, order):
     entry, result = ZOO[name], solved(name, order)
     known = 10.0 ** -entry["digits"] * scale(entry)
     assert result.lower_bound <= entry["optimum"] + known

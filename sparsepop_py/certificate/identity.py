@@ -65,6 +65,18 @@ class Multipliers:
         """Whether these multiply equalities."""
         return self.values.ndim == 2
 
+    @property
+    def consistent(self) -> bool:
+        """Whether the shapes of generator, basis and values belong together."""
+        blocks = self.generator.shape[0] if self.generator.ndim == 1 else -1
+        return (
+            self.basis.ndim == 3
+            and self.values.ndim in (2, 3)
+            and self.basis.shape[0] == self.values.shape[0] == blocks
+            and self.basis.shape[1] == self.values.shape[1]
+            and self.basis.shape[2] > 0
+        )
+
     def terms(self) -> tuple[Words, Interval]:
         """Monomials and coefficients of each multiplier, shapes (K, R, D') and (K, R)."""
         if self.free:
@@ -139,12 +151,10 @@ class Identity:
         objective : PolynomialSystem
             One row, the objective.
         """
-        remainder = self._malformed(constraints.size, equality) or self._remainder(
-            constraints, objective
-        )
-        if isinstance(remainder, str):
-            return Evaluated(-np.inf, np.inf, 0.0, remainder)
-        words, value = remainder
+        reason = self._malformed(constraints.size, equality, constraints.dimension)
+        if reason:
+            return Evaluated(-np.inf, np.inf, 0.0, reason)
+        words, value = self._remainder(constraints, objective)
         constant = ~words.any(axis=1)
         covered = np.append(True, self.scaling.boxed)[words].all(axis=1)
         paid = covered & ~constant
@@ -159,15 +169,18 @@ class Identity:
             return Evaluated(-np.inf, loss, 0.0, "the multipliers overflow")
         return Evaluated(bound, loss, floor)
 
-    def _malformed(self, size: int, equality: NDArray[np.bool_]) -> str:
+    def _malformed(self, size: int, equality: NDArray[np.bool_], n: int) -> str:
         """Why the multipliers make no sense for these constraints, empty if they do."""
-        n = self.scaling.centre.size
         single = generators.count(size, n)
         if np.any(self.products < 0) or np.any(self.products >= single):
             return "a product refers to a constraint that does not exist"
         equal = np.zeros(single + self.products.shape[0], bool)
         equal[1 : size + 1] = equality
+        if not self.scaling.fits(n):
+            return "the scaling is malformed"
         for group in self.multipliers:
+            if not group.consistent:
+                return "the shapes of a multiplier do not fit"
             if np.any(group.generator < 0) or np.any(group.generator >= equal.size):
                 return "a multiplier refers to a constraint that does not exist"
             if group.free and not np.all(equal[group.generator]):

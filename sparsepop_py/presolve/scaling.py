@@ -64,8 +64,15 @@ class Scaling:
         guess = 2.0 ** np.ceil(np.log2(guess))
         return Scaling(np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side)
 
+    def fits(self, n: int) -> bool:
+        """Whether every array has n entries."""
+        arrays = (self.centre, self.scale, self.boxed, self.side)
+        return all(array.shape == (n,) for array in arrays)
+
     def contains(self, box: Interval) -> bool:
         """Whether what is said of t holds on the box: t in [-1, 1] where boxed, and the sides."""
+        if not self.fits(box.lo.size):
+            return False
         reach = Interval.point(self.scale)
         low = (Interval.point(self.centre) - reach).hi
         high = (Interval.point(self.centre) + reach).lo
