@@ -1,0 +1,220 @@
+"""Forged and malformed certificates prove nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py.certificate.box import BoxProof, Sublevel, sublevel_box
+from sparsepop_py.certificate.certificate import Certificate, certify
+from sparsepop_py.certificate.identity import Identity, Multipliers
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.rounding import Interval
+
+INF = np.inf
+
+
+def circle():
+    """min x + 2 y on the unit circle without its lower right: -sqrt(5) at -(1, 2) / sqrt(5)."""
+    x, y = sp.variables(2)
+    return sp.Problem(x + 2 * y, [x**2 + y**2 == 1, x * y >= -0.25], lower=-2, upper=2)
+
+
+def disc():
+    """min x y on the unit disc: -1/2."""
+    x, y = sp.variables(2)
+    return sp.Problem(x * y, [x**2 + y**2 <= 1])
+
+
+def hill():
+    """The six-hump camel function without bounds: a sublevel box is needed."""
+    x, y = sp.variables(2)
+    return sp.Problem(4 * x**2 - 2.1 * x**4 + x**6 / 3 + x * y - 4 * y**2 + 4 * y**4)
+
+
+def chain():
+    """Three cliques, a cut-off, products: min -> 0 at (1, 1, 1, 1) of squares, expanded."""
+    x = sp.variables(4)
+    f = sp.total((x[i + 1] - x[i] ** 2) ** 2 + (1 - x[i]) ** 2 for i in range(3))
+    return sp.Problem(f, [x[0] * x[1] >= 0.5], lower=-2, upper=2)
+
+
+def lattice():
+    """Binary: min (x + y + z - 1.5)^2 over {-1, 1}^3 is 1/4."""
+    x = sp.variables(3)
+    return sp.Problem((x[0] + x[1] + x[2] - 1.5) ** 2, [v**2 == 1 for v in x])
+
+
+def empty():
+    """No point of the disc has x y >= 0.51 (Farkas, no propagation)."""
+    x, y = sp.variables(2)
+    return sp.Problem(x, [x**2 + y**2 <= 1, x * y >= 0.51], lower=-2, upper=2)
+
+
+KNOWN = {
+    circle: -np.sqrt(5.0),
+    disc: -0.5,
+    hill: -1.031628453489877,
+    chain: 0.0,
+    lattice: 0.25,
+    empty: INF,
+}
+
+
+@pytest.fixture(scope="module")
+def results():
+    orders = {hill: 3, lattice: 2}
+    found = {}
+    for make in KNOWN:
+        problem = make()
+        found[make] = sp.solve(problem, sp.Options(order=orders.get(make, 2)))
+    return found
+
+
+def check(certificate, problem, optimum):
+    """ok exactly when the recomputed bound reaches the claim; never a bound above the truth."""
+    verdict = certificate.verify(problem)
+    assert verdict.ok == (verdict.bound >= certificate.bound)
+    assert verdict.ok or verdict.reason
+    if verdict.ok:
+        assert certificate.bound <= verdict.bound
+    assert verdict.bound <= optimum
+    return verdict
+
+
+def last_bit(problem, where):
+    """The problem with one coefficient or bound changed in its last bit."""
+    f, rows = problem.objective, list(problem.constraints)
+    low, high = problem.lower.copy(), problem.upper.copy()
+
+    def nudged(p):
+        values = p.coefficients.copy()
+        values[-1] = np.nextafter(values[-1], INF)
+        return sp.Polynomial.from_words(p.words, values, p.dimension, p.names)
+
+    if where == "objective":
+        f = nudged(f)
+    elif where == "constraint":
+        rows[0] = sp.Constraint(nudged(rows[0].polynomial), rows[0].kind)
+    elif where == "kind":
+        other = {sp.Kind.ZERO: sp.Kind.NONNEGATIVE, sp.Kind.NONNEGATIVE: sp.Kind.ZERO}
+        rows[0] = sp.Constraint(rows[0].polynomial, other[rows[0].kind])
+    elif where == "lower":
+        low[0] = np.nextafter(low[0], INF) if np.isfinite(low[0]) else -1e300
+    elif where == "upper":
+        high[-1] = np.nextafter(high[-1], INF) if np.isfinite(high[-1]) else 1e300
+    elif where == "row added":
+        rows.append(sp.variables(problem.dimension)[0] <= 100)
+    elif where == "row dropped":
+        rows = rows[1:]
+    return sp.Problem(f, rows, low, high, problem.names)
+
+
+def with_multipliers(certificate, change):
+    identity = certificate.identity
+    changed = tuple(change(group) for group in identity.multipliers)
+    return replace(certificate, identity=replace(identity, multipliers=changed))
+
+
+# ---- forged arguments -------------------------------------------------------------------------
+
+
+ONE, X = np.zeros((1, 1, 1), np.int32), np.ones((1, 1, 1), np.int32)
+
+
+def test_a_sublevel_identity_needs_the_monomial_one_for_its_root():
+    """4 - x^2 >= 0 gives x^2 <= 4; with the basis {1, x} it would be 1 + x^2 <= 5."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x, [4 - x**2 >= 0])
+    point = prove_feasible(problem, np.zeros(1))
+    scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
+    row = Multipliers(np.array([1]), ONE, np.ones((1, 1, 1)))
+    without = Multipliers(np.array([0]), X, np.zeros((1, 1, 1)), 1.0)
+    step = Sublevel(Identity(scaling, (row, without)))
+    box = sublevel_box(problem, point.value, step, Interval(problem.lower, problem.upper))
+    assert box.lo[0] <= -2.0  # -2 is feasible
+    forged = certify(problem, BoxProof((step,)), point, None)
+    assert forged is None or forged.bound <= -2.0
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0])
+def test_a_scaling_that_turns_a_variable_around_proves_nothing(scale):
+    """min -x, x >= 0 has no lower bound, whatever t stands for."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(-x, lower=0)
+    scaling = Scaling(
+        np.zeros(1), np.full(1, scale), np.zeros(1, bool), np.full(1, 1 if scale else 0)
+    )
+    floor = Multipliers(np.array([2]), ONE, np.zeros((1, 1, 1)), 1.0)
+    for multipliers in ((floor,), ()):
+        assert certify(problem, BoxProof(), None, Identity(scaling, multipliers)) is None
+
+
+def test_emptiness_cannot_be_claimed_of_a_feasible_problem(results):
+    for make in (circle, disc, hill, chain, lattice):
+        certificate, problem = results[make].certificate, make()
+        claim = replace(certificate, bound=INF)
+        verdict = claim.verify(problem)
+        assert not verdict.ok
+        assert verdict.bound <= KNOWN[make]
+        farkas = results[empty].certificate.identity
+        foreign = replace(claim, identity=farkas)
+        if problem.dimension == 2 and len(problem.constraints) == 2:
+            assert not foreign.verify(problem).ok
+
+
+def test_a_proof_of_emptiness_is_no_finite_bound_in_disguise(results):
+    certificate, problem = results[empty].certificate, empty()
+    assert certificate.bound == INF
+    assert certificate.cutoff is None
+    finite = replace(certificate, bound=1e6).verify(problem)  # then the objective is x, not 0
+    assert not finite.ok
+
+
+def test_an_empty_certificate_claims_the_range_and_nothing_more():
+    x, y = sp.variables(2)
+    problem = sp.Problem(x - 3 * y, lower=[0, -1], upper=[2, 1])
+    plain = Certificate(problem.fingerprint, -3.0 - 1e-12, BoxProof())
+    assert plain.verify(problem).ok
+    assert not replace(plain, bound=-3.0 + 1e-12).verify(problem).ok
+    endless = sp.Problem(x - 3 * y)
+    assert not Certificate(endless.fingerprint, -1e300, BoxProof()).verify(endless).ok
+    assert certify(endless, BoxProof(), None, None) is None
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "scaling",
+        "x not a number",
+        "x endless",
+        "x too short",
+        "rows out of range",
+        "solved out of range",
+        "too many generators",
+    ],
+)
+def test_a_malformed_certificate_is_refused_without_an_exception(results, field):
+    certificate, problem = results[circle].certificate, circle()
+    point, identity = certificate.cutoff, certificate.identity
+    points = {
+        "x not a number": {"x": point.x * np.nan},
+        "x endless": {"x": point.x * INF},
+        "x too short": {"x": point.x[:1]},
+        "rows out of range": {"rows": np.array([7])},
+        "solved out of range": {"solved": np.array([7])},
+    }
+    if field in points:
+        certificate = replace(certificate, cutoff=replace(point, **points[field]))
+    elif field == "too many generators":
+        certificate = with_multipliers(
+            certificate, lambda g: replace(g, generator=np.repeat(g.generator, 2))
+        )
+    else:
+        small = Scaling(np.zeros(1), np.ones(1), np.ones(1, bool), np.zeros(1, int))
+        certificate = replace(certificate, identity=replace(identity, scaling=small))
+    assert not certificate.verify(problem).ok
