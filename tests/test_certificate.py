@@ -10,6 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from known_certificates import (
+    INF,
+    KNOWN,
+    chain,
+    check,
+    circle,
+    empty,
+    hill,
+    last_bit,
+    lattice,
+    with_multipliers,
+)
 
 import sparsepop_py as sp
 from sparsepop_py import rungs, solvers
@@ -19,54 +31,8 @@ from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.solvers import clarabel_
 
 ROOT = Path(sp.__file__).resolve().parent
-INF = np.inf
 
 
-def circle():
-    """min x + 2 y on the unit circle without its lower right: -sqrt(5) at -(1, 2) / sqrt(5)."""
-    x, y = sp.variables(2)
-    return sp.Problem(x + 2 * y, [x**2 + y**2 == 1, x * y >= -0.25], lower=-2, upper=2)
-
-
-def disc():
-    """min x y on the unit disc: -1/2."""
-    x, y = sp.variables(2)
-    return sp.Problem(x * y, [x**2 + y**2 <= 1])
-
-
-def hill():
-    """The six-hump camel function without bounds: a sublevel box is needed."""
-    x, y = sp.variables(2)
-    return sp.Problem(4 * x**2 - 2.1 * x**4 + x**6 / 3 + x * y - 4 * y**2 + 4 * y**4)
-
-
-def chain():
-    """Three cliques, a cut-off, products: min -> 0 at (1, 1, 1, 1) of squares, expanded."""
-    x = sp.variables(4)
-    f = sp.total((x[i + 1] - x[i] ** 2) ** 2 + (1 - x[i]) ** 2 for i in range(3))
-    return sp.Problem(f, [x[0] * x[1] >= 0.5], lower=-2, upper=2)
-
-
-def lattice():
-    """Binary: min (x + y + z - 1.5)^2 over {-1, 1}^3 is 1/4."""
-    x = sp.variables(3)
-    return sp.Problem((x[0] + x[1] + x[2] - 1.5) ** 2, [v**2 == 1 for v in x])
-
-
-def empty():
-    """No point of the disc has x y >= 0.51 (Farkas, no propagation)."""
-    x, y = sp.variables(2)
-    return sp.Problem(x, [x**2 + y**2 <= 1, x * y >= 0.51], lower=-2, upper=2)
-
-
-KNOWN = {
-    circle: -np.sqrt(5.0),
-    disc: -0.5,
-    hill: -1.031628453489877,
-    chain: 0.0,
-    lattice: 0.25,
-    empty: INF,
-}
 made = pytest.mark.parametrize("make", KNOWN, ids=lambda make: make.__name__)
 
 
@@ -162,17 +128,6 @@ def test_verification_does_not_change_certificate_or_problem(results, make):
 # ---- refused exactly when less is proved than claimed -----------------------------------------
 
 
-def check(certificate, problem, optimum):
-    """ok exactly when the recomputed bound reaches the claim; never a bound above the truth."""
-    verdict = certificate.verify(problem)
-    assert verdict.ok == (verdict.bound >= certificate.bound)
-    assert verdict.ok or verdict.reason
-    if verdict.ok:
-        assert certificate.bound <= verdict.bound
-    assert verdict.bound <= optimum
-    return verdict
-
-
 @pytest.mark.parametrize("make", [make for make in KNOWN if make is not empty])
 def test_a_claim_one_ulp_above_is_refused(results, make):
     certificate, problem = results[make].certificate, make()
@@ -185,34 +140,6 @@ def test_a_claim_one_ulp_above_is_refused(results, make):
     assert replace(certificate, bound=float(np.nextafter(recomputed, -INF))).verify(problem).ok
     assert not replace(certificate, bound=np.nan).verify(problem).ok
     assert not replace(certificate, bound=INF).verify(problem).ok
-
-
-def last_bit(problem, where):
-    """The problem with one coefficient or bound changed in its last bit."""
-    f, rows = problem.objective, list(problem.constraints)
-    low, high = problem.lower.copy(), problem.upper.copy()
-
-    def nudged(p):
-        values = p.coefficients.copy()
-        values[-1] = np.nextafter(values[-1], INF)
-        return sp.Polynomial.from_words(p.words, values, p.dimension, p.names)
-
-    if where == "objective":
-        f = nudged(f)
-    elif where == "constraint":
-        rows[0] = sp.Constraint(nudged(rows[0].polynomial), rows[0].kind)
-    elif where == "kind":
-        other = {sp.Kind.ZERO: sp.Kind.NONNEGATIVE, sp.Kind.NONNEGATIVE: sp.Kind.ZERO}
-        rows[0] = sp.Constraint(rows[0].polynomial, other[rows[0].kind])
-    elif where == "lower":
-        low[0] = np.nextafter(low[0], INF) if np.isfinite(low[0]) else -1e300
-    elif where == "upper":
-        high[-1] = np.nextafter(high[-1], INF) if np.isfinite(high[-1]) else 1e300
-    elif where == "row added":
-        rows.append(sp.variables(problem.dimension)[0] <= 100)
-    elif where == "row dropped":
-        rows = rows[1:]
-    return sp.Problem(f, rows, low, high, problem.names)
 
 
 @pytest.mark.parametrize(
@@ -242,12 +169,6 @@ def test_names_and_memos_are_not_part_of_the_claim(results):
         sense="max",
     )
     assert results[circle].certificate.verify(renamed).ok
-
-
-def with_multipliers(certificate, change):
-    identity = certificate.identity
-    changed = tuple(change(group) for group in identity.multipliers)
-    return replace(certificate, identity=replace(identity, multipliers=changed))
 
 
 @pytest.mark.parametrize("size", [1e-15, 1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3])

@@ -8,71 +8,28 @@ import scipy.sparse as sps
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from polynomial_tables import (
+    SYMBOLS,
+    N,
+    added,
+    as_sympy,
+    build,
+    clean,
+    from_sympy,
+    multiplied,
+    raised,
+    read,
+    read2,
+)
 
 import sparsepop_py as sp
 from sparsepop_py import Polynomial, ProblemError
-
-N = 3
-SYMBOLS = sympy.symbols("x1:4")
 
 # Coefficients k/4 with small k: sums and products of a few are exact in doubles.
 exact = st.integers(-12, 12).map(lambda k: k / 4)
 powers = st.tuples(*[st.integers(0, 2)] * N)
 tables = st.dictionaries(powers, exact.filter(bool), max_size=5)
 points = st.tuples(*[st.integers(-6, 6).map(lambda k: k / 2)] * N)
-
-
-def build(table):
-    """A polynomial from exponents -> coefficients, made by arithmetic of variables."""
-    x = sp.variables(N)
-    terms = [c * x[0] ** e[0] * x[1] ** e[1] * x[2] ** e[2] for e, c in table.items()]
-    return sp.total([x[0] * 0.0, *terms])
-
-
-def read(polynomial):
-    """Exponents -> Fraction of a polynomial."""
-    rows = polynomial.exponents.toarray().tolist()
-    values = polynomial.coefficients.tolist()
-    return {tuple(e): Fraction(c) for e, c in zip(rows, values, strict=True)}
-
-
-def clean(table):
-    return {e: Fraction(c) for e, c in table.items() if c}
-
-
-def added(left, right, sign=1):
-    keys = {*left, *right}
-    return clean({e: Fraction(left.get(e, 0)) + sign * Fraction(right.get(e, 0)) for e in keys})
-
-
-def multiplied(left, right):
-    result = {}
-    for e, c in left.items():
-        for f, d in right.items():
-            key = tuple(a + b for a, b in zip(e, f, strict=True))
-            result[key] = result.get(key, Fraction(0)) + Fraction(c) * Fraction(d)
-    return clean(result)
-
-
-def raised(table, power):
-    result = {(0,) * N: Fraction(1)}
-    for _ in range(power):
-        result = multiplied(result, table)
-    return result
-
-
-def as_sympy(table):
-    terms = (
-        sympy.Rational(Fraction(c)) * sympy.prod(s**k for s, k in zip(SYMBOLS, e, strict=True))
-        for e, c in table.items()
-    )
-    return sympy.Add(*terms)
-
-
-def from_sympy(expression):
-    return clean(
-        {e: Fraction(int(c.p), int(c.q)) for e, c in sympy.Poly(expression, *SYMBOLS).terms()}
-    )
 
 
 # ---- ring laws ---------------------------------------------------------------------------
@@ -197,11 +154,6 @@ def test_degree_support_and_constant_term(table):
 def test_from_terms_takes_dense_and_sparse_tables_and_merges_rows(form):
     table = form(np.array([[1, 0], [0, 2], [1, 0]]))
     assert read2(Polynomial.from_terms(table, [1.0, 2.0, 0.5])) == {(1, 0): 1.5, (0, 2): 2.0}
-
-
-def read2(polynomial):
-    rows = polynomial.exponents.toarray().tolist()
-    return dict(zip(map(tuple, rows), polynomial.coefficients.tolist(), strict=True))
 
 
 def test_from_terms_does_not_modify_or_share_what_it_is_given():
