@@ -135,3 +135,17 @@ def test_a_malformed_certificate_is_refused_without_an_exception(results, field)
         small = Scaling(np.zeros(1), np.ones(1), np.ones(1, bool), np.zeros(1, int))
         certificate = replace(certificate, identity=replace(identity, scaling=small))
     assert not certificate.verify(problem).ok
+
+
+@pytest.mark.parametrize("floor", [np.inf, np.nan, -1.0, 1e308])
+def test_a_floor_that_is_no_number_proves_nothing(floor):
+    """1000 - x^2 y^2 - x^4 has no lower bound, whatever margin is claimed for x^2 and x y."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(1000.0 - x**2 * y**2 - x**4)
+    none = np.zeros(2, bool)
+    scaling = Scaling(np.zeros(2), np.ones(2), none, np.zeros(2, int))
+    basis = np.array([[[1, 1], [1, 2]]], np.int32)
+    group = Multipliers(np.array([0]), basis, np.zeros((1, 2, 1)), floor=floor)
+    identity = Identity(scaling, (group,))
+    claim = Certificate(problem.fingerprint, 1000.0, BoxProof(), None, identity)
+    assert not claim.verify(problem).ok

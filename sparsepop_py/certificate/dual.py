@@ -53,18 +53,26 @@ def identity_of(
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
         weight = objective_size / sizes[group.generator]
         if group.free:
-            multipliers.append(Multipliers(group.generator, group.basis, part * weight[:, None]))
+            values = _weighted(part, weight[:, None])
+            multipliers.append(Multipliers(group.generator, group.basis, values))
             continue
         carries = (_letters(relaxation.problem, group.generator) >= 0) & (floor > 0)
         for with_floor in (False, True):
             chosen = np.flatnonzero(carries == with_floor)
             if chosen.size:
-                factor = _factor(part[chosen] * weight[chosen, None, None])
+                factor = _factor(_weighted(part[chosen], weight[chosen, None, None]))
                 own = floor * objective_size if with_floor else 0.0
                 multipliers.append(
                     Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
                 )
     return Identity(scaled.scaling, tuple(multipliers), products)
+
+
+def _weighted(part: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Multipliers in the original units; what overflows is of no use and becomes zero."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = part * weight
+    return np.where(np.isfinite(product), product, 0.0)
 
 
 def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float64]:

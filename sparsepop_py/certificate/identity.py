@@ -185,7 +185,7 @@ class Identity:
                 return "a multiplier refers to a constraint that does not exist"
             if group.free and not np.all(equal[group.generator]):
                 return "a multiplier without sign refers to an inequality"
-            if np.any(group.basis < 0) or np.any(group.basis > n) or not group.floor >= 0:
+            if np.any(group.basis < 0) or np.any(group.basis > n) or not 0 <= group.floor < np.inf:
                 return "a multiplier has a malformed basis or floor"
             if not np.all(np.isfinite(group.values)):
                 return "a multiplier is not finite"
@@ -235,7 +235,7 @@ class Identity:
             spent, hit = _spend(group, letter, words, size * open_, n)
             open_ &= ~hit
             left = float(np.nextafter(group.floor - spent, -np.inf)) if spent else group.floor
-            if left < 0:
+            if not left >= 0:
                 return 0.0, "the remainder is larger than the margin of the blocks"
             if not letter.all():
                 kept.append(left)
