@@ -31,7 +31,8 @@ class Options:
     effort : {"presolve", "plain", "auto"}
         ``"plain"``: scaling and exactly the relaxation of that order. ``"presolve"``:
         finite boxes too, by interval propagation and an objective cut-off. ``"auto"``:
-        presolve, and higher orders while the gap is open, starting at ``order``.
+        presolve, and higher orders while the gap is open, starting at ``order``; each is
+        far dearer than the last, so give a ``time_limit`` with it.
     gap : float
         The gap that counts as closed.
     gap_kind : {"relative", "absolute"}
