@@ -199,7 +199,12 @@ def _ipopt(problem: Problem, start: NDArray) -> NDArray[np.float64]:
 
     rows = [expression(c.polynomial) for c in problem.constraints]
     data = {"x": x, "f": expression(problem.objective), "g": casadi.vertcat(*rows)}
-    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-10}
+    quiet = {
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "print_time": False,
+        "ipopt.tol": 1e-10,
+    }
     search = casadi.nlpsol("search", "ipopt", data, quiet)
     high = np.where(problem.equality, 0.0, np.inf)
     found = search(
