@@ -199,7 +199,7 @@ def _ipopt(problem: Problem, start: NDArray) -> NDArray[np.float64]:
 
     rows = [expression(c.polynomial) for c in problem.constraints]
     data = {"x": x, "f": expression(problem.objective), "g": casadi.vertcat(*rows)}
-    quiet = {
+    quiet: dict[str, Any] = {
         "ipopt.print_level": 0,
         "ipopt.sb": "yes",
         "print_time": False,
