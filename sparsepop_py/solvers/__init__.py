@@ -8,18 +8,36 @@ from __future__ import annotations
 
 from ..conic import ConicProgram, ConicSolution
 from ..errors import SolverNotFound
-from . import clarabel_, cvxpy_
+from . import clarabel_, cliquetree, cvxpy_
 
-__all__ = ["solve_conic", "solver_names"]
+__all__ = ["preferred", "solve_conic", "solver_names"]
+
+_BLOCK, _MOMENTS, _MANY = 9, 300, 5000  # where the clique-tree method was measured to be faster
+
+
+def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
+    """The solvers to try, in this order, for blocks up to a size and a number of moments.
+
+    The clique-tree method wants moments in [-1, 1] (``compact``) and blocks large or
+    numerous enough to pay for its analysis; whatever it does not solve goes to Clarabel,
+    whose sum-of-squares form is more accurate and whose moment form ends in other cases.
+    """
+    clarabel = ("clarabel", "clarabel-moment")
+    large = (largest >= _BLOCK and moments >= _MOMENTS) or moments >= _MANY
+    return ("cliquetree", *clarabel) if compact and large else clarabel
 
 
 def solver_names() -> list[str]:
     """Names that ``Options(solver=...)`` accepts; ``cvxpy:NAME`` opens any cvxpy solver."""
-    return ["clarabel", "clarabel-moment", "cvxpy:NAME"]
+    return ["auto", "clarabel", "clarabel-moment", "cliquetree", "cvxpy:NAME"]
 
 
 def solve_conic(
-    program: ConicProgram, solver: str = "clarabel", time_limit: float | None = None
+    program: ConicProgram,
+    solver: str = "clarabel",
+    time_limit: float | None = None,
+    accuracy: float = 1e-9,
+    target: float | None = None,
 ) -> ConicSolution:
     """Solve a conic program by the solver of the given name.
 
@@ -27,9 +45,14 @@ def solve_conic(
     ----------
     program : ConicProgram
     solver : str
-        ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``, or ``"cvxpy:NAME"``.
+        ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``, ``"cliquetree"`` (for
+        programs whose moments lie in [-1, 1]) or ``"cvxpy:NAME"``.
     time_limit : float, optional
         Seconds after which the solver should stop where it can.
+    accuracy : float
+        Gap and residuals at which an interior-point method may stop, in scaled units.
+    target : float, optional
+        A dual value that is good enough; ``"cliquetree"`` stops there.
 
     Raises
     ------
@@ -37,9 +60,14 @@ def solve_conic(
         If the name is unknown or the package is missing.
     """
     if solver == "clarabel":
-        return clarabel_.solve_squares_form(program, time_limit)
+        return clarabel_.solve_squares_form(program, time_limit, accuracy)
     if solver == "clarabel-moment":
-        return clarabel_.solve_moment_form(program, time_limit)
+        return clarabel_.solve_moment_form(program, time_limit, accuracy)
+    if solver == "cliquetree":
+        settings = cliquetree.Settings(gap=max(1e-7, accuracy))
+        return cliquetree.run(
+            program, target=target, time_limit=time_limit, settings=settings
+        ).solution
     if solver.startswith("cvxpy:"):
         return cvxpy_.solve(program, solver.removeprefix("cvxpy:"))
     raise SolverNotFound(f"solver: found {solver!r}, expected one of {', '.join(solver_names())}")

@@ -38,11 +38,11 @@ _MOMENT_STATUS = {
 _SWAPPED = {"infeasible": "unbounded", "unbounded": "infeasible"}
 
 
-def _settings(time_limit: float | None) -> Any:
+def _settings(time_limit: float | None, accuracy: float) -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = 1e-9
-    settings.tol_feas = 1e-9
+    settings.tol_gap_abs = settings.tol_gap_rel = accuracy
+    settings.tol_feas = accuracy
     settings.max_iter = 200
     if time_limit is not None:
         settings.time_limit = max(time_limit, 1e-3)
@@ -58,18 +58,23 @@ def _cones(cones: Cones) -> list[Any]:
     return listed + [clarabel.PSDTriangleConeT(size) for size in cones.psd]
 
 
-def _run(q: Any, A: Any, b: Any, cones: list[Any], time_limit: float | None) -> tuple[Any, float]:
+def _run(
+    q: Any, A: Any, b: Any, cones: list[Any], time_limit: float | None, accuracy: float
+) -> tuple[Any, float]:
     nothing = sps.csc_matrix((q.size, q.size))
     start = time.process_time()
-    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(time_limit))
+    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(time_limit, accuracy))
     result = solver.solve()
     return result, time.process_time() - start
 
 
-def solve_moment_form(program: ConicProgram, time_limit: float | None = None) -> ConicSolution:
+def solve_moment_form(
+    program: ConicProgram, time_limit: float | None = None, accuracy: float = 1e-9
+) -> ConicSolution:
     """Solve the program as it stands."""
     matrix = sps.csc_matrix(program.A)
-    result, seconds = _run(program.q, matrix, program.b, _cones(program.cones), time_limit)
+    cones = _cones(program.cones)
+    result, seconds = _run(program.q, matrix, program.b, cones, time_limit, accuracy)
     status = str(result.status)
     return solution(
         program,
@@ -83,7 +88,9 @@ def solve_moment_form(program: ConicProgram, time_limit: float | None = None) ->
     )
 
 
-def solve_squares_form(program: ConicProgram, time_limit: float | None = None) -> ConicSolution:
+def solve_squares_form(
+    program: ConicProgram, time_limit: float | None = None, accuracy: float = 1e-9
+) -> ConicSolution:
     """Solve the dual: multipliers as variables, moments as their prices."""
     rows, zero = program.b.size, program.cones.zero
     conic = sps.csc_array(
@@ -93,7 +100,7 @@ def solve_squares_form(program: ConicProgram, time_limit: float | None = None) -
     matrix = sps.csc_matrix(sps.vstack([program.A.T, conic]))
     right = np.concatenate([-program.q, np.zeros(rows - zero)])
     cones = Cones(program.q.size, program.cones.nonnegative, program.cones.psd)
-    result, seconds = _run(program.b, matrix, right, _cones(cones), time_limit)
+    result, seconds = _run(program.b, matrix, right, _cones(cones), time_limit, accuracy)
     status = str(result.status)
     seen = _MOMENT_STATUS.get(status, "failed")
     return solution(

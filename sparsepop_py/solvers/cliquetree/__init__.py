@@ -1,0 +1,172 @@
+"""An interior-point method on the clique tree of a relaxation.
+
+The input is any :class:`ConicProgram`; cliques are found from the pattern of A and the
+cones. The method is made for programs in which every moment lies in [-1, 1], and says
+``failed`` where it cannot go on. ``docs/cliquetree.md`` derives it.
+
+Examples
+--------
+>>> import sparsepop_py as sp
+>>> from sparsepop_py.solvers import cliquetree
+>>> x1, x2, x3 = sp.variables(3)
+>>> problem = sp.Problem(x1 * x2 + x2 * x3, lower=-1, upper=1)
+>>> program = sp.assemble(sp.relax(problem, 2), problem.objective)
+>>> symbolic = cliquetree.analyse(program)
+>>> found = cliquetree.solve(program, symbolic)
+>>> print(found.status, round(found.dual, 5))
+solved -2.0
+
+References
+----------
+M. Fukuda, M. Kojima, K. Murota, K. Nakata, Exploiting sparsity in semidefinite programming
+via matrix completion I, SIAM J. Optim. 11, 2001.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+
+from ...conic import ConicProgram, ConicSolution
+from ..base import solution
+from .interior import minimise
+from .numbers import Numbers
+from .progress import Iterate, Iteration, Outcome, Settings, better
+from .symbolic import Symbolic, analyse, pattern_key
+
+__all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "run", "solve"]
+
+_KEPT = 4  # patterns whose analysis is kept
+_analysed: OrderedDict[bytes, Symbolic] = OrderedDict()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """A solution and how it came about, for inspection and for the next solve.
+
+    Parameters
+    ----------
+    solution : ConicSolution
+    outcome : Outcome
+        Iterations, CPU seconds of each phase, the last point.
+    symbolic : Symbolic
+        ``symbolic.tree.sizes`` has the pivots and updates of each front.
+    """
+
+    solution: ConicSolution
+    outcome: Outcome
+    symbolic: Symbolic
+
+    def __str__(self) -> str:
+        tree, log = self.symbolic.tree, self.outcome.log
+        sizes = tree.sizes.sum(axis=1)
+        lines = [
+            f"{self.solution.status} ({self.solution.detail}) after {len(log) - 1} iterations",
+            f"  {sizes.size} fronts up to {sizes.max(initial=0)} on {tree.levels} levels, "
+            f"{tree.operations / 1e6:.1f} million operations a factorization",
+            "  CPU seconds: "
+            + ", ".join(f"{phase} {cpu:.3f}" for phase, cpu in self.outcome.seconds.items()),
+            "  it      mu  primal    dual      safe value  centring  steps",
+        ]
+        for number, line in enumerate(log):
+            lines.append(
+                f"  {number:2d} {line.mu:7.1e} {line.primal_residual:7.1e} "
+                f"{line.dual_residual:7.1e} {line.safe:15.8e}  {line.centring:8.1e}  "
+                f"{line.primal_step:.2f} {line.dual_step:.2f}"
+            )
+        return "\n".join(lines)
+
+
+def run(
+    program: ConicProgram,
+    symbolic: Symbolic | None = None,
+    *,
+    target: float | None = None,
+    time_limit: float | None = None,
+    start: Iterate | None = None,
+    settings: Settings | None = None,
+) -> Run:
+    """Solve a program and keep the log; the arguments are those of :func:`solve`.
+
+    Parameters
+    ----------
+    program : ConicProgram
+    symbolic : Symbolic, optional
+        From :func:`analyse` of a program of the same pattern.
+    target : float, optional
+        Stop once the dual value, less the largest possible effect of the dual residual on
+        moments in [-1, 1], reaches this value.
+    time_limit : float, optional
+        CPU seconds.
+    start : Iterate, optional
+        ``outcome.iterate`` of an early stop on the same pattern. Where that leads nowhere, the
+        solve starts again without it.
+    settings : Settings, optional
+
+    Raises
+    ------
+    ValueError
+        If ``symbolic`` is of another pattern.
+    """
+    begin = time.process_time()
+    key = pattern_key(program)
+    if symbolic is None:
+        symbolic = _remembered(program, key)
+    elif symbolic.key != key:
+        raise ValueError("symbolic: found the analysis of another pattern of A and cones")
+    numbers = Numbers.of(program, symbolic)
+    settings = settings or Settings()
+    deadline = None if time_limit is None else begin + time_limit
+    scaled = None if target is None else (target - program.offset) / numbers.unit
+
+    def attempt(settings: Settings, start: Iterate | None = None) -> Outcome:
+        return minimise(numbers, settings, start=start, target=scaled, deadline=deadline)
+
+    outcome = attempt(settings, start)
+    if outcome.status in ("almost", "failed") and start is not None:
+        outcome = attempt(settings)
+    if outcome.status == "almost" and program.cones.zero:
+        again = attempt(replace(settings, penalty=settings.second_penalty))
+        outcome = better(outcome, again)
+    last = outcome.iterate
+    found = solution(
+        program,
+        outcome.status,
+        last.y,
+        numbers.multipliers(last.z, last.w),
+        len(outcome.log) - 1,
+        time.process_time() - begin,
+        "cliquetree",
+        outcome.detail,
+    )
+    return Run(found, outcome, symbolic)
+
+
+def solve(
+    program: ConicProgram,
+    symbolic: Symbolic | None = None,
+    *,
+    target: float | None = None,
+    time_limit: float | None = None,
+    start: Iterate | None = None,
+) -> ConicSolution:
+    """Solve a program; the analysis of the last few patterns is remembered.
+
+    Parameters
+    ----------
+    program : ConicProgram
+    symbolic : Symbolic, optional
+    target, time_limit : float, optional
+    start : Iterate, optional
+        See :func:`run`.
+    """
+    return run(program, symbolic, target=target, time_limit=time_limit, start=start).solution
+
+
+def _remembered(program: ConicProgram, key: bytes) -> Symbolic:
+    symbolic = _analysed.pop(key, None) or analyse(program)
+    _analysed[key] = symbolic
+    while len(_analysed) > _KEPT:
+        _analysed.popitem(last=False)
+    return symbolic

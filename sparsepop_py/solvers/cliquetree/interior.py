@@ -1,0 +1,252 @@
+"""Infeasible primal-dual interior-point steps on a program in place.
+
+    minimise q'y  subject to  c - C y = s in K,  E y = e,
+
+with multipliers z in K and free w: q + C'z + E'w = 0. The HKM direction solves
+
+    M dy + E'dw = h,  E dy = e - E y,   M = C' (S^-1 x Z) C,
+
+with M + E'E / delta factorized on the tree and the exact system refined with it.
+
+References
+----------
+C. Helmberg, F. Rendl, R. J. Vanderbei, H. Wolkowicz, An interior-point method for
+semidefinite programming, SIAM J. Optim. 6, 1996.
+M. Kojima, S. Shindoh, S. Hara, SIAM J. Optim. 7, 1997; R. D. C. Monteiro, ibid. (direction).
+S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM J. Optim. 2,
+1992 (predictor and corrector).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .numbers import Numbers
+from .progress import Iterate, Iteration, Outcome, Settings, judge, verdict
+from .tree import Factor
+
+__all__ = ["minimise"]
+
+Reals = NDArray[np.float64]
+_ROUGH, _EXACT = 1e-5, 1e-12  # residuals of linear solves for predictor and corrector
+_ATTEMPTS = 3  # to factorize
+
+
+@dataclass(slots=True)
+class _Clock:
+    seconds: dict[str, float] = field(default_factory=dict)
+    last: float = field(default_factory=time.process_time)
+
+    def charge(self, phase: str) -> None:
+        now = time.process_time()
+        self.seconds[phase] = self.seconds.get(phase, 0.0) + now - self.last
+        self.last = now
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Residuals:
+    cone: Reals  # c - C y - s
+    equal: Reals  # e - E y
+    dual: Reals  # -q - C'z - E'w
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Newton:
+    """The factorized system of one iteration."""
+
+    numbers: Numbers
+    settings: Settings
+    factor: Factor
+    inverse: Reals
+    z: Reals
+    residuals: _Residuals
+    moved: Reals  # D(r): what the primal residual takes from z
+    mu: float
+
+    def direction(self, centring: float, correction: Reals | None) -> Iterate:
+        """The direction towards mu * centring, with Mehrotra's second-order term."""
+        n, cone = self.numbers, self.numbers.cone
+        fixed = centring * self.mu * self.inverse - self.z
+        if correction is not None:
+            fixed = fixed - correction
+        right = self.residuals.dual - n.Ct @ (fixed - self.moved)
+        accuracy = _ROUGH if correction is None else _EXACT
+        dy, dw = self._solve(right, self.residuals.equal, accuracy)
+        ds = self.residuals.cone - n.C @ dy
+        dz = fixed - cone.sandwich(self.inverse, ds, self.z)
+        return Iterate(dy, ds, dz, dw)
+
+    def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, Reals]:
+        """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy."""
+        n, delta = self.numbers, self.settings.penalty
+        dy, dw = np.zeros_like(h), np.zeros_like(equal)
+        first, second = h, equal
+        size, before = np.abs(h).max(initial=1e-300), np.inf
+        for _ in range(self.settings.refinements + 1):
+            step = self.factor.solve(first + n.Et @ (second / delta))
+            new_y, new_w = dy + step, dw + (n.E @ step - second) / delta
+            first = h - self._apply(new_y) - n.Et @ new_w
+            second = equal - n.E @ new_y
+            error = np.abs(first).max(initial=0.0) / size + np.abs(second).max(initial=0.0)
+            if not error < 0.5 * before:
+                break
+            dy, dw, before = new_y, new_w, error
+            if error < accuracy:
+                break
+        return dy, dw
+
+    def _apply(self, y: Reals) -> Reals:
+        n = self.numbers
+        return n.Ct @ n.cone.sandwich(self.inverse, n.C @ y, self.z)
+
+
+def minimise(
+    numbers: Numbers,
+    settings: Settings,
+    *,
+    start: Iterate | None = None,
+    target: float | None = None,
+    deadline: float | None = None,
+) -> Outcome:
+    """Run the method.
+
+    Parameters
+    ----------
+    numbers : Numbers
+    settings : Settings
+    start : Iterate, optional
+        A point inside the cone from a nearby problem.
+    target : float, optional
+        Stop once the safe value reaches it (scaled).
+    deadline : float, optional
+        CPU time (``time.process_time``) after which to stop.
+    """
+    clock = _Clock()
+    point = start or _cold_start(numbers)
+    fixed = numbers.fixed_entries(1.0 / settings.penalty)
+    log: list[Iteration] = []
+    best = point
+    step = (1.0, 0.0, 0.0)
+    factor = Factor(numbers.symbolic.tree)
+    while True:
+        residuals = _residuals(numbers, point)
+        log.append(_measure(numbers, point, residuals, step))
+        if log[-1].safe >= max(line.safe for line in log):
+            best = point
+        status, detail = judge(numbers, settings, log, point, target)
+        if not status and deadline is not None and time.process_time() > deadline:
+            status, detail = verdict(numbers, settings, log), "time limit"
+        if status:
+            break
+        clock.charge("rest")
+        try:
+            root_s = numbers.cone.inverse_factor(point.s)
+            root_z = numbers.cone.inverse_factor(point.z)
+            inverse = numbers.cone.inverse(root_s)
+            clock.charge("inverses")
+            _factorize(numbers, factor, fixed, inverse, point.z, settings, clock)
+        except np.linalg.LinAlgError as error:
+            status, detail = verdict(numbers, settings, log), str(error)
+            break
+        moved = numbers.cone.sandwich(inverse, residuals.cone, point.z)
+        newton = _Newton(numbers, settings, factor, inverse, point.z, residuals, moved, log[-1].mu)
+        point, step = _advance(newton, point, root_s, root_z, clock)
+        if max(step[1:]) < 1e-4:
+            status, detail = verdict(numbers, settings, log), "steps too short"
+            break
+    ended = Iterate(point.y, point.s, best.z, best.w)
+    return Outcome(status, detail, ended, tuple(log), clock.seconds)
+
+
+def _factorize(
+    numbers: Numbers,
+    factor: Factor,
+    fixed: Reals,
+    inverse: Reals,
+    z: Reals,
+    settings: Settings,
+    clock: _Clock,
+) -> None:
+    """Assemble and factorize, with larger regularisation where a pivot fails."""
+    for attempt in range(_ATTEMPTS):
+        np.copyto(factor.entries, fixed)
+        numbers.add_newton(factor.entries, inverse, z)
+        clock.charge("assembly")
+        try:
+            factor.refactor(settings.regularisation * 1e3**attempt)
+            return
+        except np.linalg.LinAlgError:
+            if attempt == _ATTEMPTS - 1:
+                raise
+        finally:
+            clock.charge("factor")
+
+
+def _cold_start(numbers: Numbers) -> Iterate:
+    """Multiples of the unit matrix; the dual one by the size of the objective."""
+    unit = numbers.cone.identity()
+    spread = float(np.sqrt(np.mean(numbers.q**2))) if numbers.q.size else 1.0
+    height = min(1.0, max(spread, 1e-2))
+    return Iterate(np.zeros_like(numbers.q), unit, height * unit, np.zeros_like(numbers.e))
+
+
+def _residuals(numbers: Numbers, at: Iterate) -> _Residuals:
+    return _Residuals(
+        numbers.c - numbers.C @ at.y - at.s,
+        numbers.e - numbers.E @ at.y,
+        -numbers.q - numbers.Ct @ at.z - numbers.Et @ at.w,
+    )
+
+
+def _measure(
+    numbers: Numbers, at: Iterate, residuals: _Residuals, step: tuple[float, float, float]
+) -> Iteration:
+    dual = float(-numbers.c @ at.z - numbers.e @ at.w)
+    primal_residual = max(
+        np.abs(residuals.cone).max(initial=0.0), np.abs(residuals.equal).max(initial=0.0)
+    )
+    return Iteration(
+        float(at.s @ at.z) / max(numbers.cone.degree, 1),
+        float(primal_residual),
+        float(np.abs(residuals.dual).max(initial=0.0)),
+        float(numbers.q @ at.y),
+        dual,
+        dual - float(np.abs(residuals.dual).sum()),
+        *step,
+    )
+
+
+def _advance(
+    newton: _Newton, point: Iterate, root_s: Reals, root_z: Reals, clock: _Clock
+) -> tuple[Iterate, tuple[float, float, float]]:
+    """One predictor and corrector step."""
+    cone, settings = newton.numbers.cone, newton.settings
+
+    def lengths(d: Iterate, part: float, roughly: bool) -> tuple[float, float]:
+        first = cone.largest_step(root_s, d.s, 1.0 / part, roughly) * part
+        second = cone.largest_step(root_z, d.z, 1.0 / part, roughly) * part
+        clock.charge("steps")
+        return first, second
+
+    predictor = newton.direction(0.0, None)
+    clock.charge("solves")
+    first, second = lengths(predictor, settings.boundary, True)
+    ahead = (point.s + first * predictor.s) @ (point.z + second * predictor.z)
+    ratio = max(float(ahead), 0.0) / max(float(point.s @ point.z), 1e-300)
+    shorter = min(first, second)
+    centring = min(1.0, max(1e-4, (1.0 - shorter) ** 2 * ratio))
+    correction = cone.sandwich(newton.inverse, predictor.s, predictor.z)
+    corrector = newton.direction(centring, correction)
+    clock.charge("solves")
+    first, second = lengths(corrector, settings.boundary + settings.stretch * shorter, False)
+    after = Iterate(
+        point.y + first * corrector.y,
+        point.s + first * corrector.s,
+        point.z + second * corrector.z,
+        point.w + second * corrector.w,
+    )
+    return after, (centring, first, second)

@@ -1,0 +1,232 @@
+"""A program's numbers in the places that the symbolic phase found, scaled.
+
+Rows are scaled to a largest coefficient of one (a semidefinite block as a whole), the
+objective likewise; multipliers are scaled back at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from ...conic import ConicProgram
+from .kernels import cholesky, largest_step, lower_inverse, symmetric, transposed
+from .symbolic import Assembly, BlockStack, Symbolic
+
+__all__ = ["Cone", "Numbers"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Cone:
+    """The semidefinite blocks and linear rows of vectors of all matrix entries.
+
+    Parameters
+    ----------
+    stacks : tuple of BlockStack
+    entries : int
+        Where the linear rows begin.
+    linear : int
+        Number of linear rows.
+    """
+
+    stacks: tuple[BlockStack, ...]
+    entries: int
+    linear: int
+
+    @property
+    def degree(self) -> int:
+        """The barrier parameter: rows of all matrices and linear rows."""
+        return sum(s.size * s.count for s in self.stacks) + self.linear
+
+    def identity(self) -> Reals:
+        """Unit matrices and ones."""
+        result = np.ones(self.entries + self.linear)
+        for stack in self.stacks:
+            result[stack.span] = np.tile(np.eye(stack.size).ravel(), stack.count)
+        return result
+
+    def inverse_factor(self, x: Reals) -> Reals:
+        """L^-1 of each matrix L L', and 1 / sqrt(x) of linear rows.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If x is not in the interior of the cone.
+        """
+        result = np.empty_like(x)
+        for s in self.stacks:
+            factor = cholesky(x[s.span].reshape(s.shape))
+            lower_inverse(factor, result[s.span].reshape(s.shape))
+        tail = x[self.entries :]
+        if tail.size and not tail.min() > 0.0:
+            raise np.linalg.LinAlgError("a linear row is not positive")
+        result[self.entries :] = 1.0 / np.sqrt(tail)
+        return result
+
+    def inverse(self, factor: Reals) -> Reals:
+        """L^-T L^-1."""
+        result = factor * factor
+        for s in self.stacks:
+            matrices = factor[s.span].reshape(s.shape)
+            result[s.span] = (transposed(matrices) @ matrices).ravel()
+        return result
+
+    def sandwich(self, left: Reals, middle: Reals, right: Reals) -> Reals:
+        """The symmetric part of P D Z, and p d z."""
+        result = np.empty_like(middle)
+        for s in self.stacks:
+            p, d, z = (x[s.span].reshape(s.shape) for x in (left, middle, right))
+            result[s.span] = symmetric(p @ d @ z).ravel()
+        tail = slice(self.entries, None)
+        result[tail] = left[tail] * middle[tail] * right[tail]
+        return result
+
+    def largest_step(self, factor: Reals, direction: Reals, limit: float, roughly: bool) -> float:
+        """The largest a <= limit that keeps x + a d in the cone, x by its inverse factor."""
+        for s in self.stacks:
+            inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
+            limit = largest_step(inverse, change, limit, roughly)
+        ratio = direction[self.entries :] * factor[self.entries :] ** 2
+        least = float(ratio.min(initial=0.0))
+        return -1.0 / least if least * limit < -1.0 else limit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Product:
+    """The two sparse factors of one assembly."""
+
+    left: sps.csr_array
+    right: sps.csr_array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """min q'y with c - C y in the cone and E y = e.
+
+    Parameters
+    ----------
+    symbolic : Symbolic
+    cone : Cone
+    q : (M,) float
+        Divided by ``unit``.
+    unit : float
+    offset : float
+        Of the program, divided by ``unit``.
+    C, Ct : csr (N, M), csr (M, N)
+    c : (N,) float
+    E, Et : csr (zero, M), csr (M, zero)
+    e : (zero,) float
+    scale : (R,) float
+        What the rows of the program were multiplied by.
+    data : (nnz,) float
+        The scaled nonzeros of the program.
+    products : tuple
+    """
+
+    symbolic: Symbolic
+    cone: Cone
+    q: Reals
+    unit: float
+    offset: float
+    C: sps.csr_array
+    Ct: sps.csr_array
+    c: Reals
+    E: sps.csr_array
+    Et: sps.csr_array
+    e: Reals
+    scale: Reals
+    data: Reals
+    products: tuple[_Product, ...]
+
+    @staticmethod
+    def of(program: ConicProgram, symbolic: Symbolic) -> Numbers:
+        """Put the numbers of a program into place."""
+        layout, zero = symbolic.layout, program.cones.zero
+        scale = _row_scale(program, layout.block)
+        data = program.A.data * scale[program.A.indices]
+        right = program.b * scale
+        linear = program.cones.nonnegative
+        width = layout.entries + linear
+        row = program.A.indices[layout.source]
+        half = np.where(layout.place == layout.mirror, 1.0, np.sqrt(0.5))
+        C = sps.csr_array(
+            (data[layout.source] * half[row], layout.indices, layout.indptr),
+            shape=(width, symbolic.moments),
+        )
+        c = np.zeros(width)
+        c[layout.place[zero:]] = c[layout.mirror[zero:]] = (right * half)[zero:]
+        scaled = sps.csc_array((data, program.A.indices, program.A.indptr), shape=program.A.shape)
+        E = scaled.tocsr()[:zero]
+        unit = float(np.abs(program.q).max(initial=0.0)) or 1.0
+        return Numbers(
+            symbolic,
+            Cone(layout.stacks, layout.entries, linear),
+            program.q / unit,
+            unit,
+            program.offset / unit,
+            C,
+            C.T.tocsr(),
+            c,
+            E,
+            E.T.tocsr(),
+            right[:zero],
+            scale,
+            data,
+            tuple(_product(assembly, C.data) for assembly in symbolic.assemblies),
+        )
+
+    def fixed_entries(self, weight: float) -> Reals:
+        """Entries of all fronts with weight * E'E in place."""
+        entries = np.zeros(self.symbolic.tree.entries)
+        pairs = self.symbolic.zero
+        np.add.at(entries, pairs.place, weight * self.data[pairs.left] * self.data[pairs.right])
+        return entries
+
+    def add_newton(self, entries: Reals, inverse: Reals, dual: Reals) -> None:
+        """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts."""
+        for assembly, product in zip(self.symbolic.assemblies, self.products, strict=True):
+            count, size, moments = assembly.count, assembly.size, assembly.moments
+            z = dual[assembly.span].reshape(count * size, size)
+            p = inverse[assembly.span].reshape(count, size, size)
+            turned = (product.left @ z).reshape(count, size, moments * size)
+            both = (p @ turned).reshape(count, size, moments, size)
+            columns = both.transpose(0, 1, 3, 2).reshape(count * size * size, moments)
+            np.add.at(entries, assembly.place, (product.right @ columns).ravel())
+        pairs = self.symbolic.linear
+        place = self.symbolic.layout.place[pairs.row]
+        weight = inverse[place] * dual[place]
+        np.add.at(entries, pairs.place, weight * self.data[pairs.left] * self.data[pairs.right])
+
+    def multipliers(self, z: Reals, free: Reals) -> Reals:
+        """The program's multipliers from cone entries and multipliers of equalities."""
+        layout, zero = self.symbolic.layout, free.size
+        place, mirror = layout.place[zero:], layout.mirror[zero:]
+        rows = np.where(place == mirror, z[place], np.sqrt(0.5) * (z[place] + z[mirror]))
+        return np.concatenate([free, rows]) * self.scale * self.unit
+
+
+def _row_scale(program: ConicProgram, block: NDArray[np.int64]) -> Reals:
+    """One over the largest coefficient of each row or block."""
+    count = int(block.max(initial=-1)) + 1
+    largest = np.zeros(count)
+    np.maximum.at(largest, block[program.A.indices], np.abs(program.A.data))
+    scale = 1.0 / np.where(largest > 0.0, largest, 1.0)
+    return scale[block]
+
+
+def _product(assembly: Assembly, data: Reals) -> _Product:
+    count, size, moments = assembly.count, assembly.size, assembly.moments
+    left = sps.csr_array(
+        (data[assembly.left_source], assembly.left_indices, assembly.left_indptr),
+        shape=(count * size * moments, count * size),
+    )
+    right = sps.csr_array(
+        (data[assembly.right_source], assembly.right_indices, assembly.right_indptr),
+        shape=(count * moments, count * size * size),
+    )
+    return _Product(left, right)

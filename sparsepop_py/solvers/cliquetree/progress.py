@@ -1,0 +1,238 @@
+"""What the method carries along: settings, points, log; and when it ends.
+
+A solve ends on what matters to a proof: the distance of the primal value from the safe value,
+which is the dual value less the largest effect of its residual on moments in [-1, 1].
+
+References
+----------
+C. Jansson, D. Chaykin, C. Keil, Rigorous error bounds for the optimal value in semidefinite
+programming, SIAM J. Numer. Anal. 46, 2007.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .numbers import Numbers
+
+__all__ = ["Iterate", "Iteration", "Outcome", "Settings", "better", "judge", "verdict"]
+
+Reals = NDArray[np.float64]
+_NOISE = 3e-5  # times the asked gap: what rounding leaves of sum |q|
+_FAR = 1e3  # size of moments up to which emptiness, and from which unboundedness, is claimed
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Tolerances and limits.
+
+    Parameters
+    ----------
+    gap : float
+        Largest distance of q'y and the safe value, relative to max(1, |q'y + offset|) in the
+        program's own units.
+    accepted : float
+        The same, for a solve that makes no progress any more.
+    feasibility : float
+        Largest residual of the scaled rows.
+    loose : float
+        Gap and residual at which a solve that cannot go on is called ``almost``.
+    patience : int
+        Iterations without progress after which a solve cannot go on.
+    penalty : float
+        delta of the equality rows.
+    second_penalty : float
+        The same for a second attempt, where the first one does not solve.
+    regularisation : float
+        Relative change of pivots.
+    refinements : int
+        Most refinement steps of one linear solve.
+    boundary, stretch : float
+        Part of the way to the boundary that a step may go, and what is added to it times the
+        length of the predictor.
+    iterations : int
+    """
+
+    gap: float = 1e-7
+    accepted: float = 1e-6
+    feasibility: float = 1e-8
+    loose: float = 1e-5
+    patience: int = 6
+    penalty: float = 1e-7
+    second_penalty: float = 1e-9
+    regularisation: float = 1e-13
+    refinements: int = 4
+    boundary: float = 0.9
+    stretch: float = 0.06
+    iterations: int = 80
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Iterate:
+    """A point of the method, in scaled numbers.
+
+    Parameters
+    ----------
+    y : (M,) float
+    s, z : (N,) float
+        Inside the cone.
+    w : (zero,) float
+    """
+
+    y: Reals
+    s: Reals
+    z: Reals
+    w: Reals
+
+
+@dataclass(frozen=True, slots=True)
+class Iteration:
+    """One line of the log, in scaled numbers.
+
+    Parameters
+    ----------
+    mu : float
+    primal_residual, dual_residual : float
+        Largest entries.
+    primal, dual, safe : float
+        q'y, the dual objective, and what is left of it on moments in [-1, 1].
+    centring, primal_step, dual_step : float
+        Of the step that led here.
+    """
+
+    mu: float
+    primal_residual: float
+    dual_residual: float
+    primal: float
+    dual: float
+    safe: float
+    centring: float
+    primal_step: float
+    dual_step: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """Where the method ended.
+
+    Parameters
+    ----------
+    status, detail : str
+    iterate : Iterate
+    log : tuple of Iteration
+    seconds : dict
+        CPU seconds of each phase.
+    """
+
+    status: str
+    detail: str
+    iterate: Iterate
+    log: tuple[Iteration, ...]
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def judge(
+    numbers: Numbers,
+    settings: Settings,
+    log: list[Iteration],
+    at: Iterate,
+    target: float | None,
+) -> tuple[str, str]:
+    """A status and its reason, or two empty strings to go on.
+
+    Parameters
+    ----------
+    numbers : Numbers
+    settings : Settings
+    log : list of Iteration
+    at : Iterate
+    target : float or None
+        A safe value that is enough, scaled.
+    """
+    now = log[-1]
+    if not np.isfinite(now.mu + now.primal + now.dual):
+        return "failed", "not finite"
+    if target is not None and now.safe >= target:
+        return "solved", "target"
+    extreme = _extreme(numbers, settings, now, at)
+    if extreme[0]:
+        return extreme
+    if now.primal_residual < settings.feasibility:
+        gap = _gap(numbers, log)
+        if gap < settings.gap:
+            return "solved", "gap"
+        if gap < settings.accepted and _stalled(log, settings.patience // 2, settings):
+            return "solved", "no progress"
+    if len(log) > settings.iterations:
+        return verdict(numbers, settings, log), "iteration limit"
+    if _stalled(log, settings.patience, settings):
+        return verdict(numbers, settings, log), "no progress"
+    return "", ""
+
+
+def _extreme(numbers: Numbers, settings: Settings, now: Iteration, at: Iterate) -> tuple[str, str]:
+    """Whether the values left the range that moments in [-1, 1] allow."""
+    reach = float(np.abs(numbers.q).sum())
+    fall = -now.primal / max(reach, 1e-300)
+    if fall > _FAR and now.primal_residual < settings.loose * fall:
+        return "failed", "the objective falls without limit"
+    if now.safe > reach:
+        ray = numbers.Ct @ at.z + numbers.Et @ at.w
+        if now.dual > _FAR * float(np.abs(ray).sum()):
+            return "infeasible", "dual ray"
+    return "", ""
+
+
+def _gap(numbers: Numbers, log: list[Iteration]) -> float:
+    """Distance of q'y and the best safe value, relative to what can be asked for.
+
+    That is max(1, |q'y + offset|) in the program's units, or a part of sum |q| that rounding
+    errors do not allow to resolve.
+    """
+    value = log[-1].primal + numbers.offset
+    noise = _NOISE * float(np.abs(numbers.q).sum())
+    distance = abs(log[-1].primal - max(line.safe for line in log))
+    complementarity = log[-1].mu * numbers.cone.degree
+    return max(distance, complementarity) / max(1.0 / numbers.unit, abs(value), noise)
+
+
+def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
+    """Whether nothing that counts got better for a while.
+
+    Once the rows hold, that is the distance of primal and safe value only.
+    """
+    if len(log) <= patience:
+        return False
+    old, new = log[:-patience], log[-patience:]
+
+    def gained(measure: Callable[[Iteration], float], part: float) -> bool:
+        return min(measure(line) for line in new) < part * min(measure(line) for line in old)
+
+    highest = max(line.primal for line in new)
+    if gained(lambda line: highest - line.safe, 0.9):
+        return False
+    if log[-1].primal_residual < settings.loose:
+        return True
+    return not (gained(lambda line: line.mu, 0.5) or gained(lambda line: line.primal_residual, 0.5))
+
+
+def verdict(numbers: Numbers, settings: Settings, log: list[Iteration]) -> str:
+    """What to call a solve that cannot go on."""
+    gap = _gap(numbers, log)
+    if log[-1].primal_residual > settings.loose or gap > settings.loose:
+        return "failed"
+    return "solved" if gap < settings.accepted else "almost"
+
+
+def better(first: Outcome, second: Outcome) -> Outcome:
+    """The outcome with the higher safe value, with the CPU seconds of both."""
+    chosen = max(second, first, key=lambda out: max(line.safe for line in out.log))
+    seconds = {
+        phase: first.seconds.get(phase, 0.0) + second.seconds.get(phase, 0.0)
+        for phase in first.seconds | second.seconds
+    }
+    return replace(chosen, seconds=seconds)
