@@ -22,7 +22,9 @@ from .problem import Problem
 from .sparsity import Cliques
 from .system import PolynomialSystem
 
-__all__ = ["BlockGroup", "block_groups", "row_monomials"]
+__all__ = ["BlockGroup", "Blocks", "block_groups", "row_monomials", "stacked_groups"]
+
+Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +97,15 @@ def block_groups(
         moment = clique_bases(members, np.arange(len(members)), order)
     endless = ~fixed & (np.isinf(problem.lower) | np.isinf(problem.upper))
     if lean or endless.any():
-        held = [row_monomials(group, system) for group in _stack(blocks)]
+        held = [row_monomials(group, system) for group in stacked_groups(blocks)]
         held += [f.words for f in (problem.objective, *objectives)]
         moment = consistent_bases(moment, held, problem.dimension)
     zero = [np.zeros(place.size, int) for place, _ in moment]
     blocks += [(False, z, place, basis) for z, (place, basis) in zip(zero, moment, strict=True)]
-    return _stack(blocks)
+    return stacked_groups(blocks)
 
 
 _SHARED = 4  # cliques a variable may be in on average for its bounds to enter all of them
-_Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
 
 
 def _localizing(
@@ -114,7 +115,7 @@ def _localizing(
     order: int,
     system: PolynomialSystem,
     lean: bool,
-) -> _Blocks:
+) -> Blocks:
     """Localizing blocks and equality rows in the homes of their generators.
 
     The bounds of a variable enter every clique that holds it, unless lean.
@@ -142,7 +143,7 @@ def _localizing(
     if not lean and order > 1:
         extra, where = _elsewhere(cliques, members, degree[box] > 0)
         number, place = np.append(number, box.start + extra), np.append(place, where)
-    blocks: _Blocks = []
+    blocks: Blocks = []
     for is_free in (True, False):
         for level in np.unique(reach[number]):
             chosen = (free[number] == is_free) & (reach[number] == level)
@@ -168,9 +169,9 @@ def _elsewhere(
     return variable[other], clique[other]
 
 
-def _stack(blocks: _Blocks) -> tuple[BlockGroup, ...]:
+def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:
     """Blocks of equal kind and size in one group; free rows first, then by size."""
-    keyed: dict[tuple[bool, int], _Blocks] = {}
+    keyed: dict[tuple[bool, int], Blocks] = {}
     for block in blocks:
         keyed.setdefault((not block[0], block[3].shape[1]), []).append(block)
     groups = []

@@ -32,23 +32,39 @@ Points = list[NDArray[np.float64]]
 
 
 def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
-    """Candidate minimisers, in the relaxation's variables, from its moments y of shape (M,)."""
+    """Candidate minimisers, in the relaxation's variables, from its moments y of shape (M,).
+
+    Moment blocks without the constant say nothing of signs and are left out; a block with
+    the constant speaks for the variables that are among its monomials.
+    """
     moments = np.append(1.0, y)
-    found: dict[int, Points] = {}
-    members = relaxation.cliques.members
+    found: list[tuple[int, NDArray[np.int64], Points]] = []
     for group in relaxation.groups:
         if group.free:
             continue
         for block in np.flatnonzero(group.generator == 0):
-            basis, clique = group.basis[block], int(group.clique[block])
+            basis, members = _readable(group.basis[block])
+            if not members.size:
+                continue
             i, j = np.triu_indices(basis.shape[0])
             number = relaxation.moment_numbers(monomials.multiply(basis[i], basis[j]))
             matrix = np.zeros((basis.shape[0],) * 2)
             matrix[i, j] = matrix[j, i] = moments[number]
-            found[clique] = extract_clique(matrix, basis, members[clique])
-    order = sorted(found)
+            points = extract_clique(matrix, basis, members)
+            found.append((int(group.clique[block]), members, points))
+    found.sort(key=lambda entry: entry[0])
     dimension = relaxation.problem.dimension
-    return combine([found[k] for k in order], [members[k] for k in order], dimension)
+    return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
+
+
+def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
+    """Variables (from 0) that a moment block with the constant knows, and its words in these."""
+    degree = monomials.degrees(basis)
+    letters = np.unique(basis[degree == 1][:, -1])
+    if not np.any(degree == 0):
+        letters = letters[:0]
+    inside = np.isin(basis, np.append(letters, 0)).all(axis=1)
+    return basis[inside], letters.astype(np.int64) - 1
 
 
 def extract_clique(

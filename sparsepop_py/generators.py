@@ -8,8 +8,8 @@ constraints, and three families of n follow for the bounds of each variable:
     upper  u - x             where u is finite;
 
 the zero polynomial stands where a bound is missing or the variable is fixed. Products of
-two of these (reformulation-linearization, Sherali and Adams 1990) may follow as further
-generators, each given by the pair of its factors' numbers.
+two generators (reformulation-linearization, Sherali and Adams 1990) may follow as further
+ones, each given by the numbers of its factors, which may be products themselves.
 """
 
 from __future__ import annotations
@@ -26,9 +26,13 @@ from .problem import Problem
 from .system import PolynomialSystem
 
 __all__ = [
+    "are_products",
     "bound_family",
+    "bound_products",
     "bound_terms",
     "count",
+    "levels",
+    "partners",
     "product_terms",
     "single_letters",
     "stack_words",
@@ -112,7 +116,7 @@ def product_terms(
     """Terms of products of generators: word, product number, and the terms of both factors."""
     number, first = system.terms_of(products[:, 0])
     position, second = system.terms_of(products[number, 1])
-    words = monomials.multiply(system.words[first[position]], system.words[second])
+    words = monomials.trim(monomials.multiply(system.words[first[position]], system.words[second]))
     return words, number[position], first[position], second
 
 
@@ -132,7 +136,7 @@ def useful_products(
     boxed = np.isfinite(problem.lower) & np.isfinite(problem.upper)
     boxed &= problem.lower < problem.upper
     words = [rows.words, problem.objective.words, *(f.words for f in objectives)]
-    pairs = _partners(words, n)
+    pairs = partners(words, n)
     pairs = pairs[boxed[pairs].all(axis=1)]
     _, low, high = bound_family(rows.size, n)
     sides = np.array([low.start, high.start])
@@ -147,6 +151,8 @@ def useful_products(
         if problem.equality[number] or constraint.polynomial.degree != 1:
             continue
         clique = int(home[number])
+        if clique < 0:  # no clique holds it: its multiplier stays a constant
+            continue
         near = set().union(*(partner.get(v, ()) for v in constraint.polynomial.support.tolist()))
         for v in sorted(near & set(members[clique])):
             mixed += [(number + 1, v + int(side)) for side in sides]
@@ -155,8 +161,69 @@ def useful_products(
     return np.concatenate([*bounds, np.array(mixed, int).reshape(-1, 2)])
 
 
-def _partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
-    """Pairs i < j of variables that occur in one monomial, shape (P, 2)."""
+_LONGEST = 4  # factors of one monomial whose products of bounds are all formed
+
+
+def bound_products(
+    problem: Problem,
+    members: Sequence[tuple[int, ...]],
+    home: NDArray[np.int64],
+    objectives: Sequence[Polynomial],
+) -> NDArray[np.int64]:
+    """Products for linear relaxations, shape (P, 2): McCormick's and those of longer monomials.
+
+    Beside :func:`useful_products`, the bounds of each squared variable with themselves, and
+    for a monomial of degree 3 or 4 all products of as many bounds, built as a chain.
+    """
+    n, rows = problem.dimension, problem.rows
+    boxed = np.isfinite(problem.lower) & np.isfinite(problem.upper)
+    boxed &= problem.lower < problem.upper
+    words = [rows.words, problem.objective.words, *(f.words for f in objectives)]
+    _, low, high = bound_family(rows.size, n)
+    single = count(rows.size, n)
+    squared = np.unique(np.concatenate([v[p > 1] for _, v, p in map(monomials.runs, words)]))
+    squared = squared[boxed[squared]]
+    made = [
+        *map(tuple, useful_products(problem, members, home, objectives).tolist()),
+        *((int(v) + side, int(v) + side) for v in squared for side in (low.start, high.start)),
+    ]
+    number = {pair: single + k for k, pair in enumerate(made)}
+
+    def product(first: int, second: int) -> int:
+        pair = (first, second)
+        if pair not in number:
+            number[pair] = single + len(made)
+            made.append(pair)
+        return number[pair]
+
+    width = max(w.shape[1] for w in words)
+    every, _ = monomials.collect(np.concatenate([monomials.widen(w, width) for w in words]), n)
+    for letters in every[monomials.degrees(every) > 2].tolist():
+        factors = [letter - 1 for letter in letters if letter]
+        if len(factors) > _LONGEST or not all(boxed[factors]):
+            continue
+        chains = [factors[0] + side for side in (low.start, high.start)]
+        for v in factors[1:]:
+            chains = [product(c, v + side) for c in chains for side in (low.start, high.start)]
+    return _shallow_first(np.array(made, np.int64).reshape(-1, 2), single)
+
+
+def _shallow_first(products: NDArray[np.int64], single: int) -> NDArray[np.int64]:
+    """The same products, those without products as factors first, and so on."""
+    depth = np.zeros(products.shape[0], int)
+    for level in levels(products, single):
+        inner = products[level] - single
+        below = np.where(inner >= 0, depth[np.maximum(inner, 0)] + 1, 0)
+        depth[level] = below.max(axis=1)
+    order = np.argsort(depth, kind="stable")
+    number = np.empty(order.size, np.int64)
+    number[order] = single + np.arange(order.size)
+    renamed = np.where(products >= single, number[np.maximum(products - single, 0)], products)
+    return renamed[order]
+
+
+def partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
+    """Pairs i < j of variables that occur together in one monomial, shape (P, 2)."""
     keys = []
     for table in words:
         row, variable, _ = monomials.runs(table)
@@ -178,16 +245,34 @@ def stacked(problem: Problem, products: NDArray[np.int64]) -> PolynomialSystem:
         count(rows.size, n),
         n,
     )
-    if not products.size:
-        return single
-    words, number, first, second = product_terms(single, products)
-    width = max(words.shape[1], single.words.shape[1])
-    return PolynomialSystem(
-        np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
-        np.concatenate(
-            [single.coefficients, single.coefficients[first] * single.coefficients[second]]
-        ),
-        np.concatenate([single.row, number + single.size]),
-        single.size + products.shape[0],
-        n,
-    )
+    for level in levels(products, single.size):
+        words, number, first, second = product_terms(single, products[level])
+        width = max(words.shape[1], single.words.shape[1])
+        values = single.coefficients[first] * single.coefficients[second]
+        single = PolynomialSystem(
+            np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
+            np.concatenate([single.coefficients, values]),
+            np.concatenate([single.row, number + single.size]),
+            single.size + len(level),
+            n,
+        )
+    return single
+
+
+def levels(products: NDArray[np.int64], single: int) -> list[range]:
+    """Runs of products whose factors all come before the run."""
+    runs, start = [], 0
+    while start < products.shape[0]:
+        later = np.flatnonzero(products[start:].max(axis=1) >= single + start)
+        stop = start + int(later[0]) if later.size else products.shape[0]
+        runs.append(range(start, stop))
+        start = stop
+    return runs
+
+
+def are_products(products: NDArray[np.int64], single: int) -> bool:
+    """Whether every product refers to generators before it."""
+    if products.ndim != 2 or products.shape[1] != 2:
+        return False
+    known = single + np.arange(products.shape[0])
+    return bool(np.all(products >= 0) and np.all(products < known[:, None]))

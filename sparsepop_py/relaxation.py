@@ -37,13 +37,15 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .blocks import BlockGroup, block_groups, row_monomials
+from .blocks import BlockGroup, block_groups, row_monomials, stacked_groups
 from .errors import ProblemError
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
+from .shapes import Shape, shaped_blocks
 from .sparsity import Cliques, find_cliques
 from .system import PolynomialSystem
+from .terms import Terms, term_sparse
 
 __all__ = ["BlockGroup", "Relaxation", "least_order", "relax"]
 
@@ -169,6 +171,8 @@ def relax(
     reduce: bool = True,
     lean: bool = False,
     products: bool = False,
+    shape: Shape = "full",
+    terms: Terms = "none",
 ) -> Relaxation:
     """Build the moment relaxation of a problem.
 
@@ -191,6 +195,26 @@ def relax(
         blocks, about what Waki et al. solve where the data are of low degree.
     products : bool
         Add products of bounds and linear inequalities where variables multiply each other.
+    shape : {"full", "linear", "mixed", "star", "split"}
+        ``"linear"``: rows only, with products of bounds up to the degree of the problem.
+        The others: bases of problems of degree two between order 1 and order 2, see
+        :mod:`sparsepop_py.shapes`. ``order``, ``reduce`` and ``lean`` mean nothing then.
+    terms : {"none", "components", "chordal", "sign"}
+        Split the blocks by the monomials that occur in the problem and in ``objectives``:
+        to connected components of the term graph, to the cliques of its chordal extension,
+        or by sign symmetries. Components and signs keep the value of the relaxation,
+        chordal cliques are smaller and may lower it; see :mod:`sparsepop_py.terms`. Only
+        objectives whose monomials were named fit such a relaxation.
+
+    Raises
+    ------
+    ProblemError
+        If ``terms`` is unknown.
+
+    References
+    ----------
+    J. Wang, V. Magron, J.-B. Lasserre, SIAM J. Optim. 31 (2021) 30-58 (components) and
+    114-141 (chordal).
 
     Examples
     --------
@@ -210,11 +234,20 @@ def relax(
         notes = (f"order {order} raised to {least}, the least for these degrees",)
     order = max(order or least, least)
     pairs = np.zeros((0, 2), np.int64)
-    if products:
+    if shape == "linear":
+        pairs = generators.bound_products(problem, cliques.members, cliques.home, objectives)
+    elif products:
         pairs = generators.useful_products(problem, cliques.members, cliques.home, objectives)
     system = generators.stacked(problem, pairs)
-    groups = block_groups(problem, cliques, order, system, objectives, reduce, lean)
+    if shape == "full":
+        groups = block_groups(problem, cliques, order, system, objectives, reduce, lean)
+    else:
+        groups = stacked_groups(shaped_blocks(shape, problem, cliques, system, objectives))
     asked = [f.words for f in (problem.objective, *objectives)]
+    if terms != "none":
+        width = max(w.shape[1] for w in asked)
+        support = np.concatenate([monomials.widen(w, width) for w in asked])
+        groups = term_sparse(groups, system, support, problem.dimension, terms)
     moments, entries = _entries(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
 

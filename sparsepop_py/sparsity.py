@@ -8,6 +8,8 @@ References
 ----------
 H. Waki, S. Kim, M. Kojima, M. Muramatsu, SIAM J. Optim. 17 (2006) 218-242.
 J. B. Lasserre, SIAM J. Optim. 17 (2006) 822-843.
+C. Josz, D. K. Molzahn, Lasserre hierarchy for large scale polynomial optimization in real
+and complex variables, SIAM J. Optim. 28 (2018) 1017-1048.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import scipy.sparse as sps
@@ -29,11 +32,15 @@ from .problem import Problem
 
 __all__ = [
     "Cliques",
+    "Joined",
     "chordal_extension",
     "csp_graph",
     "find_cliques",
     "satisfies_running_intersection",
 ]
+
+
+Joined = Literal["constraints", "monomials", "partners"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +53,8 @@ class Cliques:
         The variables (from 0) of each of the K cliques.
     home : (m,) int
         The clique of each constraint: the largest that contains its variables, the
-        lowest index on ties; 0 for a constraint without variables.
+        lowest index on ties; 0 for a constraint without variables, -1 where none contains
+        them.
     home_of_variable : (n,) int
         The largest clique containing each variable, the lowest index on ties.
     tree : (K,) int
@@ -84,7 +92,9 @@ class Cliques:
         return f"<Cliques: {len(self)} of at most {self.sizes.max(initial=0)} variables>"
 
 
-def csp_graph(problem: Problem, objectives: Sequence[Polynomial] = ()) -> sps.csr_array:
+def csp_graph(
+    problem: Problem, objectives: Sequence[Polynomial] = (), joined: Joined = "constraints"
+) -> sps.csr_array:
     """Graph of the correlative sparsity pattern.
 
     Parameters
@@ -92,6 +102,8 @@ def csp_graph(problem: Problem, objectives: Sequence[Polynomial] = ()) -> sps.cs
     problem : Problem
     objectives : sequence of Polynomial, optional
         Further objectives that shall share the cliques.
+    joined : {"constraints", "monomials", "partners"}
+        See :func:`find_cliques`.
 
     Returns
     -------
@@ -115,7 +127,7 @@ def csp_graph(problem: Problem, objectives: Sequence[Polynomial] = ()) -> sps.cs
     [[0, 1, 0], [1, 0, 1], [0, 1, 0]]
     """
     n = problem.dimension
-    groups = [_constraint_incidence(problem)]
+    groups = [_joined(problem, joined)]
     for polynomial in (problem.objective, *objectives):
         if polynomial.dimension != n:
             raise ProblemError(f"objectives: found {polynomial.dimension} variables, expected {n}")
@@ -129,6 +141,7 @@ def find_cliques(
     sparse: bool = True,
     method: Method = "min-degree",
     objectives: Sequence[Polynomial] = (),
+    joined: Joined = "constraints",
 ) -> Cliques:
     """Maximal cliques of a chordal extension of the correlative sparsity pattern.
 
@@ -141,6 +154,12 @@ def find_cliques(
         See :func:`chordal_extension`.
     objectives : sequence of Polynomial, optional
         Further objectives that shall share the cliques.
+    joined : {"constraints", "monomials", "partners"}
+        What makes variables of the constraints adjacent. ``"monomials"``: one monomial of a
+        constraint, as in the objective; a constraint that no clique contains has the home
+        -1 and a constant multiplier (Josz, Molzahn 2018). ``"partners"``: one constraint,
+        together with the variables that its variables multiply anywhere, so that it can be
+        multiplied by these.
 
     Returns
     -------
@@ -166,7 +185,7 @@ def find_cliques(
     """
     n = problem.dimension
     if sparse:
-        graph, order = chordal_extension(csp_graph(problem, objectives), method)
+        graph, order = chordal_extension(csp_graph(problem, objectives, joined), method)
         members, tree = clique_tree(graph, order)
     else:
         graph = sps.csr_array(~np.eye(n, dtype=bool))
@@ -208,6 +227,21 @@ def _constraint_incidence(problem: Problem) -> sps.csr_array:
     return groups
 
 
+def _joined(problem: Problem, joined: Joined) -> sps.csr_array:
+    """Groups of variables that the constraints make adjacent, one a row."""
+    groups = _constraint_incidence(problem)
+    if joined == "constraints":
+        return groups
+    system = problem.rows
+    term, variable, _ = monomials.runs(system.words)
+    terms = incidence(term, variable, (system.row.size, problem.dimension))
+    if joined == "monomials":
+        return terms
+    met = sps.csr_array((groups @ sps.csr_array(terms.T @ terms)) > 0)
+    row, variable = met.nonzero()
+    return incidence(row, variable, met.shape)
+
+
 def _homes(problem: Problem, members: Members) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The largest clique of each constraint and of each variable."""
     sizes = np.array([len(clique) for clique in members])
@@ -233,6 +267,6 @@ def _homes(problem: Problem, members: Members) -> tuple[NDArray[np.int64], NDArr
             rare = support[np.argmin(spread[support])]
             wanted = support.tolist()
             candidates = ranked[starts[rare] : starts[rare + 1]].tolist()
-            known[key] = next(k for k in candidates if sets[k].issuperset(wanted))
+            known[key] = next((k for k in candidates if sets[k].issuperset(wanted)), -1)
         home[i] = known[key]
     return home, ranked[starts[:-1]]
