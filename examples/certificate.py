@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 import sparsepop_py as sp
+from sparsepop_py.certificate.identity import Identity
 
 problem = sp.parse("min x^4 - 3*x^2*y + y^4 + x; s.t. x*y >= -1; x^2 + y^2 <= 4")
 result = sp.solve(problem, sp.Options(order=2))
 certificate = result.certificate
-assert certificate is not None and certificate.identity is not None
+assert certificate is not None and isinstance(certificate.identity, Identity)
 print(certificate)
 
 
@@ -30,7 +31,8 @@ def with_multipliers(change) -> sp.Certificate:  # type: ignore[no-untyped-def]
     """A copy whose stored multipliers are changed."""
     old = certificate.identity
     multipliers = tuple(replace(m, values=change(m.values)) for m in old.multipliers)
-    return replace(certificate, identity=replace(old, multipliers=multipliers))
+    root = replace(certificate.root, argument=replace(old, multipliers=multipliers))
+    return replace(certificate, root=root)
 
 
 # Damaged multipliers still prove something, only less: any multipliers are sound.

@@ -35,7 +35,7 @@ from .system import PolynomialSystem
 
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 
-_LARGEST_SYSTEM = 400  # equations that Krawczyk's test encloses with dense matrices
+_LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
 _NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .enclosure import jacobian_range, range_over
-from .rounding import Interval
+from .rounding import Interval, matmul
 from .system import PolynomialSystem
 
 __all__ = ["polished", "zero_near"]
@@ -82,8 +82,9 @@ def _image_inside(
     slopes = Interval(slopes.lo[:, solved], slopes.hi[:, solved])
     residual = range_over(system, Interval.point(x))
     identity = Interval.point(np.eye(solved.size))
-    contraction = identity - _matmul(inverse, slopes)
-    image = -_matmul(inverse, residual[:, None]) + _interval_matmul(
+    left = Interval.point(inverse)
+    contraction = identity - matmul(left, slopes)
+    image = -matmul(left, residual[:, None]) + matmul(
         contraction, (box - Interval.point(x))[solved][:, None]
     )
     image = Interval(image.lo[:, 0], image.hi[:, 0]) + Interval.point(x[solved])
@@ -93,14 +94,3 @@ def _image_inside(
     lo, hi = x.copy(), x.copy()
     lo[solved], hi[solved] = image.lo, image.hi
     return Interval(lo, hi)
-
-
-def _matmul(left: NDArray, right: Interval) -> Interval:
-    return _interval_matmul(Interval.point(left), right)
-
-
-def _interval_matmul(left: Interval, right: Interval) -> Interval:
-    total = left[:, 0, None] * right[0][None, :]
-    for k in range(1, left.lo.shape[1]):
-        total = total + left[:, k, None] * right[k][None, :]
-    return total

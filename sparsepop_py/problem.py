@@ -5,6 +5,7 @@ minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import numbers
 from collections.abc import Iterable, Sequence
@@ -217,7 +218,15 @@ class Problem:
 
     def with_objective(self, objective: Polynomial) -> Problem:
         """The same feasible set with another objective."""
-        return Problem(objective, self.constraints, self.lower, self.upper, self.names, sense="min")
+        if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
+            raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")
+        other = copy.copy(self)
+        for name in ("objective_row", "squares_constant", "fingerprint", "sharpened"):
+            other.__dict__.pop(name, None)
+        fields = {"objective": objective, "squares": (), "sense": "min"}
+        for name, value in fields.items():
+            object.__setattr__(other, name, value)
+        return other
 
     @cached_property
     def fingerprint(self) -> str:

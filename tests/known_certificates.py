@@ -97,7 +97,12 @@ def last_bit(problem, where):
     return sp.Problem(f, rows, low, high, problem.names)
 
 
+def with_root(certificate, **parts):
+    """The certificate with some parts of its root replaced."""
+    return replace(certificate, root=replace(certificate.root, **parts))
+
+
 def with_multipliers(certificate, change):
     identity = certificate.identity
     changed = tuple(change(group) for group in identity.multipliers)
-    return replace(certificate, identity=replace(identity, multipliers=changed))
+    return with_root(certificate, argument=replace(identity, multipliers=changed))

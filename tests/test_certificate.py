@@ -21,13 +21,13 @@ from known_certificates import (
     last_bit,
     lattice,
     with_multipliers,
+    with_root,
 )
 
 import sparsepop_py as sp
 from sparsepop_py import rungs, solvers
-from sparsepop_py.certificate.box import BoxProof, Propagation
-from sparsepop_py.certificate.certificate import certify
-from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.certificate.box import BoxProof, Propagation, Replay
+from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
 from sparsepop_py.solvers import clarabel_
 
 ROOT = Path(sp.__file__).resolve().parent
@@ -190,9 +190,9 @@ def test_rounded_and_missing_multipliers(results, make):
     certificate, problem = results[make].certificate, make()
     rounded = with_multipliers(certificate, lambda g: replace(g, values=g.values.astype("f4")))
     check(rounded, problem, KNOWN[make])
-    none = replace(certificate, identity=replace(certificate.identity, multipliers=()))
+    none = with_root(certificate, argument=replace(certificate.identity, multipliers=()))
     assert not check(none, problem, KNOWN[make]).ok
-    nothing = replace(certificate, identity=None)
+    nothing = with_root(certificate, argument=None)
     assert not check(nothing, problem, KNOWN[make]).ok
     bad = with_multipliers(certificate, lambda g: replace(g, values=g.values * np.nan))
     verdict = check(bad, problem, KNOWN[make])
@@ -223,7 +223,7 @@ def test_a_changed_scaling_is_refused_or_still_sound(results, make):
     def rescaled(**fields):
         changed = replace(scaling, **fields)
         identity = replace(certificate.identity, scaling=changed)
-        return check(replace(certificate, identity=identity), problem, KNOWN[make])
+        return check(with_root(certificate, argument=identity), problem, KNOWN[make])
 
     shrunk = rescaled(scale=scaling.scale * 0.99)
     if scaling.boxed.all():
@@ -238,48 +238,61 @@ def test_a_changed_scaling_is_refused_or_still_sound(results, make):
         assert not rescaled(boxed=np.ones_like(scaling.boxed)).ok
 
 
-def test_the_point_of_the_cut_off_is_rechecked(results):
+@pytest.mark.parametrize("shift", [-1e6, -1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0, 1e6])
+def test_a_level_is_an_upper_limit_of_the_claim_wherever_it_lies(results, shift):
     for make in (circle, hill):
         certificate, problem = results[make].certificate, make()
         assert certificate.box.uses_cutoff
-        point = certificate.cutoff
-        moved = replace(certificate, cutoff=replace(point, x=point.x + 0.3))
-        verdict = check(moved, problem, KNOWN[make])  # not feasible, or worse: a larger box
-        assert not verdict.ok
-        far = replace(certificate, cutoff=replace(point, x=point.x + 1e6))
-        assert not check(far, problem, KNOWN[make]).ok
-        # the stored value is not believed: the point is evaluated again
-        liar = replace(certificate, cutoff=replace(point, value=point.value - 1.0))
-        assert liar.verify(problem) == certificate.verify(problem)
+        level = KNOWN[make] + shift
+        moved = replace(certificate, cutoff=level)
+        verdict = check(moved, problem, KNOWN[make])
+        assert verdict.bound <= level
+        assert not verdict.ok or shift > -1e-3  # the level itself is below the claim
+        greedy = replace(moved, bound=min(level, KNOWN[make]) + 1e-9)
+        assert not check(greedy, problem, KNOWN[make]).ok
+        assert not check(replace(moved, bound=INF), problem, KNOWN[make]).ok
         assert not check(replace(certificate, cutoff=None), problem, KNOWN[make]).ok
+
+
+@pytest.mark.parametrize("level", [np.nan, INF, -INF])
+def test_a_level_that_is_no_number_proves_nothing(results, level):
+    for make in (circle, hill):
+        verdict = replace(results[make].certificate, cutoff=level).verify(make())
+        assert not verdict.ok
+        assert verdict.bound == -INF
+        assert "not a number" in verdict.reason
 
 
 def test_box_steps_are_replayed_not_believed(results):
     for make in (circle, hill, chain):
         certificate, problem = results[make].certificate, make()
         assert certificate.box.steps
-        bare = check(replace(certificate, box=BoxProof()), problem, KNOWN[make])
+        bare = check(with_root(certificate, box=BoxProof()), problem, KNOWN[make])
         assert make is chain or not bare.ok  # the box of the chain is that of its bounds
         for k in range(len(certificate.box.steps)):
             steps = certificate.box.steps[:k] + certificate.box.steps[k + 1 :]
-            check(replace(certificate, box=BoxProof(steps)), problem, KNOWN[make])
+            check(with_root(certificate, box=BoxProof(steps)), problem, KNOWN[make])
         fewer = tuple(
             replace(s, sweeps=0) if isinstance(s, Propagation) else s for s in certificate.box.steps
         )
-        check(replace(certificate, box=BoxProof(fewer)), problem, KNOWN[make])
+        check(with_root(certificate, box=BoxProof(fewer)), problem, KNOWN[make])
 
 
-def test_an_empty_box_after_a_cut_off_proves_nothing():
+@pytest.mark.parametrize("level", [-3.0, -1e-12, -1e-200])
+def test_an_empty_box_after_a_cut_off_proves_the_level_and_nothing_more(level):
+    """min x + y over the unit box is 0: no point lies below a negative level."""
     x, y = sp.variables(2)
     problem = sp.Problem(x + y, lower=0, upper=1)
-    point = prove_feasible(problem, np.zeros(2))
-    below = sp.Problem(x + y + 1, lower=0, upper=1)  # same feasible set, larger objective
-    box = BoxProof((Propagation(2, True),))
-    honest = certify(problem, box, point, None)
+    root, replay = Node(BoxProof((Propagation(2, True),))), Replay(problem, level)
+    box = root.box.replay(replay)
+    assert np.any(box.lo > box.hi)
+    honest = certify(replay, root, prove(replay, box, None, False))
+    assert honest.bound == level
     assert honest.verify(problem).ok
-    assert honest.bound <= 0.0
-    # an objective whose values exceed the cut-off's cannot be built: the value is recomputed
-    forged = replace(honest, fingerprint=below.fingerprint, bound=INF)
-    verdict = forged.verify(below)
-    assert not verdict.ok
-    assert verdict.bound <= 1.0
+    for claim in (float(np.nextafter(level, INF)), 0.0, 1.0, INF):
+        verdict = replace(honest, bound=claim).verify(problem)
+        assert not verdict.ok
+        assert verdict.bound == level
+    # on another objective over the same set the level is another truth
+    above = sp.Problem(x + y - 4, lower=0, upper=1)
+    assert Certificate(above.fingerprint, INF, root, level).verify(above).bound <= -4.0

@@ -16,13 +16,13 @@ from known_certificates import (
     hill,
     lattice,
     with_multipliers,
+    with_root,
 )
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import BoxProof, Sublevel, sublevel_box
-from sparsepop_py.certificate.certificate import Certificate, certify
-from sparsepop_py.certificate.identity import Identity, Multipliers
-from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.certificate.box import BoxProof, Replay, Sublevel, sublevel_box, with_cutoff
+from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
+from sparsepop_py.certificate.identity import Identity, Multipliers, losses
 from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval
 
@@ -40,6 +40,12 @@ def results():
 # ---- forged arguments -------------------------------------------------------------------------
 
 
+def certified(problem, root, level=None):
+    """What :func:`certify` makes of a root without parts."""
+    replay = Replay(problem, level)
+    return certify(replay, root, prove(replay, root.box.replay(replay), root.argument, root.empty))
+
+
 ONE, X = np.zeros((1, 1, 1), np.int32), np.ones((1, 1, 1), np.int32)
 
 
@@ -47,14 +53,13 @@ def test_a_sublevel_identity_needs_the_monomial_one_for_its_root():
     """4 - x^2 >= 0 gives x^2 <= 4; with the basis {1, x} it would be 1 + x^2 <= 5."""
     (x,) = sp.variables(1)
     problem = sp.Problem(x, [4 - x**2 >= 0])
-    point = prove_feasible(problem, np.zeros(1))
     scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
     row = Multipliers(np.array([1]), ONE, np.ones((1, 1, 1)))
     without = Multipliers(np.array([0]), X, np.zeros((1, 1, 1)), 1.0)
     step = Sublevel(Identity(scaling, (row, without)))
-    box = sublevel_box(problem, point.value, step, Interval(problem.lower, problem.upper))
+    box = sublevel_box(problem, 0.0, step, Interval(problem.lower, problem.upper))
     assert box.lo[0] <= -2.0  # -2 is feasible
-    forged = certify(problem, BoxProof((step,)), point, None)
+    forged = certified(problem, Node(BoxProof((step,))), 0.0)
     assert forged is None or forged.bound <= -2.0
 
 
@@ -68,7 +73,7 @@ def test_a_scaling_that_turns_a_variable_around_proves_nothing(scale):
     )
     floor = Multipliers(np.array([2]), ONE, np.zeros((1, 1, 1)), 1.0)
     for multipliers in ((floor,), ()):
-        assert certify(problem, BoxProof(), None, Identity(scaling, multipliers)) is None
+        assert certified(problem, Node(argument=Identity(scaling, multipliers))) is None
 
 
 def test_emptiness_cannot_be_claimed_of_a_feasible_problem(results):
@@ -78,63 +83,67 @@ def test_emptiness_cannot_be_claimed_of_a_feasible_problem(results):
         verdict = claim.verify(problem)
         assert not verdict.ok
         assert verdict.bound <= KNOWN[make]
-        farkas = results[empty].certificate.identity
-        foreign = replace(claim, identity=farkas)
+        foreign = replace(claim, root=results[empty].certificate.root, cutoff=None)
         if problem.dimension == 2 and len(problem.constraints) == 2:
             assert not foreign.verify(problem).ok
+        assert not with_root(replace(claim, cutoff=None), empty=True).verify(problem).ok
 
 
 def test_a_proof_of_emptiness_is_no_finite_bound_in_disguise(results):
     certificate, problem = results[empty].certificate, empty()
     assert certificate.bound == INF
     assert certificate.cutoff is None
-    finite = replace(certificate, bound=1e6).verify(problem)  # then the objective is x, not 0
-    assert not finite.ok
+    assert certificate.root.empty
+    assert certificate.verify(problem).bound == INF
+    finite = with_root(certificate, empty=False)  # then the objective is x, not 0
+    assert not replace(finite, bound=1e6).verify(problem).ok
+    assert not finite.verify(problem).ok
 
 
 def test_an_empty_certificate_claims_the_range_and_nothing_more():
     x, y = sp.variables(2)
     problem = sp.Problem(x - 3 * y, lower=[0, -1], upper=[2, 1])
-    plain = Certificate(problem.fingerprint, -3.0 - 1e-12, BoxProof())
+    plain = Certificate(problem.fingerprint, -3.0 - 1e-12)
     assert plain.verify(problem).ok
     assert not replace(plain, bound=-3.0 + 1e-12).verify(problem).ok
     endless = sp.Problem(x - 3 * y)
-    assert not Certificate(endless.fingerprint, -1e300, BoxProof()).verify(endless).ok
-    assert certify(endless, BoxProof(), None, None) is None
+    assert not Certificate(endless.fingerprint, -1e300).verify(endless).ok
+    assert certified(endless, Node()) is None
 
 
-@pytest.mark.parametrize(
-    "field",
-    [
-        "scaling",
-        "x not a number",
-        "x endless",
-        "x too short",
-        "rows out of range",
-        "solved out of range",
-        "too many generators",
-    ],
-)
+@pytest.mark.parametrize("field", ["scaling", "too many generators", "bits", "bytes", "parts"])
 def test_a_malformed_certificate_is_refused_without_an_exception(results, field):
     certificate, problem = results[circle].certificate, circle()
-    point, identity = certificate.cutoff, certificate.identity
-    points = {
-        "x not a number": {"x": point.x * np.nan},
-        "x endless": {"x": point.x * INF},
-        "x too short": {"x": point.x[:1]},
-        "rows out of range": {"rows": np.array([7])},
-        "solved out of range": {"solved": np.array([7])},
-    }
-    if field in points:
-        certificate = replace(certificate, cutoff=replace(point, **points[field]))
+    identity = certificate.identity
+    kinds = {"bits": bool, "bytes": np.int8, "parts": float}
+    if field == "scaling":
+        small = Scaling(np.zeros(1), np.ones(1), np.ones(1, bool), np.zeros(1, int))
+        certificate = with_root(certificate, argument=replace(identity, scaling=small))
     elif field == "too many generators":
         certificate = with_multipliers(
             certificate, lambda g: replace(g, generator=np.repeat(g.generator, 2))
         )
     else:
-        small = Scaling(np.zeros(1), np.ones(1), np.ones(1, bool), np.zeros(1, int))
-        certificate = replace(certificate, identity=replace(identity, scaling=small))
+        certificate = with_multipliers(
+            certificate, lambda g: replace(g, generator=g.generator.astype(kinds[field]))
+        )
     assert not certificate.verify(problem).ok
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
+def test_generators_in_bytes_do_not_wrap_around(kind):
+    """127 + 1 is -128 in bytes: the equation y = 0 would be read on to the row after it.
+
+    The multiplier -1 of y + (1 - x) would prove x >= 1 + y, but the minimum of x is -1.
+    """
+    x, y = sp.variables(2)
+    rows = [sp.Constraint(0.0 * x, sp.Kind.NONNEGATIVE)] * 249
+    rows[126], rows[127] = y == 0, 1 - x >= 0
+    problem = sp.Problem(x, rows, -1, 1)
+    scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
+    group = Multipliers(np.array([127], kind), ONE, np.full((1, 1), -1.0))
+    node = Node(argument=Identity(scaling, (group,)))
+    assert not Certificate(problem.fingerprint, -0.9, node).verify(problem).ok
 
 
 @pytest.mark.parametrize("floor", [np.inf, np.nan, -1.0, 1e308])
@@ -147,5 +156,21 @@ def test_a_floor_that_is_no_number_proves_nothing(floor):
     basis = np.array([[[1, 1], [1, 2]]], np.int32)
     group = Multipliers(np.array([0]), basis, np.zeros((1, 2, 1)), floor=floor)
     identity = Identity(scaling, (group,))
-    claim = Certificate(problem.fingerprint, 1000.0, BoxProof(), None, identity)
+    claim = Certificate(problem.fingerprint, 1000.0, Node(argument=identity))
     assert not claim.verify(problem).ok
+
+
+def test_a_remainder_that_is_no_number_is_not_free():
+    """Of 1 - NaN t^2 nothing can be said, by squares or by prices."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(0 * x + 1, lower=-1, upper=1)
+    system, equality = with_cutoff(problem, np.nan)
+    scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
+    squares = Multipliers(np.array([1]), X, np.ones((1, 1, 1)))
+    found = Identity(scaling, (squares,)).evaluate(system, equality, problem.objective_row)
+    assert found.bound == -INF
+    remainder = Interval(np.array([np.nan, 0.0]), np.array([np.nan, 0.0]))
+    owner, words = np.array([0, 1]), np.ones((2, 1), np.int32)
+    cost = losses(words, remainder, owner, 2)
+    assert not cost[0] <= 1e300
+    assert cost[1] == 0.0

@@ -1,29 +1,42 @@
 """Proof of a box: which steps shrank the problem's bounds, replayed from the exact data.
 
-Each step names its argument and its scope. Steps that use the cut-off f(x) <= value at
-a proved point hold for that objective only; an empty box after them is no proof of
-infeasibility.
+Each step names its argument and its scope. Steps that use the cut-off f(x) <= level hold
+where f is at most that level, whatever the level is; a box that is empty after them proves
+f > level, and nothing about feasibility. Steps without the cut-off hold for every
+objective over the same feasible set.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import monomials
+from ..polynomial import Polynomial
 from ..presolve.propagation import Rows, is_empty, propagate, sweep
 from ..problem import Problem
 from ..rounding import Interval, up
 from ..system import PolynomialSystem
-from .identity import Identity
+from .identity import Identity, are_indices
+from .linear import LinearDual
 
 __all__ = [
     "BoxProof",
+    "Known",
     "Propagation",
+    "Replay",
+    "Step",
     "Sublevel",
+    "Tightening",
     "box_rows",
+    "coordinates",
+    "is_index",
+    "shrunk",
     "sublevel_box",
     "tighten",
     "with_cutoff",
@@ -40,7 +53,7 @@ class Propagation:
 
 @dataclass(frozen=True, eq=False)
 class Sublevel:
-    """|t_v| <= (K - 1)^(1 / 2d) on the set where f <= value, from a sum-of-squares identity.
+    """|t_v| <= (K - 1)^(1 / 2d) on the set where f <= level, from a sum-of-squares identity.
 
     The identity proves 0 >= -K + sum_b (b(t))^2 on that set, the sum running over the
     monomials of the moment blocks, among them t_v^d.
@@ -48,37 +61,233 @@ class Sublevel:
 
     identity: Identity
 
+    @property
+    def cutoff(self) -> bool:
+        """Always: it speaks of the set where f <= level."""
+        return True
+
+
+@dataclass(frozen=True, eq=False)
+class Tightening:
+    """Bounds of single variables from linear programs on the box (OBBT).
+
+    Parameters
+    ----------
+    variable, side : (K,) int
+        Side +1 says x_v >= value, side -1 says x_v <= value.
+    value : (K,) float
+        The claims; a claim that the argument does not reach is skipped.
+    argument : LinearDual
+        Of the K polynomials side * x_v.
+    cutoff : bool
+        Whether the row level - f(x) >= 0 stands behind the constraints.
+    """
+
+    variable: NDArray[np.int64]
+    side: NDArray[np.int64]
+    value: NDArray[np.float64]
+    argument: LinearDual
+    cutoff: bool
+
+
+class Proof(Protocol):
+    """What a :class:`Known` bound rests on: the certificate of another objective."""
+
+    @property
+    def bound(self) -> float:
+        """The claim."""
+
+    def recompute(
+        self, problem: Problem, known: dict[Any, Any] | None = None
+    ) -> tuple[float, float, str]:
+        """The bound that holds, what rounding cost, and a reason if nothing holds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Bounds of single variables that are certificates of their own (other objectives).
+
+    Parameters
+    ----------
+    bounds : tuple of (variable, side, proof)
+        Each proof is about the problem with the objective side * x_v.
+    """
+
+    bounds: tuple[tuple[int, int, Proof], ...]
+
+    @property
+    def cutoff(self) -> bool:
+        """Never: these bounds hold on the whole feasible set."""
+        return False
+
+
+Step = Propagation | Sublevel | Tightening | Known
+
+
+@dataclass(eq=False)
+class Replay:
+    """One problem with one cut-off level, and what replaying steps on it needs again and again.
+
+    Parameters
+    ----------
+    problem : Problem
+    level : float or None
+        The cut-off: steps may use f(x) <= level.
+    known : dict
+        What arguments that hold for all objectives were found to prove, by feasible set and
+        argument; replays of other problems may fill it too.
+    """
+
+    problem: Problem
+    level: float | None
+    known: dict[Any, Any] = field(default_factory=dict)
+    _rows: dict[bool, Rows] = field(default_factory=dict)
+    _systems: dict[bool, tuple[PolynomialSystem, NDArray]] = field(default_factory=dict)
+
+    def rows(self, cutoff: bool) -> Rows:
+        """What propagation works on."""
+        if cutoff not in self._rows:
+            self._rows[cutoff] = box_rows(self.problem, self.level if cutoff else None)
+        return self._rows[cutoff]
+
+    def system(self, cutoff: bool) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
+        """The constraints, with the cut-off row behind them if asked, and which are equal."""
+        if cutoff not in self._systems:
+            pair = (self.problem.rows, self.problem.equality)
+            if cutoff and self.level is not None:
+                pair = with_cutoff(self.problem, self.level)
+            self._systems[cutoff] = pair
+        return self._systems[cutoff]
+
+    def step(self, step: Step, box: Interval) -> Interval:
+        """What a step makes of a box; a step whose argument fails leaves the box as it is."""
+        if step.cutoff and self.level is None:
+            return box
+        if isinstance(step, Propagation):
+            rows = self.rows(step.cutoff)
+            for _ in range(step.sweeps):
+                box = sweep(rows, box)
+                if is_empty(box):
+                    break
+            return box
+        if isinstance(step, Sublevel):
+            return sublevel_box(self.problem, self.level, step, box)
+        if isinstance(step, Tightening):
+            return self._tightened(step, box)
+        return self._told(step, box)
+
+    def _tightened(self, step: Tightening, box: Interval) -> Interval:
+        n = self.problem.dimension
+        shapes = step.variable.shape == step.side.shape == step.value.shape
+        if not shapes or step.variable.ndim != 1 or not are_indices(step.variable, n):
+            return box
+        if not np.all((step.side == 1) | (step.side == -1)):
+            return box
+        if not step.argument.scaling.contains(box):
+            return box
+
+        def proved() -> NDArray[np.float64]:
+            system, equality = self.system(step.cutoff)
+            asked = coordinates(step.variable, step.side, n)
+            return step.argument.evaluate(system, equality, asked)
+
+        bound = proved() if step.cutoff else self._remembered(step, (), proved)
+        holds = (bound >= step.value) & np.isfinite(step.value)
+        return shrunk(box, step.variable[holds], step.side[holds], step.value[holds])
+
+    def _told(self, step: Known, box: Interval) -> Interval:
+        n = self.problem.dimension
+        for variable, side, proof in step.bounds:
+            if not is_index(variable, n) or side not in (1, -1) or not np.isfinite(proof.bound):
+                continue
+            quoted = partial(self._quoted, proof, variable, side)
+            if self._remembered(proof, (variable, side), quoted) >= proof.bound:
+                one = np.array([variable])
+                box = shrunk(box, one, np.array([side]), np.array([proof.bound]))
+        return box
+
+    def _quoted(self, proof: Proof, variable: int, side: int) -> float:
+        """What the certificate of another objective proves about side * x_v."""
+        return proof.recompute(self._about(variable, side), self.known)[0]
+
+    def _about(self, variable: int, side: int) -> Problem:
+        """The problem with the objective side * x_v."""
+        word, value = np.array([[variable + 1]], np.int32), np.array([float(side)])
+        target = Polynomial.from_words(word, value, self.problem.dimension)
+        return self.problem.with_objective(target)
+
+    @cached_property
+    def _feasible_set(self) -> str:
+        """A name of the feasible set, the same for all objectives."""
+        return self._about(0, 1).fingerprint
+
+    def _remembered(
+        self, argument: object, about: tuple[int, ...], prove: Callable[[], Any]
+    ) -> Any:
+        """What an argument proves on this feasible set about something.
+
+        The argument is kept with it: nothing else can come to have its id.
+        """
+        key = (self._feasible_set, id(argument), about)
+        if key not in self.known:
+            self.known[key] = (argument, prove())
+        return self.known[key][1]
+
+
+def is_index(number: object, stop: int) -> bool:
+    """Whether something is a whole number from 0 to below ``stop``."""
+    whole = isinstance(number, (int, np.integer)) and not isinstance(number, bool)
+    return whole and 0 <= number < stop  # type: ignore[operator]
+
+
+def shrunk(box: Interval, variable: NDArray, side: NDArray, value: NDArray) -> Interval:
+    """The box with side * x_v >= value."""
+    lo, hi = box.lo.copy(), box.hi.copy()
+    low = side > 0
+    np.maximum.at(lo, variable[low], value[low])
+    np.minimum.at(hi, variable[~low], -value[~low])
+    return Interval(lo, hi)
+
+
+def coordinates(
+    variable: NDArray[np.int64], side: NDArray[np.int64], dimension: int
+) -> PolynomialSystem:
+    """The polynomials side * x_v, stacked."""
+    words = (variable + 1).astype(np.int32)[:, None]
+    row = np.arange(variable.size)
+    return PolynomialSystem(words, side.astype(float), row, variable.size, dimension)
+
 
 @dataclass(frozen=True)
 class BoxProof:
-    """The steps that lead from the bounds of a problem to a box."""
+    """The steps that lead from one box to a smaller one."""
 
-    steps: tuple[Propagation | Sublevel, ...] = ()
+    steps: tuple[Step, ...] = ()
 
     @property
     def uses_cutoff(self) -> bool:
-        """Whether the box holds for one objective only."""
-        return any(isinstance(s, Sublevel) or s.cutoff for s in self.steps)
+        """Whether the box holds only where the objective is at most the level."""
+        return any(step.cutoff for step in self.steps)
 
-    def replay(self, problem: Problem, cutoff: float | None) -> Interval:
-        """Recompute the box; lo > hi somewhere proves that it holds no feasible point."""
-        box = Interval(problem.lower, problem.upper)
+    def replay(self, replay: Replay, box: Interval | None = None) -> Interval:
+        """Recompute the box from ``box``, by default from the bounds of the problem.
+
+        lo > hi somewhere proves that it holds no feasible point (with f <= level).
+        """
+        if box is None:
+            box = Interval(replay.problem.lower, replay.problem.upper)
         for step in self.steps:
-            if isinstance(step, Sublevel):
-                box = sublevel_box(problem, cutoff, step, box)
-            else:
-                rows = box_rows(problem, cutoff if step.cutoff else None)
-                for _ in range(step.sweeps):
-                    box = sweep(rows, box)
-                    if is_empty(box):
-                        return box
+            box = replay.step(step, box)
+            if is_empty(box):
+                break
         return box
 
 
-def tighten(problem: Problem, box: Interval, cutoff: float | None) -> tuple[Interval, Propagation]:
-    """Propagate to a fixed point; the box and the step that proves it."""
-    tighter, sweeps = propagate(box_rows(problem, cutoff), box)
-    return tighter, Propagation(sweeps, cutoff is not None)
+def tighten(replay: Replay, box: Interval, limit: int = 60) -> tuple[Interval, Propagation]:
+    """Propagate to a fixed point, with the cut-off if there is one; the box and its proof."""
+    cutoff = replay.level is not None
+    tighter, sweeps = propagate(replay.rows(cutoff), box, limit)
+    return tighter, Propagation(sweeps, cutoff)
 
 
 def box_rows(problem: Problem, cutoff: float | None) -> Rows:

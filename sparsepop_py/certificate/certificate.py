@@ -1,27 +1,39 @@
 """Certificates: a claim about one problem and the argument for it.
 
-``verify`` replays the whole chain from the exact doubles of the problem: the attained
-point behind the cut-off, the steps that made the box, and the identity on that box. It
-needs no solver and trusts no stored number but as a multiplier, a candidate or a claim.
+``verify`` replays the whole chain from the exact doubles of the problem: the steps that
+made the box, the cuts that split it, and a bound or a proof of emptiness on every part.
+It needs no solver and trusts no stored number but as a multiplier, a level or a claim.
+
+A cut-off needs no attained point to be sound. Points with f(x) > level satisfy
+f >= level; for the others the steps that use f(x) <= level are valid. So, whatever the
+level is,
+
+    min f  >=  min(level, smallest bound of all parts),
+
+and the claim can never exceed the level. (A level that no point attains only makes the
+claim weak.) Without any cut-off, parts that are all empty prove that nothing is feasible.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..enclosure import range_over
-from ..feasibility import ProvedPoint
 from ..presolve.propagation import is_empty
 from ..problem import Problem
 from ..rounding import Interval, require_ieee
 from ..system import PolynomialSystem
-from .box import BoxProof
-from .identity import Evaluated, Identity
+from .box import BoxProof, Known, Replay, Sublevel, Tightening, is_index
+from .identity import Identity
+from .linear import LinearDual
 
-__all__ = ["Certificate", "Verdict", "certify"]
+__all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
+
+Argument = Identity | LinearDual
 
 
 class Verdict(NamedTuple):
@@ -30,6 +42,83 @@ class Verdict(NamedTuple):
     ok: bool
     bound: float
     reason: str
+
+
+class Proved(NamedTuple):
+    """What one part proves: its bound (+inf if it is empty), and what rounding cost."""
+
+    bound: float
+    correction: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A part of the feasible set: steps that shrink its box, then a bound or a cut in two.
+
+    Parameters
+    ----------
+    box : BoxProof
+        Steps from the box of the part to a smaller one.
+    argument : Identity or LinearDual or None
+        Multipliers of the objective; of the constant 0 where ``empty``.
+    empty : bool
+        Whether the argument proves that the box holds no feasible point.
+    cut : (int, float) or None
+        Variable and place: the children are the parts x_v <= place and x_v >= place.
+    children : tuple of Node
+        Two where there is a cut, else none.
+    """
+
+    box: BoxProof = field(default_factory=BoxProof)
+    argument: Argument | None = None
+    empty: bool = False
+    cut: tuple[int, float] | None = None
+    children: tuple[Node, ...] = ()
+
+    def __iter__(self) -> Iterator[Node]:
+        """The part itself and all parts of it."""
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(node.children)
+
+
+def halves(box: Interval, cut: tuple[int, float]) -> tuple[Interval, Interval]:
+    """The two parts of a box; together they cover it, whatever the place of the cut is."""
+    variable, place = cut
+    low, high = box.hi.copy(), box.lo.copy()
+    low[variable] = min(low[variable], place)
+    high[variable] = max(high[variable], place)
+    return Interval(box.lo, low), Interval(high, box.hi)
+
+
+def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool) -> Proved:
+    """What an argument proves about the objective on a box."""
+    problem = replay.problem
+    if is_empty(box):
+        return Proved(np.inf, 0.0, "")
+    bound = -np.inf if empty else _without_multipliers(problem, box)
+    if argument is None:
+        return Proved(bound, 0.0, "")
+    if not argument.scaling.contains(box):
+        return Proved(bound, 0.0, "the box is larger than the multipliers assume")
+    objective = problem.objective_row
+    if empty:
+        objective = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
+    correction, reason = 0.0, ""
+    if isinstance(argument, LinearDual):
+        value = float(argument.evaluate(problem.rows, problem.equality, objective)[0])
+        correction = 1e-13 * abs(value)
+    else:
+        found = argument.evaluate(problem.rows, problem.equality, objective)
+        value, correction, reason = found.bound, found.correction, found.reason
+    if empty:
+        return Proved(np.inf if value > 0 else -np.inf, correction, reason)
+    if value < bound:
+        return Proved(bound, 0.0, reason)
+    return Proved(value, correction, reason)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +131,12 @@ class Certificate:
         Of the problem that the claim is about.
     bound : float
         The claim; +inf says that no point is feasible.
-    box : BoxProof
-    cutoff : ProvedPoint or None
-        The attained point whose value cuts the box off.
-    identity : Identity or None
-        Multipliers of the objective (or of the constant 0 in a proof of emptiness).
+    root : Node
+        The argument: one part, or a tree of parts that cover the problem's box.
+    cutoff : float or None
+        The level of all cut-offs; the claim cannot exceed it.
     correction : float
-        What the identity's remainder cost, in units of the objective.
+        What the remainder cost at most in one part, in units of the objective.
     assumptions : tuple of str
         What the conclusion is conditional on; empty for problems given as numbers.
 
@@ -64,14 +152,20 @@ class Certificate:
 
     fingerprint: str
     bound: float
-    box: BoxProof
-    cutoff: ProvedPoint | None = None
-    identity: Identity | None = None
+    root: Node = field(default_factory=Node)
+    cutoff: float | None = None
     correction: float = 0.0
     assumptions: tuple[str, ...] = ()
 
-    def verify(self, problem: Problem) -> Verdict:
+    def verify(self, problem: Problem, known: dict[Any, Any] | None = None) -> Verdict:
         """Recompute the bound from the problem's exact doubles, without any solver.
+
+        Parameters
+        ----------
+        problem : Problem
+        known : dict, optional
+            Filled with what is checked on the way and holds for other objectives too; pass
+            one dict to verify certificates over the same feasible set faster.
 
         Returns
         -------
@@ -81,57 +175,96 @@ class Certificate:
         """
         if problem.fingerprint != self.fingerprint:
             return Verdict(False, -np.inf, "the certificate belongs to another problem")
-        recomputed, _, reason = self.recompute(problem)
+        recomputed, _, reason = self.recompute(problem, known)
         if recomputed >= self.bound:
             return Verdict(True, recomputed, "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
 
-    def recompute(self, problem: Problem) -> tuple[float, float, str]:
-        """The bound that the argument proves, its correction, and a reason when it is -inf."""
+    def recompute(
+        self, problem: Problem, known: dict[Any, Any] | None = None
+    ) -> tuple[float, float, str]:
+        """The bound that the argument proves, its correction, and a reason when it is weak.
+
+        Parts are visited one at a time, so memory does not grow with the tree.
+        """
         require_ieee()
-        cutoff = None
-        if self.cutoff is not None:
-            point = self.cutoff.recheck(problem)
-            if point is None:
-                return -np.inf, np.inf, "the attained point behind the cut-off is not feasible"
-            cutoff = point.value
-        box = self.box.replay(problem, cutoff)
-        if is_empty(box):
-            if self.box.uses_cutoff:
-                return -np.inf, np.inf, "the box is empty after a cut-off, which proves nothing"
-            return np.inf, 0.0, ""
-        bound, reason = _without_multipliers(problem, box), ""
-        correction = 0.0
-        if self.identity is not None:
-            evaluated = self._evaluate(problem, box)
-            if self.bound == np.inf and evaluated.bound > 0 and not self.box.uses_cutoff:
-                return np.inf, evaluated.correction, ""
-            reason = evaluated.reason
-            if self.bound < np.inf and evaluated.bound >= bound:
-                bound, correction = evaluated.bound, evaluated.correction
+        if self.cutoff is not None and not np.isfinite(self.cutoff):
+            return -np.inf, np.inf, "the cut-off is not a number"
+        replay = Replay(problem, self.cutoff, known if known is not None else {})
+        bound, correction, reason, cut_off = np.inf, 0.0, "", False
+        stack = [(self.root, Interval(problem.lower, problem.upper))]
+        while stack:
+            node, box = stack.pop()
+            box = node.box.replay(replay, box)
+            cut_off |= node.box.uses_cutoff
+            if node.cut is not None and len(node.children) == 2 and not is_empty(box):
+                if not is_index(node.cut[0], problem.dimension) or not np.isfinite(node.cut[1]):
+                    return -np.inf, np.inf, "a cut is malformed"
+                parts = halves(box, node.cut)
+                stack += list(zip(node.children, parts, strict=True))
+                continue
+            proved = prove(replay, box, node.argument, node.empty)
+            if proved.bound < bound:
+                bound, reason = proved.bound, proved.reason
+            correction = max(correction, proved.correction)
+        if cut_off and self.cutoff is not None and not bound <= self.cutoff:
+            return self.cutoff, correction, "nothing is proved above the cut-off"
         return bound, correction, reason
 
-    def _evaluate(self, problem: Problem, box: Interval) -> Evaluated:
-        assert self.identity is not None
-        if not self.identity.scaling.contains(box):
-            return Evaluated(-np.inf, np.inf, 0.0, "the box is larger than the multipliers assume")
-        objective = problem.objective_row
-        if self.bound == np.inf:
-            objective = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
-        return self.identity.evaluate(problem.rows, problem.equality, objective)
+    @property
+    def box(self) -> BoxProof:
+        """The steps that shrank the box before any cut."""
+        return self.root.box
+
+    @property
+    def identity(self) -> Argument | None:
+        """The multipliers, where there is one part only."""
+        return self.root.argument
+
+    @property
+    def leaves(self) -> int:
+        """Number of parts that are not cut further."""
+        return sum(not node.children for node in self.root)
 
     @property
     def numbers(self) -> int:
-        """How many multipliers are stored."""
-        return sum(m.numbers for m in self.identity.multipliers) if self.identity else 0
+        """How many multipliers are stored, those of bounds of other objectives left out."""
+        return sum(_numbers(node) for node in self.root)
+
+    @property
+    def uses_cutoff(self) -> bool:
+        """Whether some step relies on the level."""
+        return any(node.box.uses_cutoff for node in self.root)
 
     def __str__(self) -> str:
         claim = "no feasible point" if self.bound == np.inf else f"objective >= {self.bound:.12g}"
-        parts = [claim, f"{len(self.box.steps)} box steps", f"{self.numbers} multipliers"]
+        steps = sum(len(node.box.steps) for node in self.root)
+        parts = [claim, f"{steps} box steps", f"{self.numbers} multipliers"]
+        if self.leaves > 1:
+            parts.append(f"{self.leaves} parts")
         if self.cutoff is not None:
-            parts.append(f"cut-off at an attained {self.cutoff.value:.12g}")
+            parts.append(f"cut-off at {self.cutoff:.12g}")
+        others = sum(len(s.bounds) for n in self.root for s in n.box.steps if isinstance(s, Known))
+        if others:
+            parts.append(f"{others} bounds of other objectives")
         return "certificate: " + ", ".join(parts)
+
+
+def _numbers(node: Node) -> int:
+    count = _stored(node.argument)
+    for step in node.box.steps:
+        if isinstance(step, Tightening):
+            count += step.argument.numbers
+        elif isinstance(step, Sublevel):
+            count += _stored(step.identity)
+    return count
+
+
+def _stored(argument: Argument | None) -> int:
+    if isinstance(argument, Identity):
+        return sum(m.numbers for m in argument.multipliers)
+    return argument.numbers if argument is not None else 0
 
 
 def _without_multipliers(problem: Problem, box: Interval) -> float:
@@ -142,25 +275,28 @@ def _without_multipliers(problem: Problem, box: Interval) -> float:
     return bound if constant is None else max(bound, constant)
 
 
-def certify(
-    problem: Problem,
-    box: BoxProof,
-    cutoff: ProvedPoint | None,
-    identity: Identity | None,
-    *,
-    empty: bool = False,
-) -> Certificate | None:
-    """The certificate of what an argument proves, None where it proves nothing.
+def claim(proved: Proved) -> float:
+    """The bound less a little, since another machine may add in another order."""
+    if not np.isfinite(proved.bound) or proved.correction == 0.0:
+        return proved.bound
+    return proved.bound - 0.01 * proved.correction - 1e-15 * abs(proved.bound)
 
-    The claim is recomputed by the very code that verifies it later.
+
+def certify(replay: Replay, root: Node, proved: Proved) -> Certificate | None:
+    """The certificate of a tree whose parts prove ``proved``, None where nothing is proved.
+
+    Parameters
+    ----------
+    replay : Replay
+        The problem and its cut-off level.
+    root : Node
+    proved : Proved
+        The smallest bound of all parts, as :func:`prove` returned it.
     """
-    kept = cutoff if box.uses_cutoff else None
-    claim = np.inf if empty else 0.0
-    draft = Certificate(problem.fingerprint, claim, box, kept, identity)
-    bound, correction, _ = draft.recompute(problem)
-    if bound == -np.inf or (empty and bound != np.inf):
+    bound = claim(proved)
+    level = replay.level if any(node.box.uses_cutoff for node in root) else None
+    if level is not None:
+        bound = min(bound, level)
+    if bound == -np.inf:
         return None
-    if correction and bound < np.inf:
-        # another machine may add in another order: leave it a hundredth of what rounding cost
-        bound -= 0.01 * correction + 1e-15 * abs(bound)
-    return Certificate(problem.fingerprint, bound, box, kept, identity, correction)
+    return Certificate(replay.problem.fingerprint, bound, root, level, proved.correction)

@@ -45,10 +45,8 @@ def identity_of(
     floor : float
         Multiple of :func:`margin` that was subtracted from the scaled objective.
     """
-    n = relaxation.problem.dimension
-    sizes = np.concatenate([[1.0], scaled.row_sizes, np.ones(3 * n)])
     products = relaxation.products
-    sizes = np.append(sizes, sizes[products[:, 0]] * sizes[products[:, 1]])
+    sizes = scaled.generator_sizes(products)
     multipliers = []
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
         weight = objective_size / sizes[group.generator]

@@ -36,7 +36,7 @@ from ..presolve.scaling import Scaling
 from ..rounding import Interval, gram, sum_by, up
 from ..system import PolynomialSystem
 
-__all__ = ["Evaluated", "Identity", "Multipliers"]
+__all__ = ["Evaluated", "Identity", "Multipliers", "ScaledGenerators", "are_indices", "losses"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,8 +126,8 @@ class Identity:
         Its box is an assumption here; whoever uses the bound has to prove it.
     multipliers : tuple of Multipliers
     products : (P, 2) int
-        Further generators: products of two. Each factor is non-negative (or zero) on the
-        feasible set, so the product is too.
+        Further generators: products of two earlier ones. Each factor is non-negative (or
+        zero) on the feasible set, so the product is too.
     """
 
     scaling: Scaling
@@ -158,7 +158,7 @@ class Identity:
         constant = ~words.any(axis=1)
         covered = np.append(True, self.scaling.boxed)[words].all(axis=1)
         paid = covered & ~constant
-        loss = _loss(words[paid], value[paid])
+        loss = float(losses(words[paid], value[paid], np.zeros(np.count_nonzero(paid), int), 1)[0])
         rest = ~covered & ((value.lo != 0) | (value.hi != 0))
         floor, reason = self._absorb(words[rest], value[rest].magnitude(), constraints.size)
         if reason:
@@ -172,7 +172,9 @@ class Identity:
     def _malformed(self, size: int, equality: NDArray[np.bool_], n: int) -> str:
         """Why the multipliers make no sense for these constraints, empty if they do."""
         single = generators.count(size, n)
-        if np.any(self.products < 0) or np.any(self.products >= single):
+        if not are_indices(self.products, single + self.products.shape[0]):
+            return "a product refers to a constraint that does not exist"
+        if not generators.are_products(self.products, single):
             return "a product refers to a constraint that does not exist"
         equal = np.zeros(single + self.products.shape[0], bool)
         equal[1 : size + 1] = equality
@@ -181,11 +183,11 @@ class Identity:
         for group in self.multipliers:
             if not group.consistent:
                 return "the shapes of a multiplier do not fit"
-            if np.any(group.generator < 0) or np.any(group.generator >= equal.size):
+            if not are_indices(group.generator, equal.size):
                 return "a multiplier refers to a constraint that does not exist"
             if group.free and not np.all(equal[group.generator]):
                 return "a multiplier without sign refers to an inequality"
-            if np.any(group.basis < 0) or np.any(group.basis > n) or not 0 <= group.floor < np.inf:
+            if not are_indices(group.basis, n + 1) or not 0 <= group.floor < np.inf:
                 return "a multiplier has a malformed basis or floor"
             if not np.all(np.isfinite(group.values)):
                 return "a multiplier is not finite"
@@ -196,7 +198,7 @@ class Identity:
     ) -> tuple[Words, Interval]:
         """Words and coefficients of r."""
         n, scaling = constraints.dimension, self.scaling
-        made = _Generators.of(constraints, scaling, self.products)
+        made = ScaledGenerators.of(constraints, scaling, self.products)
         words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
         all_words, all_values = [words], [value]
         for group in self.multipliers:
@@ -271,20 +273,31 @@ def _spend(
     return float(sums.hi.max(initial=0.0)), hit
 
 
-def _loss(words: Words, value: Interval) -> float:
-    """Upper bound of -min r over the box, monomial by monomial."""
+def are_indices(array: NDArray, stop: int) -> bool:
+    """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
+    whole = array.dtype in (np.int32, np.int64)
+    return bool(whole and np.all(array >= 0) and np.all(array < stop))
+
+
+def losses(
+    words: Words, value: Interval, owner: NDArray[np.int64], size: int
+) -> NDArray[np.float64]:
+    """Upper bounds of -min r over the box, monomial by monomial, for each owner, shape (size,)."""
     if words.shape[0] == 0:
-        return 0.0
+        return np.zeros(size)
     row, _, power = monomials.runs(words)
     odd = np.bincount(row, weights=power % 2, minlength=words.shape[0]) > 0
     cost = np.where(odd, value.magnitude(), np.maximum(0.0, -value.lo))
-    total = sum_by(np.zeros(cost.size, int), Interval.point(cost), 1)
-    return float(up(total.hi)[0])
+    total = sum_by(owner, Interval.point(cost), size).hi
+    return np.where(total == 0, 0.0, up(total))
 
 
 @dataclass(frozen=True, eq=False)
-class _Generators:
-    """What multipliers multiply, in t: 1, the constraints, and the bounds of each variable."""
+class ScaledGenerators:
+    """What multipliers multiply, in t: 1, the constraints, and the bounds of each variable.
+
+    The coefficients of the terms of ``system`` are enclosed by ``value``.
+    """
 
     system: PolynomialSystem
     value: Interval
@@ -292,7 +305,8 @@ class _Generators:
     @staticmethod
     def of(
         constraints: PolynomialSystem, scaling: Scaling, products: NDArray[np.int64]
-    ) -> _Generators:
+    ) -> ScaledGenerators:
+        """Expand them around the centre of the scaling; products (P, 2) follow at the end."""
         n, m = constraints.dimension, constraints.size
         words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
         lower, upper = scaling.bounds
@@ -301,23 +315,22 @@ class _Generators:
         hi = np.concatenate([np.ones(1), value.hi, bound_values])
         system = PolynomialSystem(
             generators.stack_words(words, bound_words),
-            0.5 * (lo + hi),
+            lo,
             np.concatenate([np.zeros(1, int), row + 1, bound_rows]),
             generators.count(m, n),
             n,
         )
         value = Interval(lo, hi)
-        if not products.size:
-            return _Generators(system, value)
-        words, number, first, second = generators.product_terms(system, products)
-        made = value[first] * value[second]
-        value = Interval(np.append(lo, made.lo), np.append(hi, made.hi))
-        width = max(words.shape[1], system.words.shape[1])
-        joined = PolynomialSystem(
-            np.concatenate([monomials.widen(w, width) for w in (system.words, words)]),
-            value.middle(),
-            np.append(system.row, number + system.size),
-            system.size + products.shape[0],
-            n,
-        )
-        return _Generators(joined, value)
+        for level in generators.levels(products, system.size):
+            words, number, first, second = generators.product_terms(system, products[level])
+            made = value[first] * value[second]
+            value = Interval(np.append(value.lo, made.lo), np.append(value.hi, made.hi))
+            width = max(words.shape[1], system.words.shape[1])
+            system = PolynomialSystem(
+                np.concatenate([monomials.widen(w, width) for w in (system.words, words)]),
+                value.lo,
+                np.append(system.row, number + system.size),
+                system.size + len(level),
+                n,
+            )
+        return ScaledGenerators(system, value)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import monomials
+from .. import generators, monomials
 from ..enclosure import expand_affine
 from ..polynomial import Constraint, Polynomial
 from ..problem import Problem
@@ -127,6 +127,15 @@ class Scaled:
     objectives: tuple[Polynomial, ...]
     objective_sizes: tuple[float, ...]
     row_sizes: NDArray[np.float64]
+
+    def generator_sizes(self, products: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Original generator = size * scaled generator, products (P, 2) last."""
+        n = self.problem.dimension
+        sizes = np.concatenate([[1.0], self.row_sizes, np.ones(3 * n)])
+        for level in generators.levels(products, sizes.size):
+            pairs = products[level]
+            sizes = np.append(sizes, sizes[pairs[:, 0]] * sizes[pairs[:, 1]])
+        return sizes
 
     @staticmethod
     def of(problem: Problem, scaling: Scaling, objectives: tuple[Polynomial, ...]) -> Scaled:
