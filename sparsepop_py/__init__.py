@@ -30,6 +30,7 @@ from .formats.gms import read_gms, write_gms
 from .formats.text import parse
 from .options import Options
 from .polynomial import Constraint, Kind, Polynomial, total, variables
+from .polytope import LinearBound, linear_bounds
 from .problem import Problem
 from .relaxation import Relaxation, relax
 from .result import Point, Result, Status
@@ -48,6 +49,7 @@ __all__ = [
     "Constraint",
     "FormatError",
     "Kind",
+    "LinearBound",
     "Options",
     "ParameterWarning",
     "Point",
@@ -65,6 +67,7 @@ __all__ = [
     "assemble",
     "find_cliques",
     "from_structs",
+    "linear_bounds",
     "parse",
     "problems",
     "read_gms",

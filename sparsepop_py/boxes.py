@@ -10,7 +10,7 @@ from math import comb
 
 import numpy as np
 
-from .certificate.box import BoxProof, Propagation, Sublevel, sublevel_box, tighten
+from .certificate.box import BoxProof, Propagation, Replay, Sublevel, sublevel_box, tighten
 from .certificate.dual import identity_of, margin
 from .conic import assemble
 from .feasibility import ProvedPoint
@@ -24,8 +24,9 @@ from .rounding import Interval
 from .solvers import solve_conic
 from .sparsity import Cliques, find_cliques
 
-__all__ = ["finite", "find_box"]
+__all__ = ["finite", "find_box", "shrinks"]
 
+_WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this help nobody
 _LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
 
@@ -35,8 +36,22 @@ def finite(box: Interval) -> bool:
     return bool(np.all(np.isfinite(box.lo) & np.isfinite(box.hi)))
 
 
+def shrinks(old: Interval, new: Interval) -> bool:
+    """Whether a box became smaller by enough to be worth a step of a proof."""
+    if is_empty(new) or np.any(np.isinf(old.hi - old.lo) & np.isfinite(new.hi - new.lo)):
+        return True
+    width = old.hi - old.lo
+    moved = np.isfinite(width) & (width > 0)
+    return bool(np.any((new.hi - new.lo)[moved] < _WORTH * width[moved]))
+
+
 def find_box(
-    problem: Problem, cutoff: ProvedPoint | None, options: Options, *, done: bool = False
+    problem: Problem,
+    cutoff: ProvedPoint | None,
+    options: Options,
+    *,
+    done: bool = False,
+    level: float | None = None,
 ) -> tuple[BoxProof, Interval]:
     """The tightest box that presolve finds, with its proof.
 
@@ -49,19 +64,23 @@ def find_box(
         With effort ``"plain"`` the box is that of the problem's bounds.
     done : bool
         Skip the expensive step, since the bound needs no finite box.
+    level : float, optional
+        The level of the cut-off where it is not that of the point.
     """
     box = Interval(problem.lower, problem.upper)
     if options.effort == "plain":
         return BoxProof(), box
-    value = cutoff.value if cutoff is not None else None
-    box, step = tighten(problem, box, value)
+    if level is None and cutoff is not None:
+        level = cutoff.value
+    replay = Replay(problem, level)
+    box, step = tighten(replay, box)
     steps: list[Propagation | Sublevel] = [step]
     if cutoff is not None and not done and not finite(box) and not is_empty(box):
         found = _sublevel(problem, cutoff, box, options)
         if found is not None:
             steps.append(found)
-            box = sublevel_box(problem, cutoff.value, found, box)
-            box, step = tighten(problem, box, value)
+            box = sublevel_box(problem, level, found, box)
+            box, step = tighten(replay, box)
             steps.append(step)
     return BoxProof(tuple(steps)), box
 
@@ -98,12 +117,13 @@ def _sublevel(
     scaling = Scaling.of_box(box, typical=cutoff.x)
     scaled = Scaled.of(inside, scaling, (f,))
     cliques = _cliques(scaled, options)
+    solver = "clarabel" if options.solver == "auto" else options.solver  # endless moments
     for order in (least, least + 1):
         relaxation = relax(scaled.problem, order, cliques=cliques)
         if order > least and max(relaxation.block_sizes) > _LARGEST_BLOCK:
             break
         program = assemble(relaxation, margin(relaxation) * -1.0)
-        solution = solve_conic(program, options.solver, options.time_limit)
+        solution = solve_conic(program, solver, options.time_limit)
         if solution.status not in ("solved", "almost"):
             continue
         step = Sublevel(identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0))

@@ -1,9 +1,11 @@
-"""The ladder: rounds on one order, and with effort "auto" one order after the other.
+"""The ladder: rounds on one order, and with effort "auto" one rung after the other.
 
 A round ends with a certificate and with candidate minimisers. When these improve the
-attained value, the cut-off shrinks the box and another round may gain. An order ends
-when rounds stop gaining; the ladder ends when the gap is closed, time is over, or the
-next relaxation would be too large.
+attained value, the cut-off shrinks the box and another round may gain. With effort "auto"
+the rungs of :mod:`sparsepop_py.catalogue` follow, each time the one that promises to close
+most of the gap per second, branch and bound among them; where no finite box is known,
+orders follow one another. The ladder ends when the gap is closed, time is over, or nothing
+is left to try.
 """
 
 from __future__ import annotations
@@ -15,19 +17,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .extraction import candidates
+from .auto import Auto
+from .boxes import find_box, finite
+from .certificate.box import BoxProof, Replay
+from .certificate.certificate import Node, prove
 from .feasibility import ProvedPoint
+from .ground import Ground
+from .incumbents import attain, extracted
 from .options import Options
-from .problem import Problem
-from .refinement import best_attained
 from .relaxation import least_order
 from .result import Rung
-from .rungs import Bound, Model, Task, better, closed, level, one_round
+from .rounding import Interval
+from .rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially
+from .task import Task
+from .unbounded import falling_ray
 
-__all__ = ["Climbed", "attain", "climb"]
+__all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 
 _ROUNDS = 3
-_ORDERS = 6  # orders above the first that "auto" tries at most
+_ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +46,23 @@ class Climbed:
     outcome: Bound
     near: list[NDArray[np.float64]]
     history: tuple[Rung, ...]
+    notes: tuple[str, ...] = ()
+
+
+INTERRUPTED = "interrupted: what is proved so far is kept"
+
+
+def nothing_yet(task: Task, near: list[NDArray]) -> Climbed:
+    """Where an interrupted search stands before any relaxation was solved."""
+    box = Interval(task.problem.lower, task.problem.upper)
+    model = Model(BoxProof(), box)
+    replay = Replay(task.problem, None)
+    outcome = bound_of(replay, model, Argued(prove(replay, box, None, False), Node()))
+    return Climbed(task, outcome, near, (), (INTERRUPTED,))
 
 
 def climb(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
-    """Bound the task on one order, or on growing orders while the gap is open.
+    """Bound the task on one order, or on one rung after the other while the gap is open.
 
     Parameters
     ----------
@@ -51,27 +72,69 @@ def climb(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
     shared : Model or None
         Box and relaxations that several objectives share; used on the first rung.
     """
+    if task.options.effort == "auto":
+        with task.stages.stage("presolve"):
+            replay = task.replay()
+            proof, box = find_box(
+                task.problem,
+                task.best,
+                _timed(task),
+                done=trivially(task) or task.clock.over,
+                level=replay.level,
+            )
+        if finite(box):
+            ground = Ground.of(task.problem, (task.problem.objective,), task.options)
+            return climbed_by(Auto(task, Model(proof, box), near, ground))
+    return _orders(task, near, shared)
+
+
+def climbed_by(auto: Auto) -> Climbed:
+    """Let a climber go as far as it must."""
+    notes: tuple[str, ...] = ()
+    try:
+        auto.run()
+    except KeyboardInterrupt:
+        notes = (INTERRUPTED,)
+    return Climbed(auto.task, auto.outcome, auto.near, tuple(auto.history), notes)
+
+
+def _orders(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
+    """One order, or with effort "auto" growing orders."""
     outcome: Bound | None = None
     history: list[Rung] = []
-    for order in _orders(task):
+    for order in _order_numbers(task):
         start = time.process_time()
-        options = replace(task.options, order=order)
+        options = replace(_timed(task), order=order)
         if options.effort == "auto" and outcome is None:
             options = replace(options, effort="presolve")  # the first order may step down
-        step, bound, near = _rounds(replace(task, options=options), near, shared)
+        try:
+            step, bound, near = _rounds(replace(task, options=options), near, shared)
+        except KeyboardInterrupt:
+            if outcome is None:
+                return nothing_yet(task, near)
+            return Climbed(task, outcome, near, tuple(history), (INTERRUPTED,))
         if outcome is not None and bound.relaxation is None:
             break  # this order would be too large
         outcome = better(outcome, bound)
         task = replace(task, best=step.best)
         history.append(_rung(task, outcome, bound, time.process_time() - start))
-        if closed(task, outcome) or task.clock.over or level(outcome.certificate) == np.inf:
+        if task.closed(level(outcome.certificate)) or task.clock.over:
             break
+        if outcome.certificate is None and task.best is not None:
+            if falling_ray(task.problem, task.best) is not None:
+                break  # no order proves anything
         shared = None
     assert outcome is not None
     return Climbed(task, outcome, near, tuple(history))
 
 
-def _orders(task: Task) -> Iterator[int | None]:
+def _timed(task: Task) -> Options:
+    """The options with half of the time that is left: a box may take two solves."""
+    left = task.clock.left
+    return replace(task.options, time_limit=None if left is None else 0.5 * left)
+
+
+def _order_numbers(task: Task) -> Iterator[int | None]:
     first = task.options.order
     if task.options.effort != "auto":
         yield first
@@ -82,10 +145,12 @@ def _orders(task: Task) -> Iterator[int | None]:
 
 def _rung(task: Task, outcome: Bound, bound: Bound, seconds: float) -> Rung:
     relaxation = bound.relaxation
+    order = relaxation.order if relaxation is not None else 0
     return Rung(
-        order=relaxation.order if relaxation is not None else 0,
+        name=f"order {order}" if order else "box",
+        order=order,
         lower_bound=level(outcome.certificate),
-        upper_bound=task.best.value if task.best is not None else np.inf,
+        upper_bound=task.upper,
         seconds=seconds,
         largest_block=max(relaxation.block_sizes, default=0) if relaxation is not None else 0,
         moments=relaxation.moments.shape[0] if relaxation is not None else 0,
@@ -100,13 +165,14 @@ def _rounds(
     for _ in range(1 if shared else _ROUNDS):
         bound = one_round(task, shared)
         outcome = better(outcome, bound)
-        with task.stages.stage("extract"):
-            found, more = attain(task.problem, _extracted(bound), task.options)
+        with task.stages.stage("refine"):
+            found, more = attain(task.problem, _extracted(bound), task)
         near = near + more
         old, improved = task.best, _lower(found, task.best)
         if improved:
             task = replace(task, best=found)
-        if closed(task, outcome) or task.clock.over or task.options.effort == "plain":
+        closed = task.closed(level(outcome.certificate))
+        if closed or task.clock.over or task.options.effort == "plain":
             break
         if not improved or not _worth_another(old, task.best, bound):
             break
@@ -114,23 +180,10 @@ def _rounds(
     return task, outcome, near
 
 
-def attain(
-    problem: Problem, starts: list[NDArray], options: Options
-) -> tuple[ProvedPoint | None, list[NDArray]]:
-    """The best proved point that local searches from the starts lead to, and all they saw."""
-    if options.refine == "none" or not starts:
-        return None, []
-    method = "ipopt" if options.refine == "ipopt" else None
-    return best_attained(problem, starts, options.tolerance, method)
-
-
 def _extracted(bound: Bound) -> list[NDArray[np.float64]]:
-    model, solution = bound.model, bound.solution
-    if solution is None or solution.status not in ("solved", "almost"):
+    if bound.relaxation is None or bound.model.scaled is None:
         return []
-    assert model.scaled is not None and bound.relaxation is not None
-    scaling = model.scaled.scaling
-    return [scaling.point(t) for t in candidates(bound.relaxation, solution.y)]
+    return extracted(bound.relaxation, bound.solution, bound.model.scaled.scaling)
 
 
 def _lower(new: ProvedPoint | None, old: ProvedPoint | None) -> bool:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numbers
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,11 +12,27 @@ import numpy as np
 
 from .errors import ProblemError
 
-__all__ = ["Options"]
+__all__ = ["SKIPPED", "Options"]
+
+SKIPPED = (
+    "linear",
+    "star",
+    "split",
+    "mixed",
+    "full",
+    "monomials",
+    "partners",
+    "chordal",
+    "components",
+    "narrow",
+    "quote",
+    "cutoff",
+    "branch",
+)
 
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
-    "gap_kind": ("absolute", "relative"),
+    "gap_kind": ("absolute", "relative", "width"),
     "chordal": ("min-degree", "mcs-m"),
     "refine": ("scipy", "ipopt", "none"),
 }
@@ -35,8 +53,9 @@ class Options:
         far dearer than the last, so give a ``time_limit`` with it.
     gap : float
         The gap that counts as closed.
-    gap_kind : {"relative", "absolute"}
-        Relative gaps are divided by max(1, |attained value|).
+    gap_kind : {"relative", "absolute", "width"}
+        Relative gaps are divided by max(1, |attained value|); with ``"width"``, which
+        needs pairs of objectives p and -p, by the distance of the two attained values.
     tolerance : float
         Largest violation, in the user's units, of points that are worth showing.
     sparse : bool
@@ -44,9 +63,23 @@ class Options:
     chordal : {"min-degree", "mcs-m"}
         How the sparsity graph is made chordal.
     solver : str
-        ``"clarabel"``, ``"clarabel-moment"`` or ``"cvxpy:NAME"``.
+        ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
+        ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
     refine : {"scipy", "ipopt", "none"}
         Local search for attained points; ``"ipopt"`` needs the extra of that name.
+    branch_on : sequence of int, optional
+        Variables (from 0) that branch and bound may cut; those that cover all products
+        when left out.
+    node_limit : int, optional
+        Most parts that branch and bound looks at; 0 switches it off.
+    executor : concurrent.futures.Executor, optional
+        Where the parts of branch and bound are worked on.
+    skip : sequence of str, optional
+        Parts of effort ``"auto"`` to leave out, for comparisons: rungs by shape
+        (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
+        (``"monomials"``, ``"partners"``) or by terms (``"chordal"``, ``"components"``);
+        ``"narrow"`` (bounds tightened by linear programs), ``"quote"`` (bounds of one
+        objective used for others), ``"cutoff"``, ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.
@@ -64,12 +97,16 @@ class Options:
     order: int | None = None
     effort: Literal["plain", "presolve", "auto"] = "presolve"
     gap: float = 1e-6
-    gap_kind: Literal["relative", "absolute"] = "relative"
+    gap_kind: Literal["relative", "absolute", "width"] = "relative"
     tolerance: float = 1e-6
     sparse: bool = True
     chordal: Literal["min-degree", "mcs-m"] = "min-degree"
-    solver: str = "clarabel"
+    solver: str = "auto"
     refine: Literal["scipy", "ipopt", "none"] = "scipy"
+    branch_on: Sequence[int] | None = None
+    node_limit: int | None = None
+    executor: Executor | None = None
+    skip: Sequence[str] = ()
     time_limit: float | None = None
     seed: int = 0
     progress: bool = False
@@ -97,6 +134,22 @@ class Options:
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
             raise ProblemError(f"Options.time_limit: found {limit!r}, expected seconds > 0")
+        nodes = self.node_limit
+        if nodes is not None and (not isinstance(nodes, numbers.Integral) or int(nodes) < 0):
+            raise ProblemError(f"Options.node_limit: found {nodes!r}, expected an integer >= 0")
+        if self.branch_on is not None and not all(
+            isinstance(v, numbers.Integral) and int(v) >= 0 for v in self.branch_on
+        ):
+            raise ProblemError(
+                f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
+            )
+        unknown = [name for name in self.skip if name not in SKIPPED]
+        if unknown or isinstance(self.skip, str):
+            raise ProblemError(
+                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
+            )
+        if self.executor is not None and not isinstance(self.executor, Executor):
+            raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
         if not isinstance(self.solver, str):
             raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
         if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:

@@ -21,7 +21,7 @@ from .result import Result, Status
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_result", "require_matplotlib", "save_plot"]
+__all__ = ["plot_history", "plot_result", "require_matplotlib", "save_plot"]
 
 _GRID = 241  # points a side of the plane
 _LARGEST_WINDOW = 1e3  # wider boxes are no help for the eye: the points choose the window
@@ -44,6 +44,45 @@ def require_matplotlib() -> None:
         raise SolverNotFound(
             "plot: matplotlib is missing; install it with: pip install 'sparsepop-py[plot]'"
         ) from error
+
+
+def _new_axes() -> Axes:
+    from matplotlib import pyplot
+
+    return pyplot.subplots(figsize=(7.0, 5.2), layout="constrained")[1]
+
+
+def plot_history(result: Result, ax: Axes | None = None) -> Axes:
+    """Draw the gap between attained and proved value against the CPU seconds of the rungs.
+
+    Parameters
+    ----------
+    result : Result
+    ax : Axes, optional
+        Of matplotlib; a new figure when left out.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    SolverNotFound
+        If matplotlib is not installed.
+    """
+    require_matplotlib()
+    if ax is None:
+        ax = _new_axes()
+    seconds = np.cumsum([rung.seconds for rung in result.history])
+    gaps = np.array([rung.upper_bound - rung.lower_bound for rung in result.history])
+    shown = np.where(np.isfinite(gaps), np.maximum(gaps, 1e-16), np.nan)
+    ax.semilogy(seconds, shown, "o-", color=_BOUND)
+    for rung, x, y in zip(result.history, seconds, shown, strict=True):
+        if np.isfinite(y):
+            ax.annotate(rung.name, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8)
+    ax.set_xlabel("CPU seconds")
+    ax.set_ylabel("gap between attained and proved value")
+    return ax
 
 
 def plot_result(result: Result, ax: Axes | None = None) -> Axes:
@@ -78,9 +117,7 @@ def plot_result(result: Result, ax: Axes | None = None) -> Axes:
     """
     require_matplotlib()
     if ax is None:
-        from matplotlib import pyplot
-
-        _, ax = pyplot.subplots(figsize=(7.0, 5.2), layout="constrained")
+        ax = _new_axes()
     if result.problem.dimension == 1:
         _curve(result, ax)
     elif result.problem.dimension == 2:

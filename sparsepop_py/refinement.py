@@ -2,11 +2,13 @@
 
 Nothing here is proved; :mod:`sparsepop_py.feasibility` decides what is attained. SLSQP
 serves problems of up to a few hundred variables, L-BFGS-B large ones that have bounds
-only, trust-constr the rest; IPOPT through casadi is an optional extra.
+only, trust-constr the rest; problems of degree two are first tried by sequential linear
+programming. IPOPT through casadi is an optional extra.
 """
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterable
 from typing import Any
@@ -23,6 +25,8 @@ from .feasibility import ProvedPoint, prove_feasible
 from .polynomial import Constraint, Kind
 from .problem import Problem
 from .rounding import Interval
+from .sequential import sequential_search
+from .shapes import Products
 
 __all__ = ["best_attained", "local_search", "starting_points"]
 
@@ -33,7 +37,10 @@ _ENOUGH = 5  # searches that end at the best value before the rest is left out
 
 
 def local_search(
-    problem: Problem, start: NDArray[np.float64], method: str | None = None
+    problem: Problem,
+    start: NDArray[np.float64],
+    method: str | None = None,
+    end: float = np.inf,
 ) -> NDArray[np.float64]:
     """A local minimiser from ``start``, nearly feasible at best.
 
@@ -41,8 +48,10 @@ def local_search(
     ----------
     problem : Problem
     start : (n,) float
-    method : {None, "ipopt"}
+    method : {None, "sequential", "ipopt"}
         None chooses among SciPy's methods by size and structure.
+    end : float
+        When to stop, on the monotonic clock; the last vector that was looked at is returned.
     """
     problem = problem.sharpened
     start = np.clip(start, problem.lower, problem.upper)
@@ -50,23 +59,46 @@ def local_search(
         warnings.simplefilter("ignore")
         if method == "ipopt":
             return _ipopt(problem, start)
-        if not problem.constraints:
-            return _by_bounds(problem, start)
-        if problem.dimension <= _DENSE_LIMIT:
-            return _by_slsqp(problem, start)
-        return _by_trust_region(problem, start)
+        if method == "sequential":
+            return sequential_search(problem, start, Products.of(problem).complicating)
+        try:
+            if not problem.constraints:
+                return _by_bounds(problem, start, end)
+            free = np.count_nonzero(problem.lower < problem.upper)
+            inequalities = not np.all(problem.equality | problem.bound_rows)
+            if inequalities and np.count_nonzero(problem.equality) >= free:
+                return sequential_search(problem, start)  # SLSQP is not made for that
+            if problem.dimension <= _DENSE_LIMIT:
+                return _by_slsqp(problem, start, end)
+            return _by_trust_region(problem, start, end)
+        except _OutOfTime as late:
+            return late.x
 
 
-def _value(problem: Problem) -> Any:
+class _OutOfTime(Exception):
+    """Raised inside a search that has no time left."""
+
+    def __init__(self, x: NDArray[np.float64]) -> None:
+        super().__init__()
+        self.x = np.array(x, float)
+
+
+def _value(problem: Problem, end: float) -> Any:
     row = problem.objective_row
-    return lambda x: (float(row.values(x)[0]), row.gradient(x))
+
+    def value(x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        if time.monotonic() >= end:
+            raise _OutOfTime(x)
+        return float(row.values(x)[0]), row.gradient(x)
+
+    return value
 
 
-def _by_bounds(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper)
     options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-15, "gtol": 1e-10}
     x = minimize(
-        _value(problem),
+        _value(problem, end),
         start,
         jac=True,
         method="L-BFGS-B",
@@ -107,7 +139,7 @@ def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
     return x
 
 
-def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
     rows, size = problem.rows, _row_sizes(problem)
     constraints = []
     for kind, chosen in (
@@ -128,7 +160,7 @@ def _by_slsqp(problem: Problem, start: NDArray) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper) if finite.any() else None
     options = {"maxiter": 300, "ftol": 1e-12}
     result = minimize(
-        _value(problem),
+        _value(problem, end),
         start,
         jac=True,
         method="SLSQP",
@@ -159,13 +191,13 @@ def _row_sizes(problem: Problem) -> NDArray[np.float64]:
     return size
 
 
-def _by_trust_region(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+def _by_trust_region(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
     rows = problem.rows
     upper = np.where(problem.equality, 0.0, np.inf)
     constraint = NonlinearConstraint(rows.values, 0.0, upper, jac=rows.jacobian)
     options = {"maxiter": 200, "gtol": 1e-9}
     result = minimize(
-        _value(problem),
+        _value(problem, end),
         start,
         jac=True,
         method="trust-constr",
@@ -274,13 +306,18 @@ def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
 
 
 def _candidates(
-    problem: Problem, start: NDArray, tolerance: float, method: str | None
+    problem: Problem, start: NDArray, tolerance: float, method: str | None, end: float
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Nearly feasible (value, vector) pairs that one start leads to, the start included."""
-    tried = [local_search(problem, start, method), start]
+    tried = [start]
+    bilinear = problem.degree <= 2 and bool(problem.constraints)
+    if bilinear and method is None:
+        tried.append(local_search(problem, start, "sequential", end))
+    if len(tried) < 2 or problem.violation(tried[1]) > tolerance:
+        tried.append(local_search(problem, start, method, end))
     branch = _decide(problem, start)
     if branch is not problem:
-        tried.append(local_search(branch, start, method))
+        tried.append(local_search(branch, start, method, end))
     kept = []
     for x in tried:
         if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < _FAR * 1e4:
@@ -296,6 +333,7 @@ def best_attained(
     starts: Iterable[NDArray[np.float64]],
     tolerance: float,
     method: str | None = None,
+    end: float = np.inf,
 ) -> tuple[ProvedPoint | None, list[NDArray[np.float64]]]:
     """Search from every start; the best proved point, and all nearly feasible vectors by value.
 
@@ -305,10 +343,15 @@ def best_attained(
     starts : iterable of (n,) float
     tolerance : float
         Largest violation, in the user's units, of a vector that is kept.
+    method : {None, "ipopt"}
+    end : float
+        When to stop, on the monotonic clock; what was found until then is kept.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
     for start in starts:
-        found += _candidates(problem, start, tolerance, method)
+        if time.monotonic() >= end:
+            break
+        found += _candidates(problem, start, tolerance, method, end)
         best_value = min((value for value, _ in found), default=np.inf)
         hits = sum(value <= best_value + 1e-5 * (1.0 + abs(best_value)) for value, _ in found)
         if hits >= _ENOUGH:

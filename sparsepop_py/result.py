@@ -82,28 +82,34 @@ class Point:
 
 @dataclass(frozen=True)
 class Rung:
-    """One order of the ladder, with the bounds known after it.
+    """One rung of the ladder, with the bounds known after it.
 
     Parameters
     ----------
+    name : str
+        Which relaxation, or "branch".
     order : int
-        Relaxation order, 0 where no relaxation was needed.
+        Relaxation order, 0 where that means nothing.
     lower_bound, upper_bound : float
         Proved and attained so far.
     seconds : float
-        CPU seconds spent on this order.
+        CPU seconds spent on this rung.
     largest_block : int
         Size of its largest semidefinite block.
     moments : int
         Number of moments of its relaxation.
+    nodes : int
+        Parts that branch and bound has looked at so far.
     """
 
+    name: str
     order: int
     lower_bound: float
     upper_bound: float
     seconds: float
     largest_block: int
     moments: int
+    nodes: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,12 +196,33 @@ class Result:
             lines.append(str(self.relaxation))
         for rung in self.history if len(self.history) > 1 else ():
             low = rounded(rung.lower_bound, False, 8, scientific=False)
-            lines.append(f"  order {rung.order}: >= {low}, {rung.seconds:.2f} CPU seconds")
+            nodes = f", {rung.nodes} parts" if rung.nodes else ""
+            lines.append(f"  {rung.name}: >= {low}, {rung.seconds:.2f} CPU seconds{nodes}")
         if self.timings:
             stages = ", ".join(f"{name} {sec:.2f}" for name, sec in self.timings.items())
             lines.append(f"CPU seconds   {stages}")
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines)
+
+    def history_table(self) -> str:
+        """The rungs of the ladder as a Markdown table: bounds, gap, seconds and sizes."""
+        head = "| rung | lower bound | attained | gap | CPU s | largest block | moments | parts |"
+        lines = [head, "|" + "---|" * 8]
+        for rung in self.history:
+            low = rounded(rung.lower_bound, False, 9, scientific=False)
+            high = rounded(rung.upper_bound, True, 9, scientific=False)
+            gap = max(0.0, rung.upper_bound - rung.lower_bound)
+            lines.append(
+                f"| {rung.name} | {low} | {high} | {gap:.2g} | {rung.seconds:.2f} "
+                f"| {rung.largest_block} | {rung.moments} | {rung.nodes} |"
+            )
+        return "\n".join(lines)
+
+    def plot_history(self, ax: Any = None) -> Axes:
+        """The gap against CPU seconds, rung by rung."""
+        from .plots import plot_history
+
+        return plot_history(self, ax)
 
     def __str__(self) -> str:
         return self.summary()

@@ -1,35 +1,45 @@
-"""One rung: a box, the relaxations on it, and the best bound that they prove.
+"""One rung: a relaxation of one box, and the best bound that it proves.
 
 box -> scale -> cliques -> relax -> assemble -> solve -> certify
 """
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .boxes import find_box
-from .certificate.box import BoxProof, Propagation
-from .certificate.certificate import Certificate, certify
+from .certificate.box import BoxProof, Propagation, Replay
+from .certificate.certificate import Certificate, Node, Proved, certify, prove
 from .certificate.dual import identity_of, margin, repaired
+from .certificate.identity import Identity
 from .conic import ConicProgram, ConicSolution, assemble
-from .feasibility import ProvedPoint
 from .options import Options
 from .polynomial import Polynomial
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling, scale_objective
 from .problem import Problem
-from .progress import Stages
 from .relaxation import Relaxation
 from .rounding import Interval
 from .sizing import fitting_relaxations
-from .solvers import solve_conic
+from .solvers import preferred, solve_conic
 from .sparsity import find_cliques
+from .task import Task
 
-__all__ = ["Bound", "Clock", "Model", "Task", "better", "closed", "level", "one_round", "relaxed"]
+__all__ = [
+    "Argued",
+    "Bound",
+    "Model",
+    "argue",
+    "better",
+    "bound_of",
+    "level",
+    "one_round",
+    "relaxed",
+    "trivially",
+]
 
 _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
 
@@ -47,7 +57,7 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """What one round proved and saw."""
+    """What one rung proved and saw."""
 
     model: Model
     certificate: Certificate | None
@@ -56,32 +66,145 @@ class Bound:
     value: float = np.nan
 
 
-class Clock:
-    """Remaining wall time."""
+@dataclass(frozen=True, eq=False)
+class Argued:
+    """The best argument for a bound on one box, and the last solution behind such arguments.
 
-    def __init__(self, limit: float | None) -> None:
-        self._end = None if limit is None else time.monotonic() + limit
+    Parameters
+    ----------
+    proved : Proved
+    node : Node
+        The argument; its steps, those that led to the box, are not part of it.
+    solution : ConicSolution or None
+    value : float
+        The solver's value in units of the objective: no bound.
+    """
 
-    @property
-    def left(self) -> float | None:
-        """Seconds left, None without a limit."""
-        return None if self._end is None else max(1e-3, self._end - time.monotonic())
+    proved: Proved
+    node: Node
+    solution: ConicSolution | None = None
+    value: float = np.nan
 
-    @property
-    def over(self) -> bool:
-        """Whether the limit has passed."""
-        return self._end is not None and time.monotonic() >= self._end
+
+def argue(
+    task: Task,
+    box: Interval,
+    scaled: Scaled,
+    relaxation: Relaxation,
+    start: Argued | None = None,
+) -> Argued:
+    """Solve one relaxation on a box; where variables have no box, with growing margins."""
+    replay = task.replay()
+    outcome = start or Argued(prove(replay, box, None, False), Node())
+    boxed = bool(np.all(scaled.scaling.boxed))
+    scaled_objective, size = scale_objective(task.problem.objective, scaled.scaling)
+    for share in (0.0,) if boxed else _MARGINS:
+        with task.stages.stage("assemble"):
+            minimised = scaled_objective
+            if share:
+                minimised = minimised - margin(relaxation) * share
+            program = assemble(relaxation, minimised)
+        for solver in _solvers(task.options, relaxation, boxed):
+            with task.stages.stage("solve"):
+                solution = solve_conic(
+                    program,
+                    solver,
+                    task.clock.left,
+                    _accuracy(task, size),
+                    _target(task, size),
+                )
+            with task.stages.stage("certify"):
+                attempt = _Attempt(replay, box, scaled, relaxation, program, solution, size, share)
+                outcome = _certified(task, attempt, outcome)
+            if task.closed(outcome.proved.bound) or task.clock.over:
+                break
+            if solution.status not in ("almost", "failed") or not _loses(task, outcome):
+                break
+        if outcome.proved.bound > -np.inf or task.clock.over:
+            break
+    return outcome
+
+
+def _accuracy(task: Task, size: float) -> float:
+    """How far a solver should go: a hundredth of the gap that counts as closed is enough."""
+    if task.best is None or task.options.effort != "auto":
+        return 1e-9
+    return float(np.clip(1e-2 * task.allowed / size, 1e-9, 1e-6))
+
+
+def _target(task: Task, size: float) -> float | None:
+    """A dual value, in scaled units, that closes the gap with something to spare."""
+    if task.best is None or task.options.effort != "auto":
+        return None
+    return (task.target + 0.2 * task.allowed) / size
+
+
+def _loses(task: Task, outcome: Argued) -> bool:
+    """Whether what the proof cost is a good part of what is missing."""
+    bound, correction = outcome.proved.bound, outcome.proved.correction
+    if bound == -np.inf:
+        return True
+    if task.best is None:
+        return correction > 1e-6 * (1.0 + abs(bound))
+    return correction > 0.1 * (task.target - bound)
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
-    """What every stage needs: the problem, the options, and the best attained point so far."""
+class _Attempt:
+    """One solution of one program, to be certified."""
 
-    problem: Problem
-    options: Options
-    stages: Stages
-    clock: Clock
-    best: ProvedPoint | None = None
+    replay: Replay
+    box: Interval
+    scaled: Scaled
+    relaxation: Relaxation
+    program: ConicProgram
+    solution: ConicSolution
+    size: float
+    share: float
+
+    def argued(self, z: NDArray[np.float64]) -> Argued:
+        """What the multipliers z prove."""
+        empty = self.solution.status == "infeasible"
+        identity: Identity = identity_of(
+            self.relaxation, self.scaled, z, 1.0 if empty else self.size, floor=self.share
+        )
+        proved = prove(self.replay, self.box, identity, empty)
+        value = self.size * self.solution.primal
+        node = Node(argument=identity, empty=empty)
+        return Argued(proved, node, self.solution, value)
+
+
+def _certified(task: Task, attempt: _Attempt, outcome: Argued) -> Argued:
+    """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
+    new = attempt.argued(attempt.solution.z)
+    outcome = _stronger(outcome, new)
+    if attempt.solution.status == "infeasible" or task.options.effort == "plain":
+        return outcome
+    loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
+    scale = max(1.0, abs(attempt.size * attempt.solution.primal))
+    if loss > 1e-9 * scale and not task.closed(outcome.proved.bound):
+        outcome = _stronger(outcome, attempt.argued(repaired(attempt.program, attempt.solution.z)))
+    return outcome
+
+
+def _stronger(old: Argued, new: Argued) -> Argued:
+    """The argument with the larger bound, with the newest solver output."""
+    if new.proved.bound >= old.proved.bound:
+        return new
+    return replace(new, proved=old.proved, node=old.node)
+
+
+def _solvers(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[str, ...]:
+    """The chosen solver; by default those that suit the relaxation, one after the other."""
+    if options.solver != "auto":
+        return (options.solver,)
+    if options.effort == "plain":
+        return ("clarabel",)
+    largest = max(relaxation.block_sizes, default=0)
+    return preferred(largest, relaxation.moments.shape[0], boxed)
+
+
+# ---- one round on one order -----------------------------------------------------------------
 
 
 def one_round(task: Task, shared: Model | None) -> Bound:
@@ -90,7 +213,7 @@ def one_round(task: Task, shared: Model | None) -> Bound:
     model = shared
     if model is None:
         with task.stages.stage("presolve"):
-            model = Model(*find_box(problem, best, options, done=_trivially(task)))
+            model = Model(*find_box(problem, best, options, done=trivially(task)))
         empty = _emptiness(problem, model)
         if empty is not None:
             return Bound(model, empty)
@@ -112,28 +235,29 @@ def _sensible(task: Task, bound: Bound) -> bool:
     """Whether the bound has the size of the attained value, or there is nothing to compare."""
     if task.best is None:
         return True
-    value = level(bound.certificate)
-    return value > task.best.value - 1e3 * (1.0 + abs(task.best.value))
+    return level(bound.certificate) > task.upper - 1e3 * (1.0 + abs(task.upper))
 
 
 def _emptiness(problem: Problem, model: Model) -> Certificate | None:
     """The proof that no point is feasible, if propagation finds one."""
-    proof = model.proof
+    proof, box = model.proof, model.box
+    replay = Replay(problem, None)
+    if proof.uses_cutoff:
+        return None
     if not proof.steps:  # plain effort keeps the box but must not miss this
         proof = BoxProof((Propagation(1, False),))
-        if not is_empty(proof.replay(problem, None)):
-            return None
-    elif not is_empty(model.box):
+        box = proof.replay(replay)
+    if not is_empty(box):
         return None
-    return certify(problem, proof, None, None, empty=True)
+    return certify(replay, Node(proof), prove(replay, box, None, False))
 
 
-def _trivially(task: Task) -> bool:
+def trivially(task: Task) -> bool:
     """Whether the given bounds or squares close the gap without any relaxation."""
     if task.best is None or task.options.effort == "plain":
         return False
-    start = Model(BoxProof(), Interval(task.problem.lower, task.problem.upper))
-    return closed(task, Bound(start, certify(task.problem, start.proof, None, None)))
+    start = Interval(task.problem.lower, task.problem.upper)
+    return task.closed(prove(task.replay(), start, None, False).bound)
 
 
 def relaxed(
@@ -161,93 +285,27 @@ def relaxed(
 
 def _prove(task: Task, model: Model) -> Bound:
     """Solve the relaxations and certify, until the gap to the attained value is closed."""
-    outcome = Bound(model, certify(task.problem, model.proof, task.best, None))
-    if not model.relaxations or model.scaled is None:
-        return outcome
-    if task.options.effort != "plain" and closed(task, outcome):
-        # the box or the squares prove it already
-        return replace(outcome, relaxation=model.relaxations[-1])
-    objective = scale_objective(task.problem.objective, model.scaled.scaling)
-    for relaxation in model.relaxations:
-        outcome = _solve_relaxation(task, model, relaxation, objective, outcome)
-        if closed(task, outcome) or task.clock.over:
-            break
-    return outcome
+    replay = task.replay()
+    argued = Argued(prove(replay, model.box, None, False), Node())
+    used: Relaxation | None = None
+    if model.relaxations and model.scaled is not None:
+        used = model.relaxations[-1]
+        # the box or the squares may prove it already
+        if task.options.effort == "plain" or not task.closed(argued.proved.bound):
+            for used in model.relaxations:
+                argued = argue(task, model.box, model.scaled, used, argued)
+                if task.closed(argued.proved.bound) or task.clock.over:
+                    break
+    return bound_of(replay, model, argued, used)
 
 
-def _solve_relaxation(
-    task: Task,
-    model: Model,
-    relaxation: Relaxation,
-    objective: tuple[Polynomial, float],
-    outcome: Bound,
+def bound_of(
+    replay: Replay, model: Model, argued: Argued, relaxation: Relaxation | None = None
 ) -> Bound:
-    """One relaxation; where variables have no box, with growing margins until it closes."""
-    assert model.scaled is not None
-    boxed = bool(np.all(model.scaled.scaling.boxed))
-    scaled_objective, size = objective
-    for share in (0.0,) if boxed else _MARGINS:
-        with task.stages.stage("assemble"):
-            minimised = scaled_objective
-            if share:
-                minimised = minimised - margin(relaxation) * share
-            program = assemble(relaxation, minimised)
-        for solver in _solvers(task.options):
-            with task.stages.stage("solve"):
-                solution = solve_conic(program, solver, task.clock.left)
-            with task.stages.stage("certify"):
-                attempt = _Attempt(model, relaxation, program, solution, size, share)
-                outcome = _certified(task, attempt, outcome)
-            if solution.status != "almost" or closed(task, outcome) or task.clock.over:
-                break
-        if level(outcome.certificate) > -np.inf or task.clock.over:
-            break
-    return outcome
-
-
-@dataclass(frozen=True, eq=False)
-class _Attempt:
-    """One solution of one program, to be certified."""
-
-    model: Model
-    relaxation: Relaxation
-    program: ConicProgram
-    solution: ConicSolution
-    size: float
-    share: float
-
-    def bound(self, task: Task, z: NDArray[np.float64]) -> Bound:
-        """What the multipliers z prove."""
-        assert self.model.scaled is not None
-        empty = self.solution.status == "infeasible"
-        identity = identity_of(
-            self.relaxation, self.model.scaled, z, 1.0 if empty else self.size, floor=self.share
-        )
-        certificate = certify(task.problem, self.model.proof, task.best, identity, empty=empty)
-        value = self.size * self.solution.primal
-        return Bound(self.model, certificate, self.relaxation, self.solution, value)
-
-
-def _certified(task: Task, attempt: _Attempt, outcome: Bound) -> Bound:
-    """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
-    new = attempt.bound(task, attempt.solution.z)
-    outcome = better(outcome, new)
-    if attempt.solution.status == "infeasible" or task.options.effort == "plain":
-        return outcome
-    loss = np.inf if new.certificate is None else new.certificate.correction
-    scale = max(1.0, abs(attempt.size * attempt.solution.primal))
-    if loss > 1e-9 * scale:
-        outcome = better(
-            outcome, attempt.bound(task, repaired(attempt.program, attempt.solution.z))
-        )
-    return outcome
-
-
-def _solvers(options: Options) -> tuple[str, ...]:
-    """The chosen solver; the default is followed by its other form where it only almost solves."""
-    if options.solver == "clarabel" and options.effort != "plain":
-        return ("clarabel", "clarabel-moment")
-    return (options.solver,)
+    """The bound of the whole problem that an argument on the box of a model makes."""
+    node = replace(argued.node, box=model.proof)
+    certificate = certify(replay, node, argued.proved)
+    return Bound(model, certificate, relaxation, argued.solution, argued.value)
 
 
 def level(certificate: Certificate | None) -> float:
@@ -260,14 +318,3 @@ def better(old: Bound | None, new: Bound) -> Bound:
     if old is None or level(new.certificate) >= level(old.certificate):
         return new
     return replace(new, certificate=old.certificate)
-
-
-def closed(task: Task, bound: Bound) -> bool:
-    """Whether the gap to the attained value is within the options, or nothing is feasible."""
-    value, best, options = level(bound.certificate), task.best, task.options
-    if value == np.inf:
-        return True
-    if best is None or value == -np.inf:
-        return False
-    scale = max(1.0, abs(best.value)) if options.gap_kind == "relative" else 1.0
-    return best.value - value <= options.gap * scale

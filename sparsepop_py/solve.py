@@ -7,25 +7,27 @@ The stages are in :mod:`sparsepop_py.rungs`, their repetition in :mod:`sparsepop
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import find_box, finite
+from .boxes import finite
 from .errors import ProblemError, SparsePOPError
+from .family import Family, first_starts, pairs, shared_model
 from .feasibility import ProvedPoint
-from .ladder import Climbed, attain, climb
+from .incumbents import attain, random_starts
+from .ladder import Climbed, climb, nothing_yet
 from .options import Options
 from .polynomial import Polynomial
 from .presolve.propagation import is_empty
 from .problem import Problem
 from .progress import Stages
-from .refinement import starting_points
 from .result import Point, Result, Status
 from .rounding import Interval
-from .rungs import Bound, Clock, Model, Task, closed, level, relaxed
+from .rungs import Bound, Model, level, relaxed
+from .task import Clock, Task
 from .unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
@@ -66,9 +68,13 @@ def solve(
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
     options = options or Options()
-    return _solve_one(
-        problem, options, _start_vectors(problem, start), None, Stages(options.progress)
-    )
+    _check_variables(problem, options)
+    if options.gap_kind == "width":
+        raise ProblemError(
+            "Options.gap_kind: found 'width', which needs pairs of objectives (solve_each)"
+        )
+    task = Task(problem, options, Stages(options.progress), Clock(options.time_limit))
+    return _result(_climb_one(task, _start_vectors(problem, start), None))
 
 
 def solve_each(
@@ -77,11 +83,16 @@ def solve_each(
     options: Options | None = None,
     *,
     start: NDArray | None = None,
+    repair: Callable[[NDArray], NDArray] | None = None,
+    branch_on: Sequence[int] | None = None,
+    on_progress: Callable[[int, float, float], None] | None = None,
 ) -> list[Result]:
     """Solve for several objectives over one feasible set, with one relaxation for all.
 
     The shared box uses arguments that hold for all objectives (no cut-off). Where it is
     not finite in every variable, each objective gets a box and a relaxation of its own.
+    With effort ``"auto"`` a bound that one objective proves of a single variable shrinks
+    the box of the others, and its certificate is quoted in theirs.
 
     Parameters
     ----------
@@ -89,12 +100,24 @@ def solve_each(
         Its own objective is ignored.
     objectives : sequence of Polynomial
     options, start
-        As in :func:`solve`.
+        As in :func:`solve`; ``time_limit`` is for all objectives together. With
+        ``gap_kind="width"`` every objective p needs its negative -p among the others.
+    repair : callable, optional
+        Given a candidate vector (n,), a better one: used before local searches.
+    branch_on : sequence of int, optional
+        Takes the place of ``options.branch_on``.
+    on_progress : callable, optional
+        Called with an objective's number, its proved and its attained value so far.
 
     Returns
     -------
     list of Result
         One for each objective, about the problem with that objective.
+
+    Raises
+    ------
+    ProblemError
+        If an argument is malformed.
 
     Examples
     --------
@@ -106,27 +129,85 @@ def solve_each(
     True
     """
     options = options or Options()
+    if branch_on is not None:
+        options = replace(options, branch_on=tuple(branch_on))
     objectives = list(objectives)
+    _check(problem, objectives, options)
+    if not objectives:
+        return []
+    stages, starts = Stages(options.progress), _start_vectors(problem, start)
+    told = _Told(on_progress)
+    first = shared_model(problem, options, objectives, stages)
+    clock, box = Clock(options.time_limit), first.box
+    if options.effort == "auto" and finite(box) and not is_empty(box):
+        starts += first_starts(problem, box, options)
+        family = Family(
+            problem, objectives, options, first, starts, stages, clock, told, repair=repair
+        )
+        return [_result(climbed) for climbed in family.run()]
+    model = None
+    if (finite(box) or options.effort == "plain") and not is_empty(box):
+        with stages.stage("relax"):
+            model = relaxed(problem, tuple(objectives), first, options)
+    climbs: list[Climbed] = []
+    for number, objective in enumerate(objectives):
+        own = Stages(options.progress)
+        own.seconds.update(stages.seconds if not climbs else {})
+        task = Task(problem.with_objective(objective), options, own, clock)
+        climbs.append(_climb_one(task, starts, model))
+        told(number, climbs[-1])
+    return [_result(climbed) for climbed in _with_widths(climbs, objectives, options)]
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Tells the caller how far an objective is."""
+
+    on_progress: Callable[[int, float, float], None] | None
+
+    def __call__(self, number: int, climbed: Climbed) -> None:
+        if self.on_progress is not None:
+            lower = level(climbed.outcome.certificate)
+            self.on_progress(number, lower, climbed.task.upper)
+
+
+def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> None:
     for number, objective in enumerate(objectives):
         if not isinstance(objective, Polynomial) or objective.dimension != problem.dimension:
             raise ProblemError(
                 f"objectives[{number}]: expected a Polynomial in {problem.dimension} variables"
             )
-    if not objectives:
-        return []
-    stages, starts = Stages(options.progress), _start_vectors(problem, start)
-    with stages.stage("presolve"):
-        proof, box = find_box(problem.with_objective(objectives[0]), None, options)
-    model = None
-    if (finite(box) or options.effort == "plain") and not is_empty(box):
-        with stages.stage("relax"):
-            model = relaxed(problem, tuple(objectives), Model(proof, box), options)
-    results: list[Result] = []
-    for objective in objectives:
-        own = Stages(options.progress)
-        own.seconds.update(stages.seconds if not results else {})
-        results.append(_solve_one(problem.with_objective(objective), options, starts, model, own))
-    return results
+    _check_variables(problem, options)
+    if options.gap_kind == "width":
+        paired = pairs(objectives)
+        for number in range(len(objectives)):
+            if number not in paired:
+                raise ProblemError(
+                    f"Options.gap_kind: found 'width', but objectives[{number}] has no "
+                    "negative among the other objectives"
+                )
+
+
+def _check_variables(problem: Problem, options: Options) -> None:
+    for v in options.branch_on or ():
+        if v >= problem.dimension:
+            raise ProblemError(
+                f"Options.branch_on: found {v}, expected numbers below {problem.dimension}"
+            )
+
+
+def _with_widths(
+    climbs: list[Climbed], objectives: list[Polynomial], options: Options
+) -> list[Climbed]:
+    """Gaps relative to the distance of the attained values of pairs, where asked for."""
+    if options.gap_kind != "width":
+        return climbs
+    paired, done = pairs(objectives), []
+    for number, climbed in enumerate(climbs):
+        width = -climbs[paired[number]].task.upper - climbed.task.upper
+        unit = max(0.0, width) if np.isfinite(width) else 0.0
+        done.append(replace(climbed, task=replace(climbed.task, unit=unit)))
+    return done
 
 
 def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.float64]]:
@@ -143,30 +224,20 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
     return [vector]
 
 
-def _solve_one(
-    problem: Problem,
-    options: Options,
-    starts: list[NDArray],
-    shared: Model | None,
-    stages: Stages,
-) -> Result:
-    task = Task(problem, options, stages, Clock(options.time_limit))
-    with stages.stage("search"):
-        box = shared.box if shared else Interval(problem.lower, problem.upper)
-        best, near = attain(problem, starts + _random_starts(problem, box, options), options)
-        task = replace(task, best=best)
-    climbed = climb(task, near, shared)
-    stages.close()
-    return _result(climbed)
-
-
-def _random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
-    n = problem.dimension
-    count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
-    if options.effort != "plain":
-        _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
-        box = box if is_empty(tighter) else tighter
-    return starting_points(problem, box, count, options.seed)
+def _climb_one(task: Task, starts: list[NDArray], shared: Model | None) -> Climbed:
+    """Local searches, then the ladder; an interrupt ends both with what is proved."""
+    problem, near = task.problem, list[NDArray]()
+    try:
+        with task.stages.stage("search"):
+            box = shared.box if shared else Interval(problem.lower, problem.upper)
+            starts = starts + random_starts(problem, box, task.options)
+            best, near = attain(problem, starts, task)
+            task = replace(task, best=best)
+        return climb(task, near, shared)
+    except KeyboardInterrupt:
+        return nothing_yet(task, near)
+    finally:
+        task.stages.close()
 
 
 def _result(climbed: Climbed) -> Result:
@@ -179,16 +250,16 @@ def _result(climbed: Climbed) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    notes = list(bound.model.notes)
+    notes = [*bound.model.notes, *climbed.notes]
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE
-    elif closed(task, bound):
+    elif task.closed(lower):
         status = Status.OPTIMAL
     elif lower == -np.inf:
         status, note = _unproved(problem, bound, best)
         notes += note
-    elif task.clock.over:
+    elif task.clock.over or climbed.notes:
         status = Status.LIMIT
     points = _points(problem, best, near)
     return Result(

@@ -19,10 +19,16 @@ PACKAGE = "sparsepop_py"
 ORDER = """
 errors constraint progress display monomials rounding polynomial system symbolic problem
 enclosure linear krawczyk feasibility generators presolve presolve.propagation presolve.scaling
-chordal sparsity basis blocks relaxation conic
-solvers.base solvers.clarabel_ solvers.cvxpy_ solvers
-certificate certificate.identity certificate.box certificate.certificate certificate.dual
-extraction refinement unbounded options sizing boxes result rungs ladder solve
+chordal sparsity shapes basis blocks signs terms relaxation conic
+solvers.base solvers.clarabel_ solvers.cvxpy_
+solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
+solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
+solvers.cliquetree.interior solvers.cliquetree solvers
+certificate certificate.identity certificate.linear certificate.box certificate.certificate
+certificate.dual
+extraction sequential refinement unbounded options task catalogue sizing boxes incumbents
+result polyhedron exact_simplex polytope rungs lifting branch
+ground auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs problems plots
 parameter_table parameters sparsepop_output sparsepop_report sparsepop cli

@@ -1,0 +1,397 @@
+"""Effort "auto" on a finite box: which rung next, until the gap is closed.
+
+Each rung has a share of the gap that it closes as a rule and an expected time; the next
+one is that with the largest expected gain per second. Branch and bound is one of them: it
+runs in slices, and what the last slice gained per second is what it is expected to gain.
+Whatever improves the attained value lowers the cut-off, and with it the box.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .boxes import shrinks
+from .branch import Plan, Search, first_moments
+from .catalogue import Recipe, expected_seconds
+from .certificate.box import BoxProof, tighten
+from .certificate.certificate import Node, Proved, prove
+from .ground import Ground
+from .incumbents import attained, extracted
+from .lifting import Lifted, tightened
+from .presolve.propagation import is_empty
+from .presolve.scaling import Scaled, Scaling
+from .relaxation import Relaxation
+from .result import Rung
+from .rungs import Argued, Bound, Model, argue, better, bound_of, level
+from .task import Task
+
+__all__ = ["Auto"]
+
+_BRANCH = "branch"
+_NODES = 4.0  # parts per cut variable that branch and bound is expected to need, doubled
+_NARROW = 12  # variables whose bounds linear programs tighten at the root
+_SLICE = 3.0  # most seconds that a tree grows before other rungs are considered again
+_PATIENCE = 300  # parts after which linear programs alone are not trusted to close the gap
+_ROUNDS = 3
+_SMALLER = 0.7  # a box with a width below this share is worth the rungs climbed before
+_LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
+_GAINED = 0.8  # another round of tightening follows where a width fell below this share
+
+
+@dataclass(eq=False)
+class Auto:
+    """One objective on its way up.
+
+    Parameters
+    ----------
+    task : Task
+    model : Model
+        The proof of the box and the box, both with the cut-off.
+    near : list of (n,) float
+        Nearly feasible vectors seen so far.
+    ground : Ground
+        The structure of the problem and what was learned on it.
+    """
+
+    task: Task
+    model: Model
+    near: list[NDArray[np.float64]]
+    ground: Ground
+    repair: Callable[[NDArray], NDArray] | None = None
+    history: list[Rung] = field(default_factory=list)
+    outcome: Bound = field(init=False)
+    search: Search | None = None
+    seen: int = 0
+    exhausted: bool = False
+    best: Argued = field(init=False)
+    share: float = 0.0
+    rate: float | None = None
+    linear: float = -np.inf
+    linear_seconds: float = np.inf
+
+    def __post_init__(self) -> None:
+        replay = self.task.replay()
+        self.best = Argued(prove(replay, self.model.box, None, False), Node())
+        self.outcome = bound_of(replay, self.model, self.best)
+        self.recipes = list(self.ground.recipes)
+        self.first = self.best.proved.bound
+        self.shared = self.model
+        self.tried: list[tuple[Recipe, float, float]] = []  # recipe, bound, seconds
+
+    @property
+    def bound(self) -> float:
+        """What is proved so far."""
+        return level(self.outcome.certificate)
+
+    @property
+    def over(self) -> bool:
+        """Whether the gap is closed or time is over."""
+        return self.task.closed(self.bound) or self.task.clock.over
+
+    def run(self, rungs: int | None = None) -> None:
+        """Climb (at most so many rungs) while the gap is open and something is left to try."""
+        climbed = 0
+        try:
+            while not self.over and climbed != rungs:
+                recipe = self._next()
+                self.exhausted = recipe is None
+                if recipe is None:
+                    break
+                self._climb(recipe)
+                climbed += 1
+        finally:
+            if self.search is not None:
+                self._close_search()
+
+    def restart(self, model: Model) -> None:
+        """Begin again on a smaller box that others have proved, keeping what is proved."""
+        old = self.shared
+        if model is old:
+            return
+        moved = old.box.hi > old.box.lo
+        width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
+        self.model, self.shared = model, model
+        if self.search is None and self.tried and width.min(initial=1.0) < _SMALLER:
+            # the same rung may do more now
+            self.recipes = [*(recipe for recipe, _, _ in self.tried), *self.recipes]
+            self.share, self.tried = 0.0, []
+        self._shrink()
+
+    # ---- which rung -------------------------------------------------------------------------
+
+    def _next(self) -> Recipe | str | None:
+        """The rung with the largest expected gain per second, None if none is left."""
+        if self.search is not None and not self.search.tell(self.task):
+            self.seen, self.search = self.search.seen, None  # another tree must be grown
+        left = self.task.clock.left
+        best, most = None, 0.0
+        for recipe in self.recipes:
+            seconds = self._seconds(recipe)
+            if not np.isfinite(seconds) or (left is not None and seconds > 2.0 * left):
+                continue
+            rate = self.ground.experience.rate(recipe, self.share, seconds)
+            if rate > most:
+                best, most = recipe, rate
+        branch = self._branch_rate()
+        if branch is not None and (best is None or branch > most):
+            return _BRANCH
+        return best
+
+    def _seconds(self, recipe: Recipe) -> float:
+        """Estimated seconds, before pace and experience."""
+        if recipe.name not in self.ground.estimates:
+            with self.task.stages.stage("relax"):
+                seconds = recipe.seconds(self._scaled(), self.ground.cliques)
+            self.ground.estimates[recipe.name] = seconds
+        return self.ground.estimates[recipe.name]
+
+    def _scaled(self) -> Scaled:
+        scaling = Scaling.of_box(self.model.box)
+        return Scaled.of(self.task.problem, scaling, (self.task.problem.objective,))
+
+    def _branch_rate(self) -> float | None:
+        """Share of the gap that branching is expected to close in a second."""
+        limit = self.task.options.node_limit
+        if "branch" in self.task.options.skip:
+            return None
+        if self.search is not None:
+            if self.search.done or (limit is not None and self.search.seen >= limit):
+                return None
+            return self.rate
+        if not self.ground.variables or not self.history or limit == self.seen:
+            return None
+        node = max(1e-2, min(h.seconds for h in self.history))
+        return 1.0 / (node * _NODES * 2.0 ** min(len(self.ground.variables), 8))
+
+    # ---- one rung ---------------------------------------------------------------------------
+
+    def _climb(self, recipe: Recipe | str) -> None:
+        start, before = time.process_time(), self._gap
+        if isinstance(recipe, str):
+            name, relaxation = recipe, None
+            self._branch(start)
+        else:
+            name = recipe.name
+            relaxation = self._relax(recipe)
+            self.recipes = [r for r in self.recipes if r.share > recipe.share]
+            self.share = recipe.share
+        seconds = time.process_time() - start
+        progress = self._progress(before)
+        if name == _BRANCH:
+            self.rate = max(progress, 1e-3) / max(seconds, 1e-3)
+        else:
+            self.ground.experience.learn(name, progress, seconds)
+        self.history.append(self._record(name, relaxation, seconds))
+
+    @property
+    def _gap(self) -> float:
+        return self.task.upper - self.bound
+
+    def _progress(self, before: float) -> float:
+        """From the gap before (0) to the gap that counts as closed (1), on a log scale."""
+        allowed = max(self.task.allowed, 1e-300)
+        if self.over or not np.isfinite(self._gap):
+            return 1.0 if self.over else 0.0
+        if not np.isfinite(before):
+            return 0.5
+        whole = np.log(max(before / allowed, 1.0 + 1e-9))
+        return float(np.clip(np.log(max(before, allowed) / self._gap) / whole, 0.0, 1.0))
+
+    def _record(self, name: str, relaxation: Relaxation | None, seconds: float) -> Rung:
+        return Rung(
+            name=name,
+            order=relaxation.order if relaxation is not None and "order" in name else 0,
+            lower_bound=self.bound,
+            upper_bound=self.task.upper,
+            seconds=seconds,
+            largest_block=max(relaxation.block_sizes, default=0) if relaxation else 0,
+            moments=relaxation.moments.shape[0] if relaxation else 0,
+            nodes=self.search.seen if self.search is not None else 0,
+        )
+
+    def _relax(self, recipe: Recipe) -> Relaxation:
+        """Solve one relaxation of the whole box."""
+        if recipe.shape == "linear":
+            return self._linear()
+        with self.task.stages.stage("relax"):
+            scaled = self._scaled()
+            relaxation = recipe.build(scaled, self.ground.cliques)
+        start = time.process_time()
+        expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        argued = argue(self.task, self.model.box, scaled, relaxation)
+        spent = time.process_time() - start
+        if spent > 0.05:
+            self.ground.experience.pace = float(np.clip(spent / expected, 0.2, 5.0))
+        self.tried.append((recipe, argued.proved.bound, spent))
+        self._accept(argued, relaxation)
+        starts: list[NDArray] = []
+        if recipe.shape == "full":
+            starts = extracted(relaxation, argued.solution, scaled.scaling)
+        if argued.solution is not None and argued.solution.status in ("solved", "almost"):
+            starts.append(first_moments(scaled, relaxation, argued.solution.y))
+        self._attain(starts)
+        return relaxation
+
+    def _accept(self, argued: Argued, relaxation: Relaxation | None) -> None:
+        """Keep an argument if it is better, on the box as it was when it was made."""
+        replay = self.task.replay()
+        made = bound_of(replay, self.model, argued, relaxation)
+        if argued.proved.bound > self.best.proved.bound:
+            self.best = argued
+        self.outcome = better(self.outcome, made)
+
+    def _attain(self, starts: list[NDArray]) -> None:
+        """Local searches; a better point lowers the cut-off and shrinks the box."""
+        if not starts or self.over:
+            return
+        if self.repair is not None:
+            starts = [*(np.asarray(self.repair(x), float) for x in starts), *starts]
+        task, near = attained(self.task, starts)
+        self.near = self.near + near
+        if task.upper < self.task.upper:
+            self.task = task
+            self._shrink()
+
+    def _shrink(self) -> None:
+        """Propagate with the new cut-off."""
+        with self.task.stages.stage("presolve"):
+            replay = self.task.replay()
+            box, step = tighten(replay, self.model.box)
+            if not shrinks(self.model.box, box):
+                return
+            proof = BoxProof((*self.model.proof.steps, step))
+            self.model = replace(self.model, proof=proof, box=box)
+        if is_empty(box):
+            self._accept(Argued(Proved(np.inf, 0.0, ""), Node()), None)
+
+    def _linear(self) -> Relaxation:
+        """The linear relaxation, and bounds of the variables that matter from others like it."""
+        lifted: Lifted | None = None
+        cliques = self.ground.cliques["constraints"]
+        for number in range(_ROUNDS):
+            start = time.process_time()
+            with self.task.stages.stage("presolve"):
+                lifted = Lifted.of(self.task.problem, self.model.box, cliques, lifted)
+                solution = lifted.minimise(self.task.clock.left)
+                if solution.status not in ("solved", "infeasible"):
+                    break
+                empty = solution.status == "infeasible"
+                dual = lifted.objective_dual(solution)
+                proved = prove(self.task.replay(), self.model.box, dual, empty)
+            self._accept(Argued(proved, Node(argument=dual, empty=empty)), lifted.relaxation)
+            self.linear = max(self.linear, proved.bound)
+            self.linear_seconds = time.process_time() - start
+            if empty or self.over:
+                break
+            if number == 0:
+                self._attain([lifted.point(solution)])
+            if self.over or self._dear(self.linear_seconds) or not self._narrow(lifted):
+                break
+        assert lifted is not None
+        return lifted.relaxation
+
+    def _dear(self, seconds: float) -> bool:
+        """Whether tightening by such linear programs costs more than the next relaxation."""
+        count = 2.0 * min(len(self.ground.variables), _NARROW)
+        others = [self._seconds(r) for r in self.recipes if r.shape != "linear"]
+        return count * seconds > 3.0 * min(others, default=np.inf)
+
+    def _narrow(self, lifted: Lifted) -> bool:
+        """Tighten bounds by linear programs; whether another round may gain."""
+        box = self.model.box
+        open_ = [v for v in self.ground.variables if box.hi[v] > box.lo[v]][:_NARROW]
+        if not open_ or "narrow" in self.task.options.skip:
+            return False
+        with self.task.stages.stage("presolve"):
+            replay = self.task.replay()
+            smaller, step, _ = tightened(replay, lifted, box, open_, self.task.clock.left)
+            if step is None:
+                return False
+            steps = [*self.model.proof.steps, step]
+            if not is_empty(smaller):
+                again, more = tighten(replay, smaller)
+                if shrinks(smaller, again):
+                    smaller = again
+                    steps.append(more)
+            self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=smaller)
+        if is_empty(smaller):
+            self._accept(Argued(Proved(np.inf, 0.0, ""), Node()), None)
+            return False
+        old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
+        return bool(np.any(new < _GAINED * old))
+
+    # ---- branch and bound ---------------------------------------------------------------------
+
+    def _branch(self, start: float) -> None:
+        """Grow the tree for about as long as the next rung would take."""
+        others = [s for s in map(self._seconds, self.recipes) if np.isfinite(s)]
+        slice_ = float(np.clip(min(others, default=_SLICE), 0.5, _SLICE))
+        if self.search is None:
+            argued = self.best
+            self.search = Search(
+                self.task,
+                self._plan(),
+                self.model.proof,
+                self.model.box,
+                self._attain_in_search,
+                (argued.proved, argued.node.argument, argued.node.empty),
+                seen=self.seen,
+            )
+        search, limit = self.search, self.task.options.node_limit
+
+        def stop() -> bool:
+            late = time.process_time() - start > slice_
+            return late or search.task.clock.over or search.task.closed(search.bound)
+
+        nodes = 10**9 if limit is None else limit - search.seen
+        search.grow(nodes, stop, self.task.options.executor)
+        self.task = search.task
+        self._reconsider(search)
+        if search.done or search.bound > self.bound:
+            self._close_search()
+
+    def _reconsider(self, search: Search) -> None:
+        """Parts that linear programs do not close get the strongest relaxation of the root."""
+        slow = search.seen > _PATIENCE and search.plan.recipe is None and self.tried
+        if slow and not search.done and not self.over:
+            best = max(self.tried, key=lambda entry: entry[1])[0]
+            search.plan = replace(search.plan, recipe=best)
+
+    def _plan(self) -> Plan:
+        """Parts are bounded by what closed most of the gap per second at the root.
+
+        Linear programs go first where they closed a part of it worth naming.
+        """
+        upper = self.task.upper
+        base = self.linear if np.isfinite(self.linear) else self.first
+        best, most = None, 0.0
+        for recipe, bound, seconds in self.tried:
+            gap = upper - base
+            closed = (bound - base) / gap if np.isfinite(gap) and gap > 0 else float(bound > base)
+            # a share s needs about log(1 / (1 - s)) fewer levels of cuts
+            worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
+            if closed > 0.1 and worth > most and worth > _LEVEL / self.linear_seconds:
+                best, most = recipe, worth
+        return Plan(
+            self.ground.cliques,
+            self.ground.variables,
+            recipe=best,
+            narrow=len(self.ground.variables) <= _NARROW and "narrow" not in self.task.options.skip,
+        )
+
+    def _attain_in_search(self, task: Task, starts: list[NDArray]) -> Task:
+        task, near = attained(task, starts)
+        self.near = self.near + near
+        return task
+
+    def _close_search(self) -> None:
+        """Take over what the tree proves now."""
+        assert self.search is not None
+        certificate = self.search.certificate()
+        if level(certificate) > self.bound:
+            self.outcome = replace(self.outcome, certificate=certificate)

@@ -1,0 +1,251 @@
+"""Which relaxations a problem admits, what each may cost, and how far it gets as a rule.
+
+Progress from a gap g to the gap t that counts as closed is measured on a logarithmic
+scale: 0 at g, 1 at t. The progress that a relaxation is expected to make is first a rule
+of thumb from pooling, bilinear, polynomial and identification problems, then what it made
+on the objectives before; both only decide what is tried first. Seconds of an
+interior-point solve are estimated from the r = s (s + 1) / 2 entries of each block, those
+of a linear program from its rows, until they have been measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import comb
+
+import numpy as np
+
+from .polynomial import Polynomial
+from .presolve.scaling import Scaled
+from .problem import Problem
+from .relaxation import Relaxation, least_order, relax
+from .shapes import Products, Shape
+from .sparsity import Cliques, Joined, Method, find_cliques
+from .terms import Terms
+
+__all__ = ["Experience", "Families", "Recipe", "catalogue", "expected_seconds", "families"]
+
+Families = dict[Joined, Cliques]
+
+_ITERATIONS = 25
+_MOST_BYTES = 5e9
+_MOST_BASIS = 1500  # monomials of one clique
+_WORTH_CUTTING = 30  # monomials of a clique from which chordal term sparsity is tried
+_CHORDAL = 0.1  # time with blocks from chordal terms, as a rule
+_SMALL = 60  # variables up to which whole cliques are tried where stars would do
+_ORDERS = 3  # orders beyond the least
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One kind of relaxation.
+
+    Parameters
+    ----------
+    name : str
+    share : float
+        Progress towards a closed gap after it, as a rule.
+    shape : {"full", "linear", "mixed", "star", "split"}
+    order : int or None
+        Relaxation order of the full shape.
+    lean, products : bool
+    terms : {"none", "components", "chordal"}
+        As in :func:`sparsepop_py.relax`.
+    joined : {"constraints", "monomials", "partners"}
+        As in :func:`sparsepop_py.find_cliques`.
+    """
+
+    name: str
+    share: float
+    shape: Shape = "full"
+    order: int | None = None
+    lean: bool = False
+    products: bool = False
+    terms: Terms = "none"
+    joined: Joined = "constraints"
+
+    def build(self, scaled: Scaled, cliques: Families) -> Relaxation:
+        """The relaxation of a scaled problem that carries all its objectives."""
+        return relax(
+            scaled.problem,
+            self.order,
+            cliques=cliques[self.joined],
+            objectives=scaled.objectives,
+            lean=self.lean,
+            products=self.products,
+            shape=self.shape,
+            terms=self.terms,
+        )
+
+    def seconds(self, scaled: Scaled, cliques: Families) -> float:
+        """About how long it takes to solve."""
+        if self.shape == "full":
+            sizes = _full_sizes(self, scaled.problem, cliques[self.joined])
+            rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
+            return (_CHORDAL if self.terms == "chordal" else 1.0) * expected_seconds(sizes, rows)
+        relaxation = self.build(scaled, cliques)
+        return expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+
+    def fits(self, cliques: Families) -> bool:
+        """Whether the relaxation is small enough to be built at all."""
+        largest = max((len(c) for c in cliques[self.joined].members), default=0)
+        if self.shape == "full" and self.order is not None:
+            return comb(largest + self.order, self.order) <= _MOST_BASIS
+        return True
+
+
+def families(
+    problem: Problem, objectives: Sequence[Polynomial], sparse: bool, method: Method
+) -> Families:
+    """Cliques for each way of joining variables; the same ones where nothing is sparse."""
+    usual = find_cliques(problem, sparse, method, objectives)
+    found: Families = {"constraints": usual, "monomials": usual, "partners": usual}
+    if sparse and problem.constraints:
+        for joined in ("monomials", "partners"):
+            found[joined] = find_cliques(problem, sparse, method, objectives, joined)
+    return found
+
+
+def _differ(one: Cliques, other: Cliques) -> bool:
+    return one.members != other.members
+
+
+@dataclass(eq=False)
+class Experience:
+    """What the rungs were seen to do, shared by all objectives over one feasible set."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    progress: dict[str, float] = field(default_factory=dict)
+    pace: float = 1.0
+
+    def learn(self, name: str, progress: float, seconds: float) -> None:
+        """Enter what one rung did; older experience fades."""
+        for table, value in ((self.progress, progress), (self.seconds, seconds)):
+            table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
+
+    def rate(self, recipe: Recipe, share: float, estimate: float) -> float:
+        """Progress that a rung is expected to make in a second, after rungs of that share."""
+        rule = (recipe.share - share) / (1.0 - share + 1e-9)
+        if recipe.name not in self.progress:
+            return rule / (self.pace * estimate)
+        seen = 0.3 * max(rule, 0.0) + 0.7 * self.progress[recipe.name]
+        return seen / max(1e-3, self.seconds[recipe.name])
+
+
+def catalogue(
+    problem: Problem,
+    cliques: Families,
+    objectives: tuple[Polynomial, ...],
+    first: int | None,
+    skip: Sequence[str] = (),
+) -> tuple[Recipe, ...]:
+    """The rungs of the ladder for a problem with a finite box, by growing share.
+
+    Parameters
+    ----------
+    problem : Problem
+        Only its structure is looked at.
+    cliques : dict
+        A family of cliques for each way of joining variables.
+    objectives : tuple of Polynomial
+    first : int or None
+        Relaxation order to start at; it leaves out everything below.
+    skip : sequence of str
+        Shapes, ways of joining and kinds of terms to leave out.
+    """
+    rungs = []
+    if first is None or first == 1:
+        rungs = _below_orders(problem, cliques, objectives)
+    rungs += _orders(problem, cliques, least_order(problem, objectives), first or 1)
+    if "components" in skip:
+        rungs = [replace(r, terms="none") if r.terms == "components" else r for r in rungs]
+    rungs = [r for r in rungs if not {r.shape, r.joined, r.terms} & set(skip)]
+    fitting = [rung for rung in rungs if rung.fits(cliques)]
+    return tuple(sorted(fitting, key=lambda rung: rung.share))
+
+
+def _below_orders(
+    problem: Problem, cliques: Families, objectives: tuple[Polynomial, ...]
+) -> list[Recipe]:
+    """The linear relaxation, and what lies between order 1 and order 2 for degree two."""
+    rungs = [Recipe("linear", 0.25, "linear")]
+    if _differ(cliques["monomials"], cliques["constraints"]):
+        least = least_order(problem, objectives)
+        name = f"order {least}, monomial cliques"
+        rungs.append(Recipe(name, 0.3, "full", least, True, True, joined="monomials"))
+    products = Products.of(problem, objectives)
+    if problem.degree > 2 or not products.pairs.size:
+        return rungs
+    if products.has_star:
+        rungs.append(Recipe("star", 0.85, "star", products=True))
+        rungs.append(Recipe("split", 0.9, "split", products=True))
+    if not products.has_star or problem.dimension <= _SMALL:
+        rungs.append(Recipe("mixed", 0.8, "mixed", products=True))
+        if _differ(cliques["partners"], cliques["constraints"]):
+            name = "mixed, partner cliques"
+            rungs.append(Recipe(name, 0.83, "mixed", products=True, joined="partners"))
+    return rungs
+
+
+def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list[Recipe]:
+    """Full orders, lean and with small blocks from terms before whole ones."""
+    largest = max((len(c) for c in cliques["constraints"].members), default=0)
+    rungs: list[Recipe] = []
+    start = max(first, least)
+    for order in range(start, start + _ORDERS + 1):
+        above = order - least
+        share = 1.0 - (0.3 if problem.degree > 2 else 0.65) * 0.25**above
+        plain = Recipe(f"order {order}", share, "full", order, False, True)
+        if order > 1:  # small blocks lose nothing that signs do not lose
+            plain = replace(plain, terms="components")
+        rungs += [
+            replace(plain, name=f"order {order} lean", share=0.97 * share, lean=True),
+            plain,
+        ]
+        if order > 1 and comb(largest + order, order) > _WORTH_CUTTING:
+            name = f"order {order}, chordal terms"
+            rungs.append(replace(plain, name=name, share=0.95 * share, terms="chordal"))
+    return rungs
+
+
+def expected_seconds(sizes: dict[int, float], rows: float) -> float:
+    """About how long a solve takes, +inf where the memory would not do.
+
+    Parameters
+    ----------
+    sizes : dict
+        How many semidefinite blocks there are of each size (1: linear rows).
+    rows : float
+        Number of conic rows.
+    """
+    entries = np.array([s * (s + 1) / 2.0 for s in sizes])
+    counts = np.array(list(sizes.values()), float)
+    if np.sum(12.0 * counts * entries**2) > _MOST_BYTES:
+        return np.inf
+    if entries.size == 0 or entries.max() <= 1:
+        return 2e-3 + 1.5e-6 * rows**1.4
+    step = float(np.sum(counts * 1.2e-7 * entries**2 / (1.0 + entries / 600.0)))
+    return _ITERATIONS * (step + 1e-6 * rows)
+
+
+def _full_sizes(recipe: Recipe, problem: Problem, cliques: Cliques) -> dict[int, float]:
+    """Block sizes of a full shape, counted without building it."""
+    assert recipe.order is not None
+    order = recipe.order
+    members = np.array([len(c) for c in cliques.members], int)
+    sizes: dict[int, float] = {}
+
+    def add(clique: int, degree: int, count: float = 1.0) -> None:
+        size = comb(clique + degree, degree)
+        sizes[size] = sizes.get(size, 0.0) + count
+
+    for clique in members.tolist():
+        add(clique, order)
+        if not recipe.lean:
+            add(clique, order - 1, clique)
+    for number, constraint in enumerate(problem.constraints):
+        if not problem.equality[number]:
+            half = (constraint.polynomial.degree + 1) // 2
+            add(int(members[max(int(cliques.home[number]), 0)]), max(order - half, 0))
+    return sizes

@@ -1,0 +1,260 @@
+"""Many objectives over one feasible set: what one proves helps the others.
+
+The box is made once by arguments that hold for all objectives: propagation, then linear
+programs for the variables that matter. Each objective then climbs a little way; a proved
+bound of a single variable shrinks the shared box (its certificate is quoted, not
+repeated), an attained point is tried on all objectives. Rounds follow on the smaller box
+while bounds move; what is still open then climbs as far as it must. Cut-offs stay with
+their objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .auto import Auto
+from .boxes import find_box, finite, shrinks
+from .certificate.box import BoxProof, Known, Replay, Step, shrunk, tighten
+from .certificate.certificate import Certificate
+from .enclosure import range_over
+from .feasibility import ProvedPoint
+from .ground import Ground, branching
+from .incumbents import attained, carried, random_starts
+from .ladder import INTERRUPTED, Climbed
+from .lifting import Lifted, coordinate_of, tightened
+from .options import Options
+from .polynomial import Polynomial
+from .presolve.propagation import is_empty
+from .problem import Problem
+from .progress import Stages
+from .rounding import Interval
+from .rungs import Model
+from .shapes import Products
+from .sparsity import find_cliques
+from .task import Clock, Task
+
+__all__ = ["Family", "first_starts", "pairs", "shared_model"]
+
+_ROUNDS = 4
+_NARROW = 24  # variables whose bounds linear programs tighten for all objectives
+_GAINED = 0.8
+_ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
+
+
+@dataclass(eq=False)
+class Family:
+    """Objectives that climb together.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : sequence of Polynomial
+    options : Options
+    model : Model
+        Box and proof without cut-offs, finite in every variable.
+    starts : list of (n,) float
+    stages : Stages
+    clock : Clock
+    told : callable, optional
+        Called after each climb of an objective.
+    repair : callable, optional
+        Improves candidate vectors before local searches.
+    """
+
+    problem: Problem
+    objectives: Sequence[Polynomial]
+    options: Options
+    model: Model
+    starts: list[NDArray[np.float64]]
+    stages: Stages
+    clock: Clock
+    told: Callable[[int, Climbed], None] | None = None
+    repair: Callable[[NDArray], NDArray] | None = None
+    autos: list[Auto] = field(default_factory=list)
+    points: list[ProvedPoint] = field(default_factory=list)
+    quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
+    base: Model = field(init=False)
+    pairs: dict[int, int] = field(init=False)
+    ground: Ground = field(init=False)
+
+    def run(self) -> list[Climbed]:
+        """Climb until every gap is closed or time is over."""
+        self._begin()
+        notes: tuple[str, ...] = ()
+        try:
+            self._first_points()
+            while not self.over:
+                for index in range(len(self.autos)):
+                    self._climb(index)
+                if self._stuck:
+                    break
+        except KeyboardInterrupt:
+            notes = (INTERRUPTED,)
+        return [self._state(auto, notes) for auto in self.autos]
+
+    def _state(self, auto: Auto, notes: tuple[str, ...] = ()) -> Climbed:
+        return Climbed(auto.task, auto.outcome, auto.near, tuple(auto.history), notes)
+
+    @property
+    def _stuck(self) -> bool:
+        return all(auto.over or auto.exhausted for auto in self.autos)
+
+    @property
+    def over(self) -> bool:
+        """Whether all gaps are closed or time is over."""
+        return self.clock.over or all(auto.over for auto in self.autos)
+
+    def _begin(self) -> None:
+        """One climber an objective."""
+        self.pairs, self.base = pairs(self.objectives), self.model
+        self.ground = Ground.of(self.problem, self.objectives, self.options)
+        for objective in self.objectives:
+            problem = self.problem.with_objective(objective)
+            task = Task(problem, self.options, Stages(self.options.progress), self.clock)
+            self.autos.append(Auto(task, self.model, [], self.ground, repair=self.repair))
+
+    def _first_points(self) -> None:
+        """Local searches from the starts; what they find is tried on all objectives."""
+        if not self.starts:
+            return
+        several = self.ground.products.has_star  # then a local search costs little
+        for auto in self.autos if several else self.autos[:1]:
+            auto.task, auto.near = attained(carried(auto.task, self.points), self.starts)
+            if auto.task.best is not None:
+                self.points.append(auto.task.best)
+        self._carry(self.points)
+
+    def _climb(self, index: int) -> None:
+        """Let one objective climb one rung on the shared box as it is now."""
+        auto = self.autos[index]
+        if auto.over or self.clock.over:
+            return
+        known = len(self.points)
+        auto.restart(self.model)
+        auto.run(1)
+        if auto.task.best is not None and auto.task.best not in self.points:
+            self.points.append(auto.task.best)
+        self._carry(self.points[known:])
+        self._quote(index)
+        if self.told is not None:
+            self.told(index, self._state(auto))
+
+    def _carry(self, points: list[ProvedPoint]) -> None:
+        """Try points on all objectives, and say anew what their gaps are relative to."""
+        for auto in self.autos:
+            auto.task = carried(auto.task, points)
+        for index, auto in enumerate(self.autos):
+            auto.task = replace(auto.task, unit=self._unit(index))
+
+    def _unit(self, index: int) -> float | None:
+        """The distance of the attained values of a pair of objectives, for width gaps."""
+        if self.options.gap_kind != "width":
+            return None
+        other = self.autos[self.pairs[index]].task.upper
+        width = -other - self.autos[index].task.upper
+        if np.isfinite(width):
+            rounding = _ROUNDING * max(1.0, abs(other)) / max(self.options.gap, _ROUNDING)
+            return max(width, rounding)  # the width of a single point is 0
+        reach = range_over(self.autos[index].task.problem.objective_row, self.model.box)
+        return float(reach.hi[0] - reach.lo[0])  # for a start; the attained width is smaller
+
+    def _quote(self, index: int) -> None:
+        """A proved bound of a single variable shrinks the box of all."""
+        auto, target = self.autos[index], coordinate_of(self.objectives[index])
+        certificate = auto.outcome.certificate
+        if "quote" in self.options.skip:
+            return
+        if target is None or certificate is None or not np.isfinite(certificate.bound):
+            return
+        variable, side = target
+        box = self.model.box
+        gained = certificate.bound - (box.lo[variable] if side > 0 else -box.hi[variable])
+        if gained <= 1e-4 * (box.hi[variable] - box.lo[variable]):
+            return
+        with self.stages.stage("presolve"):
+            self.quoted[variable, side] = certificate
+            bounds = tuple((v, s, proof) for (v, s), proof in self.quoted.items())
+            variables, sides = np.array(list(self.quoted), np.int64).T
+            values = np.array([proof.bound for _, _, proof in bounds])
+            known = Known(bounds)
+            # their certificates were made by the code that verifies them: no need to replay
+            box = shrunk(self.base.box, variables, sides, values)
+            replay = Replay(self.problem, None)
+            if is_empty(box):
+                return
+            steps: list[Step] = [*self.base.proof.steps, known]
+            again, step = tighten(replay, box, 3)
+            if shrinks(box, again):
+                box = again
+                steps.append(step)
+            self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=box)
+
+
+def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
+    """For each objective p the number of the objective -p."""
+    found: dict[int, int] = {}
+    for i, p in enumerate(objectives):
+        for j, q in enumerate(objectives):
+            if (p + q).terms == 0:
+                found[i] = j
+                break
+    return found
+
+
+def shared_model(
+    problem: Problem, options: Options, objectives: Sequence[Polynomial], stages: Stages
+) -> Model:
+    """The box that all objectives share, tightened by linear programs where they matter."""
+    with stages.stage("presolve"):
+        proof, box = find_box(problem.with_objective(objectives[0]), None, options)
+        model = Model(proof, box)
+        idle = options.effort != "auto" or "narrow" in options.skip
+        if idle or not finite(box) or is_empty(box):
+            return model
+        products = Products.of(problem, objectives)
+        variables = branching(products, options)
+        variables += tuple(
+            c[0] for p in objectives if (c := coordinate_of(p)) and c[0] not in variables
+        )
+        variables = tuple(dict.fromkeys(variables))
+        if not products.pairs.size or not 0 < len(variables) <= _NARROW:
+            return model
+        return _tightened(problem, model, variables, options)
+
+
+def _tightened(
+    problem: Problem, model: Model, variables: tuple[int, ...], options: Options
+) -> Model:
+    """Rounds of bound tightening while they gain."""
+    replay = Replay(problem, None)
+    cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
+    steps, box = list(model.proof.steps), model.box
+    lifted: Lifted | None = None
+    for _ in range(_ROUNDS):
+        lifted = Lifted.of(problem, box, cliques, lifted)
+        smaller, step, _ = tightened(replay, lifted, box, variables)
+        if step is None or is_empty(smaller):
+            break
+        steps.append(step)
+        chosen = list(variables)
+        old, new = (box.hi - box.lo)[chosen], (smaller.hi - smaller.lo)[chosen]
+        box = smaller
+        if not np.any(new < _GAINED * old):
+            break
+    if steps[len(model.proof.steps) :]:
+        again, sweeps = tighten(replay, box, 5)
+        if shrinks(box, again):
+            box = again
+            steps.append(sweeps)
+    return replace(model, proof=BoxProof(tuple(steps)), box=box)
+
+
+def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+    """Random starts, the middle of the box alone where few variables complicate the problem."""
+    if Products.of(problem).has_star:
+        return [box.middle()]
+    return random_starts(problem, box, options)

@@ -1,0 +1,41 @@
+"""What all objectives over one feasible set share on their way up the ladder."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from .catalogue import Experience, Families, Recipe, catalogue, families
+from .options import Options
+from .polynomial import Polynomial
+from .problem import Problem
+from .shapes import Products
+
+__all__ = ["Ground", "branching"]
+
+
+def branching(products: Products, options: Options) -> tuple[int, ...]:
+    """The variables to cut: those asked for, else those that cover all products."""
+    if options.branch_on is not None:
+        return tuple(sorted({int(v) for v in options.branch_on}))
+    return products.complicating
+
+
+@dataclass(eq=False)
+class Ground:
+    """What all objectives over one feasible set share on their way up."""
+
+    products: Products
+    cliques: Families
+    variables: tuple[int, ...]
+    recipes: tuple[Recipe, ...]
+    experience: Experience = field(default_factory=Experience)
+    estimates: dict[str, float] = field(default_factory=dict)
+
+    @staticmethod
+    def of(problem: Problem, objectives: Sequence[Polynomial], options: Options) -> Ground:
+        """Structure of a problem and its objectives."""
+        products = Products.of(problem, objectives)
+        cliques = families(problem, objectives, options.sparse, options.chordal)
+        recipes = catalogue(problem, cliques, tuple(objectives), options.order, options.skip)
+        return Ground(products, cliques, branching(products, options), recipes)

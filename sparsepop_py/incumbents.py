@@ -1,0 +1,83 @@
+"""Attained points: where local searches start, and what one objective's point is to another.
+
+Everything that is returned as attained carries a proof of existence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .boxes import find_box
+from .conic import ConicSolution
+from .enclosure import range_over
+from .extraction import candidates
+from .feasibility import ProvedPoint
+from .options import Options
+from .presolve.propagation import is_empty
+from .presolve.scaling import Scaling
+from .problem import Problem
+from .refinement import best_attained, starting_points
+from .relaxation import Relaxation
+from .rounding import Interval
+from .shapes import Products
+from .task import Task
+
+__all__ = ["attain", "attained", "carried", "extracted", "random_starts"]
+
+_FAR = 1e-3  # candidates whose value is this much above the best are not worth keeping
+
+
+def attain(
+    problem: Problem, starts: list[NDArray], task: Task
+) -> tuple[ProvedPoint | None, list[NDArray]]:
+    """The best proved point that local searches from the starts lead to, and all they saw."""
+    options = task.options
+    if options.refine == "none" or not starts:
+        return None, []
+    method = "ipopt" if options.refine == "ipopt" else None
+    return best_attained(problem, starts, options.tolerance, method, task.clock.end)
+
+
+def attained(task: Task, starts: list[NDArray]) -> tuple[Task, list[NDArray]]:
+    """The task with a better point if the starts lead to one, and all that was seen."""
+    with task.stages.stage("refine"):
+        found, near = attain(task.problem, starts, task)
+    if found is not None and found.value < task.upper:
+        task = replace(task, best=found)
+    return task, near
+
+
+def carried(task: Task, points: list[ProvedPoint]) -> Task:
+    """The task with the best of the points that were attained for other objectives."""
+    row = task.problem.objective_row
+    for point in points:
+        reach = np.full(point.x.size, point.radius)
+        near = Interval.point(point.x) + Interval(-reach, reach)
+        value = float(range_over(row, near).hi[0])
+        if value < task.upper:
+            task = replace(task, best=replace(point, value=value))
+    return task
+
+
+def extracted(
+    relaxation: Relaxation, solution: ConicSolution | None, scaling: Scaling
+) -> list[NDArray[np.float64]]:
+    """Candidate minimisers from the moments of a solution."""
+    if solution is None or solution.status not in ("solved", "almost"):
+        return []
+    return [scaling.point(t) for t in candidates(relaxation, solution.y)]
+
+
+def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+    """Starting points in a box: many in few variables, none in very many."""
+    n = problem.dimension
+    count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
+    if options.effort == "auto":  # the ladder brings better ones
+        count = 0 if Products.of(problem).has_star else count // 3
+    if options.effort != "plain":
+        _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
+        box = box if is_empty(tighter) else tighter
+    return starting_points(problem, box, count, options.seed)

@@ -1,0 +1,95 @@
+"""What every stage of a solve needs: the problem, the options, the clock, the best point."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from .certificate.box import Replay
+from .feasibility import ProvedPoint
+from .options import Options
+from .problem import Problem
+from .progress import Stages
+
+__all__ = ["Clock", "Task"]
+
+
+class Clock:
+    """Remaining wall time."""
+
+    def __init__(self, limit: float | None) -> None:
+        self._end = None if limit is None else time.monotonic() + limit
+
+    @property
+    def left(self) -> float | None:
+        """Seconds left, None without a limit."""
+        return None if self._end is None else max(1e-3, self._end - time.monotonic())
+
+    @property
+    def end(self) -> float:
+        """When time is over on the monotonic clock, inf without a limit."""
+        return np.inf if self._end is None else self._end
+
+    @property
+    def over(self) -> bool:
+        """Whether the limit has passed."""
+        return self._end is not None and time.monotonic() >= self._end
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One objective: what is asked, how, and the best attained point so far.
+
+    Parameters
+    ----------
+    problem : Problem
+    options : Options
+    stages : Stages
+    clock : Clock
+    best : ProvedPoint or None
+    unit : float or None
+        What the gap is relative to; None: as ``options.gap_kind`` says.
+    """
+
+    problem: Problem
+    options: Options
+    stages: Stages
+    clock: Clock
+    best: ProvedPoint | None = None
+    unit: float | None = None
+
+    @property
+    def upper(self) -> float:
+        """The attained value, +inf without one."""
+        return self.best.value if self.best is not None else np.inf
+
+    @property
+    def allowed(self) -> float:
+        """The gap that counts as closed, in units of the objective."""
+        if self.unit is not None:
+            return self.options.gap * self.unit
+        relative = self.options.gap_kind == "relative" and self.best is not None
+        return self.options.gap * (max(1.0, abs(self.upper)) if relative else 1.0)
+
+    @property
+    def target(self) -> float:
+        """A bound that closes the gap, +inf without an attained point."""
+        return self.upper - self.allowed
+
+    def closed(self, bound: float) -> bool:
+        """Whether a proved bound closes the gap, or says that nothing is feasible."""
+        return bound == np.inf or (self.best is not None and bound >= self.target)
+
+    def replay(self, *, below: bool = False) -> Replay:
+        """The problem with the cut-off at the attained value.
+
+        Where ``below``, the cut-off lies a little below it, by most of the allowed gap, so
+        that parts of the box can become empty; a bound can then not exceed that level.
+        """
+        idle = self.best is None or "cutoff" in self.options.skip
+        level = None if idle else self.upper
+        if below and level is not None:
+            level -= 0.9 * self.allowed
+        return Replay(self.problem, level)

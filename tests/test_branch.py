@@ -1,0 +1,247 @@
+"""Branch and bound: interrupted anywhere it proves what it says, and it says ever more."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from random_cases import random_case
+from solved import check
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Problem, Status
+from sparsepop_py.branch import Plan, Search
+from sparsepop_py.catalogue import catalogue
+from sparsepop_py.certificate.box import BoxProof
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.incumbents import attained
+from sparsepop_py.progress import Stages
+from sparsepop_py.rounding import Interval
+from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.task import Clock, Task
+
+INF = np.inf
+CATALOGUE = catalogue
+
+
+def bilinear():
+    """min x y + z w - x w with x + y + z + w <= 2, a square of four corners and more."""
+    x, y, z, w = sp.variables(4)
+    rows = [x + y + z + w <= 2, x * y + z * w >= -1]
+    return Problem(x * y + z * w - x * w, rows, -1.0, 2.0)
+
+
+def least_on_a_grid(problem, steps):
+    axes = [np.linspace(a, b, steps) for a, b in zip(problem.lower, problem.upper, strict=True)]
+    x, y, z, w = np.meshgrid(*axes, indexing="ij")
+    inside = (x + y + z + w <= 2) & (x * y + z * w >= -1)
+    return float((x * y + z * w - x * w)[inside].min())
+
+
+def search_of(problem, variables, start=None, options=None, **plan):
+    task = Task(problem, options or Options(), Stages(), Clock(None))
+    if start is not None:
+        task = replace(task, best=prove_feasible(problem, np.array(start, float)))
+        assert task.best is not None
+    box = Interval(problem.lower, problem.upper)
+    cliques = {"constraints": find_cliques(problem)}
+    return Search(
+        task, Plan(cliques, variables, **plan), BoxProof(), box, lambda t, x: attained(t, x)[0]
+    )
+
+
+def never():
+    return False
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+@pytest.mark.parametrize("start", [None, (1.0, 0.0, 0.0, 1.0)])
+def test_interrupted_after_any_number_of_parts(narrow, start):
+    problem = bilinear()
+    least = least_on_a_grid(problem, 25)
+    search = search_of(problem, (0, 1, 2, 3), start, narrow=narrow)
+    bounds = []
+    for seen in range(1, 26):
+        if search.grow(1, never) == 0:
+            break
+        certificate = search.certificate()
+        if certificate is None:
+            continue
+        verdict = certificate.verify(problem)
+        assert verdict.ok, verdict.reason
+        assert certificate.bound <= least
+        assert certificate.bound >= search.bound - 1e-9
+        assert search.seen == seen
+        bounds.append(certificate.bound)
+    assert np.all(np.diff(bounds) >= -1e-12)
+    assert bounds[-1] > bounds[0]
+
+
+def test_until_nothing_is_left():
+    problem = bilinear()
+    search = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-3))
+    search.grow(2000, never)
+    assert search.done
+    certificate = search.certificate()
+    assert certificate.verify(problem).ok
+    assert certificate.leaves > 1
+    upper = search.task.upper
+    assert certificate.bound <= least_on_a_grid(problem, 25) + 1e-12
+    assert upper - certificate.bound <= 1e-3 * max(1.0, abs(upper))
+
+
+def test_a_raised_exception_loses_no_part():
+    problem = bilinear()
+    search = search_of(problem, (0, 1, 2, 3), (1.0, 0.0, 0.0, 1.0))
+    search.grow(7, never)
+    before, parts = search.certificate().bound, len(search._heap)
+    usual, search._explored = search._explored, None  # calling None raises
+    with pytest.raises(TypeError):
+        search.grow(5, never)
+    assert len(search._heap) == parts
+    assert search.certificate().bound == before
+    search._explored = usual
+    search.grow(5, never)
+    assert search.certificate().bound >= before
+    assert search.certificate().verify(problem).ok
+
+
+def cuts_of(certificate):
+    return {node.cut[0] for node in certificate.root if node.cut is not None}
+
+
+def test_only_chosen_variables_are_cut():
+    problem = bilinear()
+    for chosen in ((0,), (1, 2), (3,)):
+        search = search_of(problem, chosen, (1.0, 0.0, 0.0, 1.0))
+        search.grow(15, never)
+        certificate = search.certificate()
+        assert cuts_of(certificate)
+        assert cuts_of(certificate) <= set(chosen)
+        assert certificate.verify(problem).ok
+
+
+def test_no_variable_to_cut():
+    problem = bilinear()
+    search = search_of(problem, (), (1.0, 0.0, 0.0, 1.0))
+    search.grow(10, never)
+    assert search.seen == 1
+    assert search.done
+    assert search.certificate().verify(problem).ok
+
+
+def test_parts_that_hold_nothing():
+    # the circle of radius 1 and the curve x y = 1 are apart: |x y| <= 1/2 on the circle
+    x, y = sp.variables(2)
+    problem = Problem(x, [x**2 + y**2 == 1, x * y == 1], -2.0, 2.0)
+    search = search_of(problem, (0, 1))
+    search.grow(500, never)
+    assert search.done
+    certificate = search.certificate()
+    assert certificate.bound == INF
+    assert certificate.verify(problem).ok
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_problems_of_any_degree(seed):
+    case = random_case(seed)
+    variables = tuple(range(case.problem.dimension))
+    for start in (None, case.points[int(np.argmax(case.values))]):
+        search = search_of(case.problem, variables, start)
+        search.grow(12, never)
+        certificate = search.certificate()
+        if certificate is not None:
+            assert certificate.bound <= case.least
+            assert certificate.verify(case.problem).ok
+
+
+def test_a_lower_cutoff_is_taken_up_and_a_higher_one_refused():
+    problem = bilinear()
+    search = search_of(problem, (0, 1, 2, 3), (0.5, 0.0, 0.0, 0.5))
+    search.grow(3, never)
+    worse = prove_feasible(problem, np.zeros(4))
+    better = prove_feasible(problem, np.array([1.0, 0.0, 0.0, 1.0]))
+    assert search.tell(replace(search.task, best=better))
+    assert search.task.upper <= better.value
+    search.grow(3, never)
+    assert search.certificate().verify(problem).ok
+    assert not search.tell(replace(search.task, best=worse))
+
+
+def threads():
+    return ThreadPoolExecutor(2)
+
+
+def processes():
+    return ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+
+
+@pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
+def test_an_executor_leads_to_the_same_bound(pool):
+    problem = bilinear()
+    alone = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-4))
+    alone.grow(5000, never)
+    with pool() as executor:
+        shared = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-4))
+        shared.grow(5000, never, executor)
+    assert alone.done
+    assert shared.done
+    assert shared.task.upper == pytest.approx(alone.task.upper, abs=1e-6)
+    bounds = [search.certificate().bound for search in (alone, shared)]
+    assert bounds[0] == pytest.approx(bounds[1], abs=1.1e-4 * max(1.0, abs(bounds[0])))
+    assert shared.certificate().verify(problem).ok
+
+
+@pytest.fixture
+def only_branch(monkeypatch):
+    """Only the linear relaxation and branch and bound are left on the ladder."""
+    monkeypatch.setattr(
+        "sparsepop_py.auto.catalogue",
+        lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
+    )
+
+
+def test_the_ladder_branches_where_nothing_else_is_left(only_branch):
+    problem = bilinear()
+    result = check(problem, sp.solve(problem, Options(effort="auto", gap=1e-3)))
+    assert result.status is Status.OPTIMAL
+    assert [rung.name for rung in result.history][-1] == "branch"
+    assert result.certificate.leaves > 1
+    assert result.lower_bound <= least_on_a_grid(problem, 25)
+
+
+def test_a_node_limit_of_zero_switches_it_off(only_branch):
+    problem = bilinear()
+    result = check(problem, sp.solve(problem, Options(effort="auto", node_limit=0)))
+    assert result.history
+    assert "branch" not in [rung.name for rung in result.history]
+    assert result.certificate.leaves == 1
+    assert result.status is Status.BOUNDED
+
+
+@pytest.mark.parametrize("limit", [1, 2, 5])
+def test_a_node_limit_is_held(only_branch, limit):
+    problem = bilinear()
+    result = check(problem, sp.solve(problem, Options(effort="auto", node_limit=limit)))
+    assert result.history[-1].name == "branch"
+    assert result.history[-1].nodes == limit
+    assert result.lower_bound <= least_on_a_grid(problem, 25)
+
+
+def test_branch_on_is_respected(only_branch):
+    problem = bilinear()
+    options = Options(effort="auto", branch_on=[1, 2], node_limit=20)
+    result = check(problem, sp.solve(problem, options))
+    assert cuts_of(result.certificate) == {1, 2}
+
+
+def test_an_executor_in_the_ladder(only_branch):
+    problem = bilinear()
+    with ThreadPoolExecutor(2) as executor:
+        options = Options(effort="auto", gap=1e-3, executor=executor)
+        result = check(problem, sp.solve(problem, options))
+    assert result.status is Status.OPTIMAL
+    assert result.lower_bound <= least_on_a_grid(problem, 25)
