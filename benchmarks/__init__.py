@@ -1,5 +1,6 @@
-"""Measurements of sparsepop_py: ``python -m benchmarks growth`` and ``... certificates``.
+"""Measurements of sparsepop_py, alone and beside its peers.
 
-CPU seconds of this process, one thread where the libraries allow it. Tables are printed
-as Markdown.
+``python -m benchmarks list`` names the families of problems, ``run`` measures them and
+writes JSON lines, ``report`` makes tables and pictures of these lines, ``orders`` compares
+relaxation orders on files of your own. All times are CPU seconds of one process a case.
 """

@@ -1,88 +1,245 @@
-"""Run one measurement by name and print its table."""
+"""The command line: ``python -m benchmarks {list,run,ablation,report,orders}``."""
 
 from __future__ import annotations
 
 import argparse
-import resource
+import math
 import sys
-import time
-import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
 
-ZOO = Path(__file__).resolve().parent.parent / "tests" / "zoo"
+from .errors import BenchmarkError
+from .families import REGISTRY
+from .measure import Setting
+from .orders import compare, order_table
+from .pictures import draw_orders, draw_report
+from .records import Row, read_rows, write_row
+from .registry import Selection
+from .report import report
+from .runner import SOLVERS, ablation, run
+from .settings import parsed, switches
+from .tables import number, table
+
+__all__ = ["main"]
+
+_RESULTS = Path(__file__).resolve().parent / "results"
+_EXIT_WRONG, _EXIT_MISSING = 2, 3
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    commands = parser.add_subparsers(dest="command", required=True)
-    growth = commands.add_parser("growth", help="build and assemble chains of growing length")
-    growth.add_argument("--sizes", type=int, nargs="+", default=[1000, 2000, 5000, 10000])
-    proofs = commands.add_parser("certificates", help="bounds, corrections and verification")
-    proofs.add_argument("--names", nargs="*", help="only problems whose name contains one of these")
-    chosen = parser.parse_args()
-    rows = _growth(chosen.sizes) if chosen.command == "growth" else _certificates(chosen.names)
-    for row in rows:
-        print("| " + " | ".join(row) + " |", flush=True)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; 0 when done, 2 when the input is wrong, 3 when software is missing."""
+    chosen = _parser().parse_args(argv)
+    try:
+        chosen.act(chosen)
+    except (BenchmarkError, sp.FormatError, sp.ProblemError) as error:
+        print(f"benchmarks: {error}", file=sys.stderr)
+        return _EXIT_WRONG
+    except sp.SolverNotFound as error:
+        print(f"benchmarks: {error}", file=sys.stderr)
+        return _EXIT_MISSING
     return 0
 
 
-def _growth(sizes: list[int]) -> Iterator[list[str]]:
-    """CPU seconds of cliques, relaxation and assembly at order 2 on the box [-1, 1]^n."""
-    yield ["problem", "n", "cliques s", "relax s", "assemble s", "moments", "rows", "peak MB"]
-    yield ["---"] * 8
-    for make in (sp.problems.rosenbrock, sp.problems.broyden_tridiagonal):
-        for n in sizes:
-            problem = sp.Problem(make(n).objective, lower=-1, upper=1)
-            ticks = [time.process_time()]
-            cliques = sp.find_cliques(problem)
-            ticks.append(time.process_time())
-            relaxation = sp.relax(problem, 2, cliques=cliques)
-            ticks.append(time.process_time())
-            sp.assemble(relaxation, problem.objective)
-            ticks.append(time.process_time())
-            seconds = [f"{b - a:.3f}" for a, b in zip(ticks, ticks[1:], strict=False)]
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-            sizes_text = [str(relaxation.moments.shape[0]), str(relaxation.rows), str(peak)]
-            yield [make.__name__, str(n), *seconds, *sizes_text]
+# ---- commands ---------------------------------------------------------------------------
 
 
-def _certificates(names: list[str] | None) -> Iterator[list[str]]:
-    """The zoo: proved and attained values, what the proof cost, and time to solve and verify."""
-    yield ["problem", "order", "status", "proved", "attained", "gap", "correction", "s", "verify s"]
-    yield ["---"] * 9
-    for name, text, order in _zoo():
-        if names and not any(part in name for part in names):
-            continue
-        problem = sp.parse(text)
-        start = time.process_time()
-        result = sp.solve(problem, sp.Options(order=order))
-        middle = time.process_time()
-        correction, verified = "", ""
-        if result.certificate is not None:
-            assert result.certificate.verify(problem).ok
-            correction = f"{result.certificate.correction:.1e}"
-            verified = f"{time.process_time() - middle:.3f}"
-        yield [
-            name,
-            str(order),
-            str(result.status),
-            rounded(result.lower_bound, False),
-            rounded(result.upper_bound, True),
-            f"{result.gap:.1e}",
-            correction,
-            f"{middle - start:.2f}",
-            verified,
-        ]
+def _list(chosen: argparse.Namespace) -> None:
+    print(table(["family", "what it holds"], [[f.name, f.summary] for f in REGISTRY]))
+    print(f"\nswitches for ablation: {', '.join(switches()) or 'none'}")
 
 
-def _zoo() -> Iterator[tuple[str, str, int]]:
-    for path in sorted(ZOO.glob("*.toml")):
-        for entry in tomllib.loads(path.read_text())["problem"]:
-            yield entry["name"], entry["text"], max(entry["orders"])
+def _run(chosen: argparse.Namespace) -> None:
+    families = [REGISTRY[name] for name in chosen.families]
+    _keep(run(families, _selection(chosen), _setting(chosen)), chosen.output)
+
+
+def _ablation(chosen: argparse.Namespace) -> None:
+    families = [REGISTRY[name] for name in chosen.families]
+    names = list(switches()) if chosen.switches is None else chosen.switches
+    rows = ablation(families, _selection(chosen), _setting(chosen), names, chosen.variant)
+    _keep(rows, chosen.output)
+
+
+def _keep(rows: Iterable[Row], path: Path) -> None:
+    """Write rows as they come, and show each in a line."""
+    count = 0
+    for row in rows:
+        write_row(row, path)
+        if not count:
+            print(table(["problem", "seed", "by", "status", "closed", "gap", "CPU s"], []))
+        count += 1
+        print(table(_short(row), []).splitlines()[0], flush=True)
+        for note in row.notes if row.valid is False else ():
+            print(f"    {note}", flush=True)
+    if not count:
+        raise BenchmarkError("--names: nothing is selected, expected part of a problem's name")
+    print(f"\n{count} rows were added to {path}")
+
+
+def _short(row: Row) -> list[str]:
+    size = f" [{row.size}]" if row.size and str(row.size) not in row.problem else ""
+    by = row.solver + (f", {row.variant}" if row.variant != "default" else "")
+    gap = "" if row.status == "built" else number(row.gap)
+    seconds = "" if math.isnan(row.cpu_seconds) else f"{row.cpu_seconds:.3f}"
+    done = f"{row.closed}/{row.objectives}"
+    return [row.problem + size, str(row.seed), by, row.status, done, gap, seconds]
+
+
+def _report(chosen: argparse.Namespace) -> None:
+    rows = list(read_rows(chosen.files))
+    if not rows:
+        raise BenchmarkError("FILE: found no rows, expected JSON lines that `run` wrote")
+    pictures = [] if chosen.no_plots else draw_report(rows, chosen.output)
+    text = report(rows, [path.name for path in pictures])
+    chosen.output.mkdir(parents=True, exist_ok=True)
+    path = chosen.output / "report.md"
+    path.write_text(text, encoding="utf-8")
+    print(text)
+    print(f"written: {', '.join(str(each) for each in [path, *pictures])}")
+
+
+def _orders(chosen: argparse.Namespace) -> None:
+    settings = {"effort": chosen.effort, **parsed(chosen.set)}
+    if chosen.limit is not None:
+        settings["time_limit"] = chosen.limit
+    rows = list(compare(chosen.files, chosen.orders, chosen.sparse, settings, chosen.repeat))
+    print(order_table(rows))
+    for row in rows:
+        write_row(row, chosen.output / "orders.jsonl")
+    pictures = [] if chosen.no_plots else draw_orders(rows, chosen.output)
+    written = [chosen.output / "orders.jsonl", *pictures]
+    print(f"\nwritten: {', '.join(str(path) for path in written)}")
+
+
+# ---- arguments --------------------------------------------------------------------------
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    listing = commands.add_parser("list", help="name the families and the switches")
+    listing.set_defaults(act=_list)
+    _run_parser(commands.add_parser("run", help="measure families, beside SCIP"))
+    _ablation_parser(commands.add_parser("ablation", help="measure with one switch off in turn"))
+    _report_parser(commands.add_parser("report", help="tables and pictures of JSON lines"))
+    _orders_parser(commands.add_parser("orders", help="compare relaxation orders on .gms files"))
+    return parser
+
+
+def _run_parser(parser: argparse.ArgumentParser) -> None:
+    _add_selection(parser, "run.jsonl")
+    parser.add_argument(
+        "--solvers", nargs="+", default=list(SOLVERS), metavar="NAME", help="of: %(default)s"
+    )
+    parser.set_defaults(act=_run)
+
+
+def _ablation_parser(parser: argparse.ArgumentParser) -> None:
+    _add_selection(parser, "ablation.jsonl")
+    parser.add_argument(
+        "--switches", nargs="*", metavar="NAME", help="which to switch off; all when left out"
+    )
+    parser.add_argument(
+        "--variant",
+        action="append",
+        default=[],
+        metavar="NAME:FIELD=VALUE,...",
+        help="one more variant, by fields of Options",
+    )
+    parser.set_defaults(act=_ablation, solvers=["sparsepop_py"])
+
+
+def _report_parser(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="JSON lines of `run`")
+    parser.add_argument("--no-plots", action="store_true", help="tables alone")
+    _add_folder(parser)
+    parser.set_defaults(act=_report)
+
+
+def _orders_parser(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.gms")
+    parser.add_argument(
+        "--orders", nargs="+", type=int, default=[1, 2, 3], help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--sparse",
+        choices=["both", "sparse", "dense"],
+        default="both",
+        help="one clique of all variables (dense), cliques of the problem, or both (default)",
+    )
+    parser.add_argument(
+        "--effort",
+        choices=["plain", "presolve", "auto"],
+        default="plain",
+        help="plain (default): exactly the relaxation of that order",
+    )
+    parser.add_argument("--repeat", type=int, default=1, help="repetitions, default %(default)s")
+    parser.add_argument("--limit", type=float, help="seconds for each solve, default none")
+    parser.add_argument("--no-plots", action="store_true", help="the table alone")
+    _add_set(parser)
+    _add_folder(parser)
+    parser.set_defaults(act=_orders)
+
+
+def _add_selection(parser: argparse.ArgumentParser, name: str) -> None:
+    parser.add_argument("families", nargs="+", metavar="FAMILY", help="see `list`")
+    add = parser.add_argument
+    add("--names", nargs="+", default=[], help="only problems whose name contains one of these")
+    add("--sizes", nargs="+", type=int, default=[], help="samples or variables")
+    add("--noise", nargs="+", type=float, default=[], help="factors on the noise, default 1 5")
+    add("--seeds", nargs="+", type=int, default=[0], help="default 0")
+    add("--files", nargs="+", type=Path, default=[], help="problems of the family files")
+    add("--count", type=int, default=2000, help="random problems a seed, default %(default)s")
+    add("--repeat", type=int, default=3, help="repetitions, default %(default)s")
+    add("--effort", choices=["plain", "presolve", "auto"], help="instead of the family's own")
+    add("--order", type=int, help="relaxation order, or where auto starts")
+    add("--gap", type=float, help="gap that counts as closed; of the width for oe and eiv")
+    add("--limit", type=float, default=60.0, help="our seconds a solve, default %(default)s")
+    add("--peer-limit", type=float, help="a peer's CPU seconds an objective, default 60, random 2")
+    add("--output", type=Path, default=_RESULTS / name, help="JSON lines, default %(default)s")
+    _add_set(parser)
+
+
+def _add_set(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="FIELD=VALUE", help="further fields of Options"
+    )
+
+
+def _add_folder(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--output", type=Path, default=_RESULTS, help="folder, default %(default)s")
+
+
+def _selection(chosen: argparse.Namespace) -> Selection:
+    for size in chosen.sizes:
+        if size < 1:
+            raise BenchmarkError(f"--sizes: found {size}, expected positive integers")
+    for seed in chosen.seeds:
+        if seed < 0:
+            raise BenchmarkError(f"--seeds: found {seed}, expected integers >= 0")
+    return Selection(
+        names=tuple(chosen.names),
+        sizes=tuple(chosen.sizes),
+        seeds=tuple(chosen.seeds),
+        noises=tuple(chosen.noise),
+        files=tuple(chosen.files),
+        count=chosen.count,
+    )
+
+
+def _setting(chosen: argparse.Namespace) -> Setting:
+    given = {
+        "effort": chosen.effort,
+        "order": chosen.order,
+        "gap": chosen.gap,
+        "time_limit": chosen.limit,
+    }
+    options = {name: value for name, value in given.items() if value is not None}
+    return Setting(
+        tuple(chosen.solvers), chosen.repeat, options | parsed(chosen.set), chosen.peer_limit
+    )
 
 
 if __name__ == "__main__":

@@ -1,0 +1,185 @@
+"""The families that ``python -m benchmarks list`` shows."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import tomllib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import sparsepop_py as sp
+
+from . import identification, random_problems
+from .errors import BenchmarkError
+from .registry import Case, Family, Registry, Selection, Task
+
+__all__ = ["REGISTRY"]
+
+ROOT = Path(__file__).resolve().parent.parent
+ZOO = ROOT / "tests" / "zoo"
+EXAMPLES = ROOT / "examples" / "problems"
+_BILEVEL = ("ex9_", "ex5_2_", "ex5_4_", "st_e33", "st_bpk", "st_bpv")  # products of flows or duals
+
+
+def _zoo(selection: Selection) -> Iterator[Case]:
+    for path in sorted(ZOO.glob("*.toml")):
+        for entry in tomllib.loads(path.read_text(encoding="utf-8"))["problem"]:
+            make = partial(_from_text, entry["text"], float(entry["optimum"]))
+            yield Case(entry["name"], make)
+
+
+def _zoo_at_its_order(selection: Selection) -> Iterator[Case]:
+    """The zoo, each problem at the largest order that its table lists."""
+    for path in sorted(ZOO.glob("*.toml")):
+        for entry in tomllib.loads(path.read_text(encoding="utf-8"))["problem"]:
+            make = partial(_from_text, entry["text"], float(entry["optimum"]))
+            yield Case(entry["name"], make, options={"order": max(entry["orders"])})
+
+
+def _from_text(text: str, optimum: float | None = None) -> Task:
+    return Task.of(sp.parse(text), optimum)
+
+
+def _from_gms(path: Path) -> Task:
+    return Task.of(sp.read_gms(path))
+
+
+def _examples(selection: Selection) -> Iterator[Case]:
+    for path in sorted(EXAMPLES.glob("*.gms")):
+        yield Case(path.stem, partial(_from_gms, path))
+
+
+def _files(selection: Selection) -> Iterator[Case]:
+    if not selection.files:
+        raise BenchmarkError("--files: found none, expected .gms files or .csv tables of problems")
+    for path in selection.files:
+        if path.suffix == ".gms":
+            yield Case(path.stem, partial(_from_gms, path))
+        elif path.suffix == ".csv":
+            yield from _table(path)
+        else:
+            raise BenchmarkError(f"--files: found {path.name!r}, expected a name in .gms or .csv")
+
+
+def _table(path: Path) -> Iterator[Case]:
+    """Problems of a table with columns name, problem and, where known, global_optimum."""
+    with path.open(newline="", encoding="utf-8") as file:
+        for number, entry in enumerate(csv.DictReader(file), 2):
+            if not entry.get("name") or not entry.get("problem"):
+                raise BenchmarkError(
+                    f"{path.name}, line {number}: expected columns 'name' and 'problem'"
+                )
+            optimum = _number(entry.get("global_optimum"))
+            yield Case(entry["name"], partial(_from_text, entry["problem"], optimum))
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return float(text or "")
+    except ValueError:
+        return None
+
+
+def _pooling(selection: Selection) -> Iterator[Case]:
+    """Haverly's three pooling problems and the bilinear and bilevel ones of the other families."""
+    for number, (price, cap, profit) in enumerate(
+        [(16.0, 100.0, 400.0), (16.0, 600.0, 600.0), (13.0, 100.0, 750.0)], 1
+    ):
+        yield Case(f"haverly{number}", partial(_haverly, price, cap, profit))
+    for path in (EXAMPLES / "pooling.gms", EXAMPLES / "complementarity.gms"):
+        yield Case(path.stem, partial(_from_gms, path))
+    yield from (case for case in _zoo(selection) if case.name.startswith(_BILEVEL))
+
+
+def _haverly(price: float, cap: float, profit: float) -> Task:
+    """Two crudes share a pool of sulphur content p, a third goes straight into two products.
+
+    C. A. Haverly, Studies of the behavior of recursion for the pooling problem, ACM SIGMAP
+    Bulletin 25 (1978) 19-28; optimal profits 400, 600 and 750.
+    """
+    names = ["a", "b", "px", "py", "cx", "cy", "p"]
+    a, b, px, py, cx, cy, p = sp.variables(7, names)
+    cost = 6 * a + price * b + 10 * (cx + cy) - 9 * (px + cx) - 15 * (py + cy)
+    rows = [
+        a + b == px + py,
+        3 * a + b == p * (px + py),
+        p * px + 2 * cx <= 2.5 * (px + cx),
+        p * py + 2 * cy <= 1.5 * (py + cy),
+        px + cx <= cap,
+        py + cy <= 200,
+    ]
+    upper = [cap + 200, cap + 200, cap, 200, cap, 200, 3]
+    return Task.of(sp.Problem(cost, rows, [0.0] * 6 + [1.0], upper), -profit)
+
+
+def _quartics(selection: Selection) -> Iterator[Case]:
+    """Dense quartics on [-1, 1]^n with a planted minimiser of value 1."""
+    for n, seed in itertools.product(selection.sizes or range(6, 11), selection.seeds):
+        yield Case(f"quartic n={n}", partial(_quartic, n, seed), n, seed)
+
+
+def _quartic(n: int, seed: int) -> Task:
+    return Task.of(sp.problems.random_quartic(n, seed=seed), 1.0)
+
+
+def _broyden(selection: Selection) -> Iterator[Case]:
+    for n in selection.sizes or (100, 200, 500, 1000):
+        yield Case(f"broyden tridiagonal n={n}", partial(_broyden_task, n), n)
+
+
+def _broyden_task(n: int) -> Task:
+    return Task.of(sp.problems.broyden_tridiagonal(n), 0.0)
+
+
+def _growth(selection: Selection) -> Iterator[Case]:
+    """Chains on the box [-1, 1]^n, of which only sizes and building times are of interest."""
+    for make in (sp.problems.rosenbrock, sp.problems.broyden_tridiagonal):
+        for n in selection.sizes or (1000, 2000, 5000, 10000):
+            yield Case(make.__name__, partial(_boxed, make, n), n, options={"order": 2})
+
+
+def _boxed(make: Callable[[int], sp.Problem], n: int) -> Task:
+    return Task.of(sp.Problem(make(n).objective, lower=-1, upper=1))
+
+
+_AUTO = {"effort": "auto"}
+_WIDTH = {"effort": "auto", "gap": 1e-3}  # relative to the width, see measure.py
+
+REGISTRY = Registry(
+    [
+        Family(
+            "oe",
+            "output-error records: ten parameter bounds to 1e-3 of the width (sizes: samples)",
+            partial(identification.cases, "oe"),
+            options=_WIDTH,
+        ),
+        Family(
+            "eiv",
+            "errors-in-variables records, likewise",
+            partial(identification.cases, "eiv"),
+            options=_WIDTH,
+        ),
+        Family(
+            "zoo", "problems with known optima, order chosen by the engine", _zoo, options=_AUTO
+        ),
+        Family("certificates", "the zoo at its listed order: what proofs cost", _zoo_at_its_order),
+        Family("examples", "the example files examples/problems/*.gms", _examples, options=_AUTO),
+        Family("files", "your own --files: .gms, or .csv tables of texts", _files, options=_AUTO),
+        Family("pooling", "pooling and bilevel problems", _pooling, options=_AUTO),
+        Family("quartics", "dense quartics on the box (sizes: variables)", _quartics),
+        Family("broyden", "Broyden tridiagonal, gap 1e-6 (sizes: variables)", _broyden),
+        Family(
+            "growth", "build and assemble chains, no solver (sizes: variables)", _growth, "build"
+        ),
+        Family(
+            "random",
+            "random problems against sampling, damaged certificates and SCIP (--count)",
+            random_problems.cases,
+            "random",
+            options={"effort": "presolve", "time_limit": 20.0},
+            peer_limit=2.0,
+        ),
+    ]
+)
