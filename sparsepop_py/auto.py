@@ -37,6 +37,7 @@ _NODES = 4.0  # parts per cut variable that branch and bound is expected to need
 _NARROW = 12  # variables whose bounds linear programs tighten at the root
 _SLICE = 3.0  # most seconds that a tree grows before other rungs are considered again
 _PATIENCE = 300  # parts after which linear programs alone are not trusted to close the gap
+_SWEEPS = 3  # of propagation after a step that shrank the box
 _ROUNDS = 3
 _SMALLER = 0.7  # a box with a width below this share is worth the rungs climbed before
 _LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
@@ -261,7 +262,7 @@ class Auto:
         """Propagate with the new cut-off."""
         with self.task.stages.stage("presolve"):
             replay = self.task.replay()
-            box, step = tighten(replay, self.model.box)
+            box, step = tighten(replay, self.model.box, _SWEEPS)
             if not shrinks(self.model.box, box):
                 return
             proof = BoxProof((*self.model.proof.steps, step))
@@ -276,7 +277,9 @@ class Auto:
         for number in range(_ROUNDS):
             start = time.process_time()
             with self.task.stages.stage("presolve"):
-                lifted = Lifted.of(self.task.problem, self.model.box, cliques, lifted)
+                lifted = Lifted.of(
+                    self.task.problem, self.model.box, cliques, lifted, self.ground.active
+                )
                 solution = lifted.minimise(self.task.clock.left)
                 if solution.status not in ("solved", "infeasible"):
                     break
@@ -314,7 +317,7 @@ class Auto:
                 return False
             steps = [*self.model.proof.steps, step]
             if not is_empty(smaller):
-                again, more = tighten(replay, smaller)
+                again, more = tighten(replay, smaller, _SWEEPS)
                 if shrinks(smaller, again):
                     smaller = again
                     steps.append(more)

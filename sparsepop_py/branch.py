@@ -43,7 +43,7 @@ from .presolve.scaling import Scaled, Scaling
 from .progress import Stages
 from .relaxation import Relaxation
 from .rounding import Interval
-from .rungs import argue
+from .rungs import argue, short_if
 from .task import Task
 
 __all__ = ["Explored", "Plan", "Search", "explore", "first_moments"]
@@ -132,7 +132,7 @@ def explore(task: Task, plan: Plan, box: Interval, level: float | None) -> Explo
         with task.stages.stage("branch"):
             found = _linear(task, plan, replay, found)
     if plan.recipe is not None and not _done(found, level):
-        found = _semidefinite(task, plan, plan.recipe, found)
+        found = _semidefinite(task, plan, plan.recipe, replay, found)
     return found
 
 
@@ -165,13 +165,18 @@ def _linear(task: Task, plan: Plan, replay: Replay, found: Explored) -> Explored
     return replace(found, steps=(*found.steps, step), box=box, left=float(left_over))
 
 
-def _semidefinite(task: Task, plan: Plan, recipe: Recipe, found: Explored) -> Explored:
+def _semidefinite(
+    task: Task, plan: Plan, recipe: Recipe, replay: Replay, found: Explored
+) -> Explored:
     """The bound of a semidefinite relaxation, if it is better."""
     problem = task.problem
     with task.stages.stage("relax"):
         scaled = Scaled.of(problem, Scaling.of_box(found.box), (problem.objective,))
         relaxation = recipe.build(scaled, plan.cliques)
     argued = argue(task, found.box, scaled, relaxation)
+    if replay.level is not None:
+        level = replay.level
+        argued = short_if(lambda bound: bound >= level, replay, found.box, argued)
     if argued.proved.bound > found.proved.bound:
         found = replace(
             found, proved=argued.proved, argument=argued.node.argument, empty=argued.node.empty

@@ -28,6 +28,7 @@ __all__ = ["Experience", "Families", "Recipe", "catalogue", "expected_seconds", 
 
 Families = dict[Joined, Cliques]
 
+_CLOSED = 0.7  # what closing a gap is worth, against coming near it
 _ITERATIONS = 25
 _MOST_BYTES = 5e9
 _MOST_BASIS = 1500  # monomials of one clique
@@ -120,8 +121,12 @@ class Experience:
     pace: float = 1.0
 
     def learn(self, name: str, progress: float, seconds: float) -> None:
-        """Enter what one rung did; older experience fades."""
-        for table, value in ((self.progress, progress), (self.seconds, seconds)):
+        """Enter what one rung did; older experience fades.
+
+        A gap that is closed counts more than progress: it saves the rungs above.
+        """
+        worth = _CLOSED * (progress >= 1.0) + (1.0 - _CLOSED) * progress
+        for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
 
     def rate(self, recipe: Recipe, share: float, estimate: float) -> float:

@@ -33,14 +33,16 @@ from .problem import Problem
 from .progress import Stages
 from .rounding import Interval
 from .rungs import Model
+from .sequential import violated_rows
 from .shapes import Products
 from .sparsity import find_cliques
 from .task import Clock, Task
 
-__all__ = ["Family", "first_starts", "pairs", "shared_model"]
+__all__ = ["Family", "first_starts", "pairs", "shared_model", "width_between"]
 
 _ROUNDS = 4
 _NARROW = 24  # variables whose bounds linear programs tighten for all objectives
+_WINDOW = 40  # constraints that linear programs start with where windows are enough
 _GAINED = 0.8
 _ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
 
@@ -63,6 +65,8 @@ class Family:
         Called after each climb of an objective.
     repair : callable, optional
         Improves candidate vectors before local searches.
+    active : (m,) bool or None
+        Constraints that linear relaxations use.
     """
 
     problem: Problem
@@ -74,6 +78,7 @@ class Family:
     clock: Clock
     told: Callable[[int, Climbed], None] | None = None
     repair: Callable[[NDArray], NDArray] | None = None
+    active: NDArray[np.bool_] | None = None
     autos: list[Auto] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
@@ -94,7 +99,11 @@ class Family:
                     break
         except KeyboardInterrupt:
             notes = (INTERRUPTED,)
-        return [self._state(auto, notes) for auto in self.autos]
+        states = [self._state(auto, notes) for auto in self.autos]
+        for index, state in enumerate(states if self.told is not None else ()):
+            if not state.history:  # closed without climbing: nobody was told yet
+                self.told(index, state)  # type: ignore[misc]
+        return states
 
     def _state(self, auto: Auto, notes: tuple[str, ...] = ()) -> Climbed:
         return Climbed(auto.task, auto.outcome, auto.near, tuple(auto.history), notes)
@@ -112,6 +121,7 @@ class Family:
         """One climber an objective."""
         self.pairs, self.base = pairs(self.objectives), self.model
         self.ground = Ground.of(self.problem, self.objectives, self.options)
+        self.ground.active = self.active
         for objective in self.objectives:
             problem = self.problem.with_objective(objective)
             task = Task(problem, self.options, Stages(self.options.progress), self.clock)
@@ -155,10 +165,9 @@ class Family:
         if self.options.gap_kind != "width":
             return None
         other = self.autos[self.pairs[index]].task.upper
-        width = -other - self.autos[index].task.upper
+        width = width_between(self.autos[index].task.upper, other, self.options)
         if np.isfinite(width):
-            rounding = _ROUNDING * max(1.0, abs(other)) / max(self.options.gap, _ROUNDING)
-            return max(width, rounding)  # the width of a single point is 0
+            return width
         reach = range_over(self.autos[index].task.problem.objective_row, self.model.box)
         return float(reach.hi[0] - reach.lo[0])  # for a start; the attained width is smaller
 
@@ -187,7 +196,7 @@ class Family:
             if is_empty(box):
                 return
             steps: list[Step] = [*self.base.proof.steps, known]
-            again, step = tighten(replay, box, 3)
+            again, step = tighten(replay, box, 1)
             if shrinks(box, again):
                 box = again
                 steps.append(step)
@@ -205,52 +214,88 @@ def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
     return found
 
 
+def width_between(upper: float, other: float, options: Options) -> float:
+    """The distance of the attained values of p and -p; a single point counts as rounding wide."""
+    rounding = _ROUNDING * max(1.0, abs(other)) / max(options.gap, _ROUNDING)
+    return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
+
+
 def shared_model(
-    problem: Problem, options: Options, objectives: Sequence[Polynomial], stages: Stages
-) -> Model:
-    """The box that all objectives share, tightened by linear programs where they matter."""
+    problem: Problem,
+    options: Options,
+    objectives: Sequence[Polynomial],
+    stages: Stages,
+    clock: Clock,
+) -> tuple[Model, NDArray[np.bool_] | None]:
+    """The box that all objectives share, tightened by linear programs where they matter.
+
+    Returns
+    -------
+    model : Model
+    active : (m,) bool or None
+        Constraints that were enough for these linear programs; None: all.
+    """
     with stages.stage("presolve"):
         proof, box = find_box(problem.with_objective(objectives[0]), None, options)
         model = Model(proof, box)
         idle = options.effort != "auto" or "narrow" in options.skip
         if idle or not finite(box) or is_empty(box):
-            return model
+            return model, None
         products = Products.of(problem, objectives)
-        variables = branching(products, options)
-        variables += tuple(
-            c[0] for p in objectives if (c := coordinate_of(p)) and c[0] not in variables
-        )
-        variables = tuple(dict.fromkeys(variables))
+        targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
+        variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
         if not products.pairs.size or not 0 < len(variables) <= _NARROW:
-            return model
-        return _tightened(problem, model, variables, options)
+            return model, None
+        return _tightened(problem, model, variables, options, products, clock)
 
 
 def _tightened(
-    problem: Problem, model: Model, variables: tuple[int, ...], options: Options
-) -> Model:
-    """Rounds of bound tightening while they gain."""
+    problem: Problem,
+    model: Model,
+    variables: tuple[int, ...],
+    options: Options,
+    products: Products,
+    clock: Clock,
+) -> tuple[Model, NDArray[np.bool_] | None]:
+    """Rounds of bound tightening while they gain.
+
+    Where few variables complicate many constraints, the programs start from a few of these
+    (any choice is valid); those that are violated at a solution whatever the other variables
+    are come in before the next round.
+    """
     replay = Replay(problem, None)
     cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
+    held = np.array(products.complicating, np.int64)
+    active: NDArray[np.bool_] | None = None
+    if products.has_star and problem.rows.size > _WINDOW:
+        active = np.zeros(problem.rows.size, bool)
+        active[np.linspace(0, problem.rows.size - 1, _WINDOW).astype(int)] = True
     steps, box = list(model.proof.steps), model.box
-    lifted: Lifted | None = None
-    for _ in range(_ROUNDS):
-        lifted = Lifted.of(problem, box, cliques, lifted)
-        smaller, step, _ = tightened(replay, lifted, box, variables)
-        if step is None or is_empty(smaller):
+    for _ in range(_ROUNDS if active is None else 2 * _ROUNDS):
+        lifted = Lifted.of(problem, box, cliques, None, active)
+        seen: list[NDArray] = []
+        smaller, step, _ = tightened(replay, lifted, box, variables, clock.left, seen)
+        if step is not None and is_empty(smaller):
             break
-        steps.append(step)
-        chosen = list(variables)
-        old, new = (box.hi - box.lo)[chosen], (smaller.hi - smaller.lo)[chosen]
-        box = smaller
-        if not np.any(new < _GAINED * old):
+        gained = False
+        if step is not None:
+            steps.append(step)
+            chosen = list(variables)
+            old, new = (box.hi - box.lo)[chosen], (smaller.hi - smaller.lo)[chosen]
+            gained, box = bool(np.any(new < _GAINED * old)), smaller
+        if active is not None:
+            missing = [violated_rows(problem, x, held) for x in seen]
+            wanted = np.unique(np.concatenate([*missing, np.zeros(0, np.int64)]))
+            gained |= not np.all(active[wanted])
+            active[wanted] = True
+        if not gained or clock.over:
             break
     if steps[len(model.proof.steps) :]:
-        again, sweeps = tighten(replay, box, 5)
+        again, sweeps = tighten(replay, box, 1)
         if shrinks(box, again):
             box = again
             steps.append(sweeps)
-    return replace(model, proof=BoxProof(tuple(steps)), box=box)
+    return replace(model, proof=BoxProof(tuple(steps)), box=box), active
 
 
 def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:

@@ -24,6 +24,7 @@ from fractions import Fraction
 from typing import Literal
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from .enclosure import range_over
@@ -36,6 +37,7 @@ from .system import PolynomialSystem
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
+_MANY_ROWS = 60  # equations from which exact repair is not tried
 _NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -199,11 +201,26 @@ def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str
     jacobian = system.jacobian(x).toarray()
     room = np.minimum(x - problem.lower, problem.upper - x)
     weight = np.clip(room, 0.0, 1.0)
+    if equal.size > _MANY_ROWS:  # rationals would take too long, and so would their pivots
+        solved = _leading_columns(jacobian * weight)
+        if solved is not None:
+            yield equal, solved, "krawczyk"
+            return
     couplings = _couplings(system)
     for blocked in (couplings, None):
         rows, solved = _pivots(jacobian, weight, blocked)
         proof = "krawczyk" if blocked is None else "exact"
         yield equal[rows], solved, proof
+
+
+def _leading_columns(matrix: NDArray) -> NDArray[np.int64] | None:
+    """As many columns as there are rows, by QR with column pivoting; None if rows depend."""
+    _, triangle, pivots = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
+    m = matrix.shape[0]
+    size = np.abs(np.diag(triangle))
+    if size.size < m or size[-1] <= 1e-9 * max(size[0], 1e-300):
+        return None
+    return np.sort(pivots[:m]).astype(np.int64)
 
 
 def _couplings(system: PolynomialSystem) -> set[tuple[int, int]]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from .catalogue import Experience, Families, Recipe, catalogue, families
 from .options import Options
 from .polynomial import Polynomial
@@ -23,7 +26,22 @@ def branching(products: Products, options: Options) -> tuple[int, ...]:
 
 @dataclass(eq=False)
 class Ground:
-    """What all objectives over one feasible set share on their way up."""
+    """What all objectives over one feasible set share on their way up.
+
+    Parameters
+    ----------
+    products : Products
+    cliques : dict
+        A family of cliques for each way of joining variables.
+    variables : tuple of int
+        Those that branch and bound may cut.
+    recipes : tuple of Recipe
+    experience : Experience
+    estimates : dict
+        Expected seconds of each recipe.
+    active : (m,) bool or None
+        The constraints that linear relaxations use; None: all.
+    """
 
     products: Products
     cliques: Families
@@ -31,6 +49,7 @@ class Ground:
     recipes: tuple[Recipe, ...]
     experience: Experience = field(default_factory=Experience)
     estimates: dict[str, float] = field(default_factory=dict)
+    active: NDArray[np.bool_] | None = None
 
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial], options: Options) -> Ground:

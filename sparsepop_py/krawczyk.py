@@ -17,13 +17,17 @@ Computing 4, 1969; A. Neumaier, Interval Methods for Systems of Equations, Cambr
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sps
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from .enclosure import jacobian_range, range_over
 from .rounding import Interval, matmul
 from .system import PolynomialSystem
 
 __all__ = ["polished", "zero_near"]
+
+_SPARSE = 40  # equations from which Newton steps use sparse elimination
 
 
 def polished(
@@ -32,13 +36,24 @@ def polished(
     """A few Newton steps in the variables ``solved``; None if they run away."""
     x = x.copy()
     for _ in range(6):
-        step = np.linalg.lstsq(
-            system.jacobian(x).toarray()[:, solved], -system.values(x), rcond=None
-        )[0]
+        values = system.values(x)
+        step = _newton_step(system.jacobian(x).tocsc()[:, solved], -values)
         if not np.all(np.isfinite(step)) or np.abs(step).max(initial=0.0) > 1e-2:
             return None
         x[solved] += step
+        if np.abs(step).max(initial=0.0) <= 1e-15 * (1.0 + np.abs(x[solved]).max(initial=0.0)):
+            break
     return x
+
+
+def _newton_step(matrix: sps.csc_array, right: NDArray) -> NDArray[np.float64]:
+    """Solve matrix d = right, by sparse elimination where it is regular."""
+    if matrix.shape[0] > _SPARSE:
+        try:
+            return np.asarray(splu(sps.csc_matrix(matrix)).solve(right))
+        except RuntimeError:  # singular
+            pass
+    return np.linalg.lstsq(matrix.toarray(), right, rcond=None)[0]
 
 
 def zero_near(
@@ -59,34 +74,39 @@ def zero_near(
     Interval (n,) or None
         None if the test fails for every radius tried.
     """
+    try:
+        inverse = np.linalg.inv(system.jacobian(x).toarray()[:, solved])
+    except np.linalg.LinAlgError:
+        return None
+    residual = range_over(system, Interval.point(x))
+    move = -matmul(Interval.point(inverse), residual[:, None])
+    least = 2.0 * float((move.magnitude()[:, 0] / (1.0 + np.abs(x[solved]))).max(initial=0.0))
     for radius in (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8):
-        box = _image_inside(system, x, solved, radius)
+        if radius < least and radius < 1e-8:
+            continue  # the image of a smaller box lies outside it
+        box = _image_inside(system, x, solved, radius, inverse, move)
         if box is not None:
             return box
     return None
 
 
 def _image_inside(
-    system: PolynomialSystem, x: NDArray, solved: NDArray, radius: float
+    system: PolynomialSystem,
+    x: NDArray,
+    solved: NDArray,
+    radius: float,
+    inverse: NDArray,
+    move: Interval,
 ) -> Interval | None:
     """The Krawczyk image of a box of that radius, if it lies inside the box."""
     spread = np.zeros(x.size)
     spread[solved] = radius * (1.0 + np.abs(x[solved]))
     box = Interval(x - spread, x + spread)
-    centre_jacobian = system.jacobian(x).toarray()[:, solved]
-    try:
-        inverse = np.linalg.inv(centre_jacobian)
-    except np.linalg.LinAlgError:
-        return None
     slopes = jacobian_range(system, box)
     slopes = Interval(slopes.lo[:, solved], slopes.hi[:, solved])
-    residual = range_over(system, Interval.point(x))
     identity = Interval.point(np.eye(solved.size))
-    left = Interval.point(inverse)
-    contraction = identity - matmul(left, slopes)
-    image = -matmul(left, residual[:, None]) + matmul(
-        contraction, (box - Interval.point(x))[solved][:, None]
-    )
+    contraction = identity - matmul(Interval.point(inverse), slopes)
+    image = move + matmul(contraction, (box - Interval.point(x))[solved][:, None])
     image = Interval(image.lo[:, 0], image.hi[:, 0]) + Interval.point(x[solved])
     inside = (image.lo > box.lo[solved]) & (image.hi < box.hi[solved])
     if not np.all(inside):

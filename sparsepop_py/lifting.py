@@ -43,7 +43,7 @@ from .sparsity import Cliques
 
 __all__ = ["Lifted", "coordinate_of", "products_error", "tightened"]
 
-_SHORT = 1e-9  # multipliers this small against the largest are left out
+_SMALL = 1e-9  # multipliers this small against the largest are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,18 @@ class Lifted:
     model: LinearModel
 
     @staticmethod
-    def of(problem: Problem, box: Interval, cliques: Cliques, warm: Lifted | None = None) -> Lifted:
-        """Build it, on the model of another box where one is given (its basis is kept)."""
-        scaled = Scaled.of(problem, Scaling.of_box(box), (problem.objective,))
+    def of(
+        problem: Problem,
+        box: Interval,
+        cliques: Cliques,
+        warm: Lifted | None = None,
+        active: NDArray[np.bool_] | None = None,
+    ) -> Lifted:
+        """Build it, on the model of another box where one is given (its basis is kept).
+
+        With ``active`` (m,) only these constraints take part: a smaller program, weaker at most.
+        """
+        scaled = Scaled.of(problem, Scaling.of_box(box), (problem.objective,), active)
         relaxation = relax(scaled.problem, cliques=cliques, shape="linear")
         program = assemble(relaxation, scaled.objectives[0])
         matrix = sps.csr_array(program.A)
@@ -112,13 +121,23 @@ class Lifted:
         sizes = self.scaled.generator_sizes(self.relaxation.products)
         return generator, np.concatenate(word), free, sizes[generator]
 
-    def dual(self, prices: Sequence[NDArray[np.float64]], sizes: Sequence[float]) -> LinearDual:
-        """The multipliers behind row prices; ``sizes`` are those of the scaled objectives."""
+    def dual(
+        self,
+        prices: Sequence[NDArray[np.float64]],
+        sizes: Sequence[float],
+        short: bool = False,
+    ) -> LinearDual:
+        """The multipliers behind row prices; ``sizes`` are those of the scaled objectives.
+
+        Short ones leave small multipliers out and the rest in short floats, which costs about
+        a millionth of what is proved.
+        """
         generator, word, free, size = self._rows
         rows, values, owners = [], [], []
         for owner, (price, weight) in enumerate(zip(prices, sizes, strict=True)):
             z = np.where(free, -price, np.maximum(-price, 0.0))
-            row = np.flatnonzero(np.abs(z) > _SHORT * np.abs(z).max(initial=0.0))
+            small = 1e-7 if short else _SMALL
+            row = np.flatnonzero(np.abs(z) > small * np.abs(z).max(initial=0.0))
             rows.append(row)
             values.append(z[row] * weight / size[row])
             owners.append(np.full(row.size, owner))
@@ -130,7 +149,7 @@ class Lifted:
             self.scaled.scaling,
             used,
             monomials.trim(word[row]) if row.size else np.zeros((0, 1), np.int32),
-            np.concatenate(values),
+            np.concatenate(values).astype(np.float32 if short else np.float64),
             np.concatenate(owners),
             products,
         )
@@ -194,10 +213,12 @@ def tightened(
     box: Interval,
     variables: Sequence[int],
     time_limit: float | None = None,
+    seen: list[NDArray] | None = None,
 ) -> tuple[Interval, Tightening | None, bool]:
     """Tighten the bounds of some variables on a box by two linear programs each.
 
-    A side that a solution of this round touches is left alone.
+    A side that a solution of this round touches is left alone. The solutions' points are
+    appended to ``seen``.
 
     Returns
     -------
@@ -223,13 +244,15 @@ def tightened(
             if found.status != "solved":
                 continue
             points.append(lifted.point(found))
+            if seen is not None:
+                seen.append(points[-1])
             if abs(points[-1][v] - edge) > 1e-3 * width[v]:
                 prices.append(found.dual)
                 chosen.append((v, side))
     if not chosen:
         return box, None, False
     variable, side = np.array(chosen, np.int64).T
-    dual = lifted.dual(prices, lifted.scaled.scaling.scale[variable].tolist())
+    dual = lifted.dual(prices, lifted.scaled.scaling.scale[variable].tolist(), short=True)
     system, equality = replay.system(False)
     value = dual.evaluate(system, equality, coordinates(variable, side, n))
     value = np.where(np.isfinite(value), value - 1e-14 * np.abs(value), -np.inf)

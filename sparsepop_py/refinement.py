@@ -313,7 +313,8 @@ def _candidates(
     bilinear = problem.degree <= 2 and bool(problem.constraints)
     if bilinear and method is None:
         tried.append(local_search(problem, start, "sequential", end))
-    if len(tried) < 2 or problem.violation(tried[1]) > tolerance:
+    large = bilinear and problem.dimension > _DENSE_LIMIT  # then the others are slow
+    if len(tried) < 2 or (problem.violation(tried[1]) > tolerance and not large):
         tried.append(local_search(problem, start, method, end))
     branch = _decide(problem, start)
     if branch is not problem:

@@ -5,6 +5,7 @@ box -> scale -> cliques -> relax -> assemble -> solve -> certify
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from .boxes import find_box
 from .certificate.box import BoxProof, Propagation, Replay
-from .certificate.certificate import Certificate, Node, Proved, certify, prove
-from .certificate.dual import identity_of, margin, repaired
+from .certificate.certificate import Certificate, Node, Proved, certify, claim, prove
+from .certificate.dual import identity_of, margin, repaired, shortened
 from .certificate.identity import Identity
 from .conic import ConicProgram, ConicSolution, assemble
 from .options import Options
@@ -38,9 +39,11 @@ __all__ = [
     "level",
     "one_round",
     "relaxed",
+    "short_if",
     "trivially",
 ]
 
+_SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; parts below may be left out
 _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
 
 
@@ -122,7 +125,25 @@ def argue(
                 break
         if outcome.proved.bound > -np.inf or task.clock.over:
             break
-    return outcome
+    if task.options.effort != "auto":
+        return outcome
+    with task.stages.stage("certify"):
+        return short_if(task.closed, replay, box, outcome)
+
+
+def short_if(
+    good: Callable[[float], bool], replay: Replay, box: Interval, argued: Argued
+) -> Argued:
+    """The argument in short floats, if its claim is still good enough."""
+    long = argued.node.argument
+    if not isinstance(long, Identity) or not good(claim(argued.proved)):
+        return argued
+    for share in _SHARES:
+        short = shortened(long, share)
+        proved = prove(replay, box, short, argued.node.empty)
+        if good(claim(proved)):
+            return replace(argued, proved=proved, node=replace(argued.node, argument=short))
+    return argued
 
 
 def _accuracy(task: Task, size: float) -> float:

@@ -28,8 +28,9 @@ from numpy.typing import NDArray
 from .linear import LinearModel
 from .problem import Problem
 
-__all__ = ["restored", "sequential_search"]
+__all__ = ["restored", "sequential_search", "violated_rows"]
 
+_VIOLATED = 1e-7  # of a row's largest coefficient
 _STEPS = 40
 _PENALTY = 1e2
 _MOST = 1e9
@@ -98,6 +99,19 @@ class _Search:
 def restored(problem: Problem, x: NDArray, held: NDArray[np.int64]) -> NDArray[np.float64]:
     """The rest of the variables chosen for least violation, the held ones as they are in x."""
     return _restored(_Search(problem, held), x)
+
+
+def violated_rows(
+    problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Constraints that no choice of the other variables satisfies together, held ones as in x.
+
+    Empty where the held variables are those of a feasible point, nearly.
+    """
+    search = _Search(problem, held)
+    values = problem.rows.values(_restored(search, x)) / search.size
+    off = np.where(problem.equality, np.abs(values), np.maximum(-values, 0.0))
+    return np.flatnonzero(off > _VIOLATED)
 
 
 def _restored(search: _Search, x: NDArray) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .boxes import finite
 from .errors import ProblemError, SparsePOPError
-from .family import Family, first_starts, pairs, shared_model
+from .family import Family, first_starts, pairs, shared_model, width_between
 from .feasibility import ProvedPoint
 from .incumbents import attain, random_starts
 from .ladder import Climbed, climb, nothing_yet
@@ -137,12 +137,22 @@ def solve_each(
         return []
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
     told = _Told(on_progress)
-    first = shared_model(problem, options, objectives, stages)
-    clock, box = Clock(options.time_limit), first.box
+    clock = Clock(options.time_limit)
+    first, active = shared_model(problem, options, objectives, stages, clock)
+    box = first.box
     if options.effort == "auto" and finite(box) and not is_empty(box):
         starts += first_starts(problem, box, options)
         family = Family(
-            problem, objectives, options, first, starts, stages, clock, told, repair=repair
+            problem,
+            objectives,
+            options,
+            first,
+            starts,
+            stages,
+            clock,
+            told,
+            repair=repair,
+            active=active,
         )
         return [_result(climbed) for climbed in family.run()]
     model = None
@@ -204,8 +214,8 @@ def _with_widths(
         return climbs
     paired, done = pairs(objectives), []
     for number, climbed in enumerate(climbs):
-        width = -climbs[paired[number]].task.upper - climbed.task.upper
-        unit = max(0.0, width) if np.isfinite(width) else 0.0
+        width = width_between(climbed.task.upper, climbs[paired[number]].task.upper, options)
+        unit = width if np.isfinite(width) else 0.0
         done.append(replace(climbed, task=replace(climbed.task, unit=unit)))
     return done
 

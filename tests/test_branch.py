@@ -41,16 +41,15 @@ def least_on_a_grid(problem, steps):
     return float((x * y + z * w - x * w)[inside].min())
 
 
-def search_of(problem, variables, start=None, options=None, **plan):
+def search_of(problem, variables, start=None, options=None, local=False, **plan):
     task = Task(problem, options or Options(), Stages(), Clock(None))
     if start is not None:
         task = replace(task, best=prove_feasible(problem, np.array(start, float)))
         assert task.best is not None
     box = Interval(problem.lower, problem.upper)
     cliques = {"constraints": find_cliques(problem)}
-    return Search(
-        task, Plan(cliques, variables, **plan), BoxProof(), box, lambda t, x: attained(t, x)[0]
-    )
+    attain = (lambda t, x: attained(t, x)[0]) if local else lambda t, x: t
+    return Search(task, Plan(cliques, variables, **plan), BoxProof(), box, attain)
 
 
 def never():
@@ -82,7 +81,7 @@ def test_interrupted_after_any_number_of_parts(narrow, start):
 
 def test_until_nothing_is_left():
     problem = bilinear()
-    search = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-3))
+    search = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-2), local=True)
     search.grow(2000, never)
     assert search.done
     certificate = search.certificate()
@@ -90,7 +89,7 @@ def test_until_nothing_is_left():
     assert certificate.leaves > 1
     upper = search.task.upper
     assert certificate.bound <= least_on_a_grid(problem, 25) + 1e-12
-    assert upper - certificate.bound <= 1e-3 * max(1.0, abs(upper))
+    assert upper - certificate.bound <= 1e-2 * max(1.0, abs(upper))
 
 
 def test_a_raised_exception_loses_no_part():
@@ -162,10 +161,11 @@ def test_a_lower_cutoff_is_taken_up_and_a_higher_one_refused():
     problem = bilinear()
     search = search_of(problem, (0, 1, 2, 3), (0.5, 0.0, 0.0, 0.5))
     search.grow(3, never)
+    assert search.task.upper == -0.25
     worse = prove_feasible(problem, np.zeros(4))
     better = prove_feasible(problem, np.array([1.0, 0.0, 0.0, 1.0]))
     assert search.tell(replace(search.task, best=better))
-    assert search.task.upper <= better.value
+    assert search.task.upper == -1.0
     search.grow(3, never)
     assert search.certificate().verify(problem).ok
     assert not search.tell(replace(search.task, best=worse))
@@ -182,16 +182,16 @@ def processes():
 @pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
 def test_an_executor_leads_to_the_same_bound(pool):
     problem = bilinear()
-    alone = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-4))
+    found = sp.solve(problem, Options(order=2)).x
+    alone = search_of(problem, (0, 1, 2, 3), found, Options(gap=1e-2))
     alone.grow(5000, never)
     with pool() as executor:
-        shared = search_of(problem, (0, 1, 2, 3), options=Options(gap=1e-4))
+        shared = search_of(problem, (0, 1, 2, 3), found, Options(gap=1e-2))
         shared.grow(5000, never, executor)
     assert alone.done
     assert shared.done
-    assert shared.task.upper == pytest.approx(alone.task.upper, abs=1e-6)
     bounds = [search.certificate().bound for search in (alone, shared)]
-    assert bounds[0] == pytest.approx(bounds[1], abs=1.1e-4 * max(1.0, abs(bounds[0])))
+    assert bounds[0] == pytest.approx(bounds[1], abs=1e-9)
     assert shared.certificate().verify(problem).ok
 
 
@@ -199,7 +199,7 @@ def test_an_executor_leads_to_the_same_bound(pool):
 def only_branch(monkeypatch):
     """Only the linear relaxation and branch and bound are left on the ladder."""
     monkeypatch.setattr(
-        "sparsepop_py.auto.catalogue",
+        "sparsepop_py.ground.catalogue",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
 

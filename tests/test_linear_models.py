@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sps
-from random_cases import SEEDS
 from hypothesis import given, settings
+from random_cases import SEEDS
 from scipy.optimize import linprog
 
 from sparsepop_py.linear import LinearModel, solve_lp

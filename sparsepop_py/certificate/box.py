@@ -176,6 +176,23 @@ class Replay:
             return self._tightened(step, box)
         return self._told(step, box)
 
+    def begun(self, steps: tuple[Step, ...]) -> tuple[Interval, int]:
+        """What the first steps, which hold for all objectives, make of the problem's bounds.
+
+        Certificates over one feasible set mostly begin alike: their boxes are remembered.
+        """
+        count = next((k for k, step in enumerate(steps) if step.cutoff), len(steps))
+        keys = [(self._feasible_set, *map(id, steps[: k + 1])) for k in range(count)]
+        done = max((k + 1 for k in range(count) if keys[k] in self.known), default=0)
+        box = Interval(self.problem.lower, self.problem.upper)
+        box = self.known[keys[done - 1]][1] if done else box
+        for k in range(done, count):
+            if is_empty(box):
+                return box, k
+            box = self.step(steps[k], box)
+            self.known[keys[k]] = (steps[: k + 1], box)
+        return box, count
+
     def _tightened(self, step: Tightening, box: Interval) -> Interval:
         n = self.problem.dimension
         shapes = step.variable.shape == step.side.shape == step.value.shape
@@ -274,9 +291,13 @@ class BoxProof:
 
         lo > hi somewhere proves that it holds no feasible point (with f <= level).
         """
+        steps = self.steps
         if box is None:
-            box = Interval(replay.problem.lower, replay.problem.upper)
-        for step in self.steps:
+            box, done = replay.begun(steps)
+            steps = steps[done:]
+        for step in steps:
+            if is_empty(box):
+                break
             box = replay.step(step, box)
             if is_empty(box):
                 break

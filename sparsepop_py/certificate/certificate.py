@@ -193,10 +193,10 @@ class Certificate:
             return -np.inf, np.inf, "the cut-off is not a number"
         replay = Replay(problem, self.cutoff, known if known is not None else {})
         bound, correction, reason, cut_off = np.inf, 0.0, "", False
-        stack = [(self.root, Interval(problem.lower, problem.upper))]
+        stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
         while stack:
-            node, box = stack.pop()
-            box = node.box.replay(replay, box)
+            node, outer = stack.pop()
+            box = node.box.replay(replay, outer)
             cut_off |= node.box.uses_cutoff
             if node.cut is not None and len(node.children) == 2 and not is_empty(box):
                 if not is_index(node.cut[0], problem.dimension) or not np.isfinite(node.cut[1]):

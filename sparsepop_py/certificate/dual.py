@@ -22,7 +22,7 @@ from ..problem import Problem
 from ..relaxation import Relaxation
 from .identity import Identity, Multipliers
 
-__all__ = ["identity_of", "margin", "repaired"]
+__all__ = ["identity_of", "margin", "repaired", "shortened"]
 
 
 def identity_of(
@@ -89,6 +89,29 @@ def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float6
         step = lsmr(scaled.T, residual, atol=1e-15, btol=1e-15, conlim=1e12, maxiter=400)[0]
         z = z + weight * step
     return z
+
+
+def shortened(identity: Identity, share: float = 1e-8) -> Identity:
+    """The same identity in short floats, without what is below a share of the largest part.
+
+    Columns of factors that are small in all blocks of a group go, and blocks that are small
+    altogether. Whether the bound is still good enough shows when it is evaluated.
+    """
+    sizes = [np.sum(np.square(m.values), axis=1) for m in identity.multipliers if not m.free]
+    largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
+    kept = []
+    for group in identity.multipliers:
+        values, floor = group.values, group.floor
+        if group.free:
+            used = np.any(values != 0, axis=1)
+        else:
+            weight = np.sum(np.square(values), axis=1)
+            values = values[:, :, np.any(weight > share * largest, axis=0)]
+            used = np.any(weight > share * largest, axis=1) | (floor > 0)
+        if used.any():
+            chosen = values[used].astype(np.float32)
+            kept.append(Multipliers(group.generator[used], group.basis[used], chosen, floor))
+    return Identity(identity.scaling, tuple(kept), identity.products)
 
 
 def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:

@@ -138,8 +138,13 @@ class Scaled:
         return sizes
 
     @staticmethod
-    def of(problem: Problem, scaling: Scaling, objectives: tuple[Polynomial, ...]) -> Scaled:
-        """Scale constraints, bounds and objectives."""
+    def of(
+        problem: Problem,
+        scaling: Scaling,
+        objectives: tuple[Polynomial, ...],
+        active: NDArray[np.bool_] | None = None,
+    ) -> Scaled:
+        """Scale constraints, bounds and objectives; rows that are not active become empty."""
         n, m = problem.dimension, len(problem.constraints)
         polynomials = [c.polynomial for c in problem.constraints] + list(objectives)
         original = PolynomialSystem.stack(polynomials, n)
@@ -153,6 +158,8 @@ class Scaled:
         np.maximum.at(largest, system.row[varies], np.abs(system.coefficients[varies]))
         size = np.where(largest > 0, largest, 1.0)
         useless = _repeats_bounds(system, problem, scaling) | (largest <= 1e-11 * magnitude)
+        if active is not None:
+            useless[:m] |= ~active
         useless[m:] = False  # objectives
         rows = _split(system.without(np.flatnonzero(useless)), size)
         constraints = [
