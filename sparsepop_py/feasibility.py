@@ -31,6 +31,7 @@ from .enclosure import range_over
 from .krawczyk import polished, zero_near
 from .linear import solve_lp
 from .problem import Problem
+from .rational import solve_rationally
 from .rounding import Interval, exact_values
 from .system import PolynomialSystem
 
@@ -38,6 +39,7 @@ __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
 _MANY_ROWS = 60  # equations from which exact repair is not tried
+_WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -91,7 +93,8 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     Returns
     -------
     ProvedPoint or None
-        The first candidate that passes; candidates further inside cost more objective.
+        The first candidate that passes, or the second where the first costs objective;
+        candidates further inside cost more.
 
     Examples
     --------
@@ -106,11 +109,24 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     x = np.clip(np.asarray(x, float), problem.lower, problem.upper)
     if not np.all(np.isfinite(x)):
         return None
+    goal = problem.objective(x)
+    goal += _WORSE * (1.0 + abs(goal))
+    best: ProvedPoint | None = None
     for candidate in _candidates(problem, x):
-        for rows, solved, proof in _plans(problem, candidate):
-            proved = prove_point(problem, candidate, rows, solved, proof)
-            if proved is not None:
-                return proved
+        proved = _first_proof(problem, candidate)
+        if proved is None:
+            continue
+        if best is not None or proved.value <= goal:
+            return proved if best is None or proved.value < best.value else best
+        best = proved  # a round number that costs something: one more is tried
+    return best
+
+
+def _first_proof(problem: Problem, candidate: NDArray[np.float64]) -> ProvedPoint | None:
+    for rows, solved, proof in _plans(problem, candidate):
+        proved = prove_point(problem, candidate, rows, solved, proof)
+        if proved is not None:
+            return proved
     return None
 
 
@@ -278,7 +294,7 @@ def _prove_exactly(
 ) -> ProvedPoint | None:
     exact = [Fraction(value) for value in x.tolist()]
     if rows.size:
-        solution = _solve_rationally(problem.rows.take(rows), exact, solved.tolist())
+        solution = solve_rationally(problem.rows.take(rows), exact, solved.tolist())
         if solution is None:
             return None
         for variable, value in solution.items():
@@ -309,59 +325,6 @@ def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
         value == 0 if equal else value >= 0
         for value, equal in zip(values, problem.equality.tolist(), strict=True)
     )
-
-
-def _solve_rationally(
-    system: PolynomialSystem, x: list[Fraction], solved: list[int]
-) -> dict[int, Fraction] | None:
-    """Solve the rows, linear in ``solved``, exactly; None if they are not, or are singular."""
-    unknown = set(solved)
-    table: list[dict[int, Fraction]] = [{} for _ in range(system.size)]
-    for letters, coefficient, row in zip(
-        system.words.tolist(), system.coefficients.tolist(), system.row.tolist(), strict=True
-    ):
-        term, column = Fraction(coefficient), -1
-        for letter in letters:
-            if not letter:
-                continue
-            if letter - 1 in unknown:
-                if column >= 0:
-                    return None
-                column = letter - 1
-            else:
-                term *= x[letter - 1]
-        table[row][column] = table[row].get(column, Fraction(0)) + term
-    return _eliminate(table)
-
-
-def _eliminate(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
-    """Sparse rational elimination; key -1 holds the constant of each row (row sum = 0)."""
-    open_rows = set(range(len(table)))
-    where: dict[int, set[int]] = {}
-    for number, row in enumerate(table):
-        for key in row:
-            where.setdefault(key, set()).add(number)
-    order: list[tuple[int, dict[int, Fraction]]] = []
-    while open_rows:
-        number = min(open_rows, key=lambda r: len(table[r]))
-        open_rows.remove(number)
-        row = {key: value for key, value in table[number].items() if value or key == -1}
-        columns = [key for key in row if key >= 0]
-        if not columns:
-            return None
-        column = min(columns, key=lambda key: len(where[key]))
-        pivot = row.pop(column)
-        order.append((column, {key: -value / pivot for key, value in row.items()}))
-        for other in where[column] & open_rows:
-            factor = table[other].pop(column, Fraction(0))
-            for key, value in order[-1][1].items():
-                table[other][key] = table[other].get(key, Fraction(0)) + factor * value
-                where.setdefault(key, set()).add(other)
-    values = {-1: Fraction(1)}
-    for column, row in reversed(order):
-        values[column] = sum((values[key] * value for key, value in row.items()), Fraction(0))
-    del values[-1]
-    return values
 
 
 def _prove_by_krawczyk(

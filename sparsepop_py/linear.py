@@ -105,8 +105,8 @@ class LinearModel:
         m, n = self._shape
         highs = self._highs
         highs.changeColsCost(n, np.arange(n, dtype=np.int32), np.asarray(cost, float))
-        if time_limit is not None:
-            highs.setOptionValue("time_limit", highs.getRunTime() + max(time_limit, 1e-3))
+        end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
+        highs.setOptionValue("time_limit", end)
         highs.run()
         status = _STATUS.get(highs.getModelStatus(), "failed")
         if status == "solved":
