@@ -1,0 +1,23 @@
+"""What is known of the parameters before the data: small frozen classes, freely combined.
+
+A prior gives bounds on parameters, unknowns of its own (boxed), and rows. Strict
+conditions are closed, so that what is proved about the set holds for the limit too.
+"""
+
+from .base import Prior
+from .coefficients import Box, Given, Known, Sign, parameters
+from .transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
+
+__all__ = [
+    "Box",
+    "DCGain",
+    "Given",
+    "Known",
+    "MinimumPhase",
+    "PoleIn",
+    "Prior",
+    "Sign",
+    "Stable",
+    "ZeroIn",
+    "parameters",
+]

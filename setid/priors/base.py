@@ -1,0 +1,146 @@
+"""What a prior is, and what those in :mod:`setid.priors` share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+import sparsepop_py as sp
+
+from ..checks import number
+from ..errors import PriorError
+from ..models.equations import Structure
+
+__all__ = [
+    "Facts",
+    "Interval",
+    "Plain",
+    "Prior",
+    "Symbols",
+    "denominators",
+    "finite",
+    "interval_of",
+    "items_of",
+    "named",
+    "stored",
+]
+
+Interval = tuple[float, float]
+Symbols = Mapping[str, sp.Polynomial]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What the other priors settle: bounds of parameters and stable denominators."""
+
+    bounds: Mapping[str, Interval]
+    stable: frozenset[tuple[str, ...]]
+
+    def of(self, name: str) -> Interval:
+        """Bounds of a parameter."""
+        return self.bounds.get(name, (-inf, inf))
+
+
+@runtime_checkable
+class Prior(Protocol):
+    """What a prior offers to :func:`formulate`."""
+
+    def describe(self) -> str:
+        """One line for people."""
+
+    def bounds(self, model: Structure) -> Mapping[str, Interval]:
+        """Bounds of single parameters."""
+
+    def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
+        """Denominators (their names) that this prior makes stable."""
+
+    def unknowns(self, model: Structure) -> Mapping[str, Interval]:
+        """Further unknowns with their boxes."""
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """Constraints in parameters and own unknowns."""
+
+    def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
+        """Values of the own unknowns that go with theta."""
+
+
+class Plain:
+    """A prior without bounds, unknowns and rows, to be overridden."""
+
+    __slots__ = ()
+
+    def describe(self) -> str:
+        """The call that makes it."""
+        return repr(self)
+
+    def bounds(self, model: Structure) -> Mapping[str, Interval]:
+        """None."""
+        return {}
+
+    def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
+        """None."""
+        return frozenset()
+
+    def unknowns(self, model: Structure) -> Mapping[str, Interval]:
+        """None."""
+        return {}
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """None."""
+        return []
+
+    def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
+        """None."""
+        return {}
+
+
+def named(rows: Iterable[sp.Constraint], label: str) -> list[sp.Constraint]:
+    """The same rows with a name for messages and files."""
+    return [sp.Constraint(row.polynomial, row.kind, label) for row in rows]
+
+
+def items_of(given: Any, field: str) -> list[tuple[str, Any]]:
+    """Pairs of a mapping from parameter names."""
+    if not isinstance(given, Mapping) or not given:
+        raise PriorError(
+            f"{field}: found {given!r:.60}, expected a mapping of parameter names, "
+            'such as {"a1": ...}'
+        )
+    return [(str(name), value) for name, value in given.items()]
+
+
+def interval_of(given: Any, field: str) -> Interval:
+    """Both ends of an interval, None standing for no end."""
+    try:
+        low, high = given
+    except (TypeError, ValueError):
+        raise PriorError(f"{field}: found {given!r}, expected (low, high)") from None
+    low = -inf if low is None else number(low, f"{field}: low", PriorError)
+    high = inf if high is None else number(high, f"{field}: high", PriorError)
+    if low > high or low == inf or high == -inf:
+        raise PriorError(f"{field}: found [{low:g}, {high:g}], expected low <= high")
+    return low, high
+
+
+def finite(given: Any, field: str) -> float:
+    """A finite number."""
+    value = number(given, field, PriorError)
+    if not np.isfinite(value):
+        raise PriorError(f"{field}: found {value}, expected a finite number")
+    return value
+
+
+def stored(prior: Any, field: str, values: Mapping[str, Any]) -> None:
+    """Put a read-only copy into a frozen field."""
+    object.__setattr__(prior, field, MappingProxyType(dict(values)))
+
+
+def denominators(model: Structure) -> list[tuple[str, ...]]:
+    """Distinct denominators, as names."""
+    pairs = [(i, j) for i in range(model.outputs) for j in range(model.inputs)]
+    return list(dict.fromkeys(model.transfer(i + 1, j + 1).denominator for i, j in pairs))

@@ -1,0 +1,136 @@
+"""Priors on single coefficients, and constraints of the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from types import MappingProxyType
+from typing import Any
+
+import sparsepop_py as sp
+
+from ..errors import PriorError
+from ..models.equations import Structure
+from .base import Facts, Interval, Plain, Symbols, finite, interval_of, items_of, stored
+
+__all__ = ["Box", "Given", "Known", "Sign", "parameters"]
+
+
+def parameters(model: Structure) -> Mapping[str, sp.Polynomial]:
+    """The parameters of a model as polynomials, for constraints of one's own.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Returns
+    -------
+    mapping of str to Polynomial
+        Comparisons of them are constraints, which :func:`formulate` takes among its priors.
+
+    Examples
+    --------
+    >>> import setid
+    >>> p = setid.parameters(setid.TransferFunction(na=1, nb=1))
+    >>> print(p["a1"] + p["b0"] <= 2)
+    2 - a1 - b0 >= 0
+    """
+    names = model.parameters
+    return MappingProxyType(dict(zip(names, sp.variables(len(names), names), strict=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class Given(Plain):
+    """A constraint of the user's own on the parameters."""
+
+    constraint: sp.Constraint
+
+    def describe(self) -> str:
+        """The constraint, printed."""
+        return str(self.constraint)
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """The constraint itself; the caller lifts it."""
+        return [self.constraint]
+
+
+@dataclass(frozen=True, slots=True)
+class Box(Plain):
+    """Intervals of parameters.
+
+    Parameters
+    ----------
+    intervals : mapping of str to (low, high)
+        None or an infinity for an end that is not known.
+
+    Examples
+    --------
+    >>> import setid
+    >>> prior = setid.Box({"a1": (-1, 1), "b0": (0, None)})
+    """
+
+    intervals: Mapping[str, tuple[float | None, float | None]]
+
+    def __post_init__(self) -> None:
+        stored(
+            self, "intervals", {k: interval_of(v, k) for k, v in items_of(self.intervals, "Box")}
+        )
+
+    def bounds(self, model: Structure) -> Mapping[str, Interval]:
+        """The intervals."""
+        return {name: (low, high) for name, (low, high) in self.intervals.items()}  # type: ignore[misc]
+
+
+@dataclass(frozen=True, slots=True)
+class Known(Plain):
+    """Parameters with known values.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+
+    Examples
+    --------
+    >>> import setid
+    >>> prior = setid.Known({"b0": 0.0})
+    """
+
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        values = {k: finite(v, k) for k, v in items_of(self.values, "Known")}
+        stored(self, "values", values)
+
+    def bounds(self, model: Structure) -> Mapping[str, Interval]:
+        """Intervals of no width."""
+        return {name: (value, value) for name, value in self.values.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Sign(Plain):
+    """Parameters with known signs (closed: zero is allowed).
+
+    Parameters
+    ----------
+    signs : mapping of str to {"+", "-", 1, -1}
+
+    Examples
+    --------
+    >>> import setid
+    >>> prior = setid.Sign({"b1": "+", "a1": "-"})
+    """
+
+    signs: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        known = {"+": 1, "-": -1, 1: 1, -1: -1}
+        items = items_of(self.signs, "Sign")
+        for name, sign in items:
+            if not isinstance(sign, (str, int)) or sign not in known:
+                raise PriorError(f"Sign[{name!r}]: found {sign!r}, expected '+', '-', 1 or -1")
+        stored(self, "signs", {name: known[sign] for name, sign in items})
+
+    def bounds(self, model: Structure) -> Mapping[str, Interval]:
+        """Half lines."""
+        return {name: (0.0, inf) if s > 0 else (-inf, 0.0) for name, s in self.signs.items()}

@@ -1,0 +1,313 @@
+"""Priors on transfer functions: stability, zeros, static gain, real poles and zeros."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import comb, inf
+
+import numpy as np
+
+import sparsepop_py as sp
+
+from ..checks import number
+from ..errors import PriorError
+from ..models.equations import Structure, Transfer
+from .base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
+from .stability import disc_rows, disc_unknowns, unknown_values
+
+__all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
+
+
+@dataclass(frozen=True, slots=True)
+class Stable(Plain):
+    """All poles in the closed disc of radius 1 - margin.
+
+    With margin 0 this is the closure of stability. See :mod:`setid.priors.stability` for the rows.
+
+    Parameters
+    ----------
+    margin : float
+        In [0, 1).
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 2, 3, 2], [0, 1, 1, 2])
+    >>> model = setid.TransferFunction(na=2, nb=1)
+    >>> problem = setid.formulate(data, model, setid.Noise(0.1), [setid.Stable()]).problem
+    >>> print(problem.constraints[-1])
+    stable: 1 - a2 >= 0
+    >>> problem.lower[:2], problem.upper[:2]
+    (array([-2., -1.]), array([2., 1.]))
+    """
+
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= number(self.margin, "Stable.margin", PriorError) < 1.0:
+            raise PriorError(f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1")
+
+    @property
+    def radius(self) -> float:
+        """Largest absolute value of a pole."""
+        return 1.0 - self.margin
+
+    def bounds(self, model: Structure) -> Mapping[str, Interval]:
+        """abs(a_i) <= binomial(n, i) radius^i."""
+        found = {}
+        for names in self.stable(model):
+            for i, name in enumerate(names, 1):
+                size = comb(len(names), i) * self.radius**i
+                size = float(np.nextafter(size, inf)) if self.margin else float(size)
+                found[name] = (-size, size)
+        return found
+
+    def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
+        """All denominators."""
+        return frozenset(names for names in denominators(model) if names)
+
+    def _labelled(self, model: Structure) -> list[tuple[str, tuple[str, ...]]]:
+        found = sorted(self.stable(model))
+        return [("stable" if len(found) == 1 else f"stable{i}", d) for i, d in enumerate(found, 1)]
+
+    def unknowns(self, model: Structure) -> Mapping[str, Interval]:
+        """Reflection coefficients and coefficients of lower degrees."""
+        found: dict[str, Interval] = {}
+        for label, names in self._labelled(model):
+            found |= disc_unknowns(len(names), True, label)
+        return found
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """Rows of :func:`setid.priors.stability.disc_rows`."""
+        rows = []
+        for label, names in self._labelled(model):
+            if len(names) > 1:  # for one pole the bounds say it all
+                found = disc_rows(None, [x[name] for name in names], self.radius, x, label)
+                rows += named(found, label)
+        return rows
+
+    def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
+        """Reflection coefficients of theta."""
+        found: dict[str, float] = {}
+        for label, names in self._labelled(model):
+            values = [theta[name] for name in names]
+            found |= unknown_values(1.0, values, self.radius, True, label)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class MinimumPhase(Plain):
+    """All zeros of one transfer function in the closed unit disc (delays aside).
+
+    Parameters
+    ----------
+    output, input : int
+        Channels, from 1.
+
+    Raises
+    ------
+    PriorError
+        From :func:`formulate`, where no other prior gives the sign of the leading numerator
+        coefficient: without it the set falls into two parts that only meet in zero.
+    """
+
+    output: int = 1
+    input: int = 1
+
+    def _label(self) -> str:
+        return f"minphase[{self.output},{self.input}]"
+
+    def _names(self, model: Structure) -> tuple[str, ...]:
+        return model.transfer(self.output, self.input).numerator
+
+    def unknowns(self, model: Structure) -> Mapping[str, Interval]:
+        """Ratios to the leading coefficient and their recursion, for three zeros and more."""
+        return disc_unknowns(len(self._names(model)) - 1, False, self._label())
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """Rows of :func:`setid.priors.stability.disc_rows`."""
+        lead, *rest = self._names(model)
+        low, high = facts.of(lead)
+        if low < 0.0 < high or low == high == 0.0:
+            raise PriorError(
+                f"MinimumPhase: found {lead} in [{low:g}, {high:g}], expected its sign to be known "
+                f"from Sign, Box or Known; the zeros are roots of a polynomial that {lead} leads, "
+                "and the closure of the set for both signs is not described by its rows"
+            )
+        sign = 1.0 if low >= 0.0 else -1.0
+        found = disc_rows(x[lead] * sign, [x[name] * sign for name in rest], 1.0, x, self._label())
+        return named(found, self._label())
+
+    def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
+        """Reflection coefficients of the numerator."""
+        lead, *rest = (theta[name] for name in self._names(model))
+        return unknown_values(lead, rest, 1.0, False, self._label())
+
+
+@dataclass(frozen=True, slots=True)
+class DCGain(Plain):
+    """Static gain N(1) / D(1) of one transfer function.
+
+    Parameters
+    ----------
+    low : float
+    high : float, optional
+        Left out: the gain is exactly ``low``. Either end may be infinite.
+    output, input : int
+        Channels, from 1.
+
+    Notes
+    -----
+    With N = sum b and D = 1 + sum a: ``(N - low D)(high D - N) >= 0``, and the linear rows
+    ``low D <= N <= high D`` where :class:`Stable` makes D >= 0.
+
+    Examples
+    --------
+    >>> import setid
+    >>> prior = setid.DCGain(95, 105)
+    """
+
+    low: float
+    high: float | None = None
+    output: int = 1
+    input: int = 1
+
+    def __post_init__(self) -> None:
+        low = number(self.low, "DCGain.low", PriorError)
+        high = low if self.high is None else number(self.high, "DCGain.high", PriorError)
+        if low > high or (low == high and np.isinf(low)):
+            raise PriorError(f"DCGain: found [{low:g}, {high:g}], expected low <= high")
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """One equality, one product or two linear rows."""
+        transfer = model.transfer(self.output, self.input)
+        gain, one = _sums(transfer, x)
+        label = f"dcgain[{self.output},{self.input}]"
+        low, high = self.low, self.low if self.high is None else self.high
+        if low == high:
+            return named([gain - low * one == 0], label)
+        ends = [gain - low * one] if np.isfinite(low) else []
+        ends += [high * one - gain] if np.isfinite(high) else []
+        if not transfer.denominator or transfer.denominator in facts.stable:
+            return named([end >= 0 for end in ends], label)
+        if len(ends) == 1:
+            ends.append(one)
+        return named([ends[0] * ends[1] >= 0] if ends else [], label)
+
+
+@dataclass(frozen=True, slots=True)
+class _RootIn(Plain):
+    """A real root in an interval, by synthetic division with the root as an unknown."""
+
+    low: float
+    high: float
+    output: int = 1
+    input: int = 1
+
+    _word: str = field(default="root", init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        interval_of((self.low, self.high), type(self).__name__)
+        if not np.isfinite([self.low, self.high]).all():
+            raise PriorError(f"{type(self).__name__}: found an infinite end, expected numbers")
+
+    def _label(self) -> str:
+        return f"{self._word}[{self.output},{self.input}]@{self.low:g}..{self.high:g}"
+
+    def _names(self, model: Structure) -> tuple[str | None, ...]:
+        raise NotImplementedError
+
+    def unknowns(self, model: Structure) -> Mapping[str, Interval]:
+        """The root, and the inner coefficients of the quotient."""
+        degree = len(self._names(model)) - 1
+        if degree < 1:
+            raise PriorError(f"{type(self).__name__}: found no {self._word}, expected at least one")
+        if self.low == self.high:
+            return {}
+        first = 2 if self._names(model)[0] is None else 1
+        inner = {f"{self._label()}.d{i}": (-inf, inf) for i in range(first, degree)}
+        return {self._label(): (float(self.low), float(self.high)), **inner}
+
+    def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
+        """c_0 r^n + ... + c_n == 0 by Horner's rule, one bilinear row a step."""
+        one = next(iter(x.values())) * 0.0 + 1.0
+        value, *others = [one if name is None else x[name] for name in self._names(model)]
+        root = float(self.low) if self.low == self.high else x[self._label()]
+        rows = []
+        for i, coefficient in enumerate(others, 1):
+            value = value * root + coefficient
+            inner = x.get(f"{self._label()}.d{i}")
+            if inner is not None:
+                rows.append(value - inner == 0)
+                value = inner
+        return named([*rows, value == 0], self._label())
+
+    def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
+        """The real root nearest to the interval, and the quotient."""
+        if self.low == self.high:
+            return {}
+        c = [1.0 if name is None else theta[name] for name in self._names(model)]
+        roots = np.roots(c) if any(c) else np.zeros(1)
+        off = np.abs(roots - np.clip(roots.real, self.low, self.high))
+        root = float(roots[np.argmin(off)].real) if roots.size else float(self.low)
+        quotient = [c[0]]
+        for coefficient in c[1:]:
+            quotient.append(quotient[-1] * root + coefficient)
+        inner = {f"{self._label()}.d{i}": value for i, value in enumerate(quotient)}
+        wanted = self.unknowns(model)
+        return {self._label(): root} | {n: v for n, v in inner.items() if n in wanted}
+
+
+@dataclass(frozen=True, slots=True)
+class PoleIn(_RootIn):
+    """A real pole lies in [low, high].
+
+    Several of these may speak of the same pole where their intervals overlap.
+
+    Parameters
+    ----------
+    low, high : float
+        Equal for a known pole, which gives one linear row; otherwise the pole is an
+        unknown, and so are the inner coefficients of the denominator without it.
+    output, input : int
+        Channels, from 1.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 2, 3, 2], [0, 1, 1, 2])
+    >>> model = setid.TransferFunction(na=2, nb=1)
+    >>> problem = setid.formulate(data, model, setid.Noise(0.1), [setid.PoleIn(0, 1)]).problem
+    >>> print(problem.constraints[-1])
+    pole[1,1]@0..1: a2 + a1*pole[1,1]@0..1 + pole[1,1]@0..1^2 == 0
+    """
+
+    _word: str = field(default="pole", init=False, repr=False)
+
+    def _names(self, model: Structure) -> tuple[str | None, ...]:
+        return (None, *model.transfer(self.output, self.input).denominator)
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroIn(_RootIn):
+    """A real zero lies in [low, high] (or the numerator vanishes, its closure).
+
+    Parameters
+    ----------
+    low, high : float
+        As for :class:`PoleIn`.
+    output, input : int
+        Channels, from 1.
+    """
+
+    _word: str = field(default="zero", init=False, repr=False)
+
+    def _names(self, model: Structure) -> tuple[str | None, ...]:
+        return model.transfer(self.output, self.input).numerator
+
+
+def _sums(transfer: Transfer, x: Symbols) -> tuple[sp.Polynomial, sp.Polynomial]:
+    """Numerator and denominator at q = 1."""
+    numerator = sp.total(x[name] for name in transfer.numerator)
+    return numerator, sp.total([numerator * 0.0, 1.0, *(x[n] for n in transfer.denominator)])

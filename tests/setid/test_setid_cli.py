@@ -1,0 +1,144 @@
+"""The command line."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from setid import cli
+from setid.cli import main
+
+ROWS = "u,y\n4,0\n-3,-6.25\n2,1.175\n1,2.0875\n"
+FIRST = ["--na", "1", "--nb", "1"]
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> str:
+    path = tmp_path / "record.csv"
+    path.write_text(ROWS)
+    return str(path)
+
+
+def test_identify(record: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", record, *FIRST, "--equation-noise", "0.5"]) == cli.EXIT_PROVED
+    text = capsys.readouterr().out
+    assert "a1" in text and "certified" in text and "-0.5232" in text
+
+
+def test_identify_writes_json_and_a_picture(record: str, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    out, picture = tmp_path / "out.json", tmp_path / "out.png"
+    arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--stable"]
+    assert main([*arguments, "--json", str(out), "--plot", str(picture)]) == cli.EXIT_PROVED
+    found = json.loads(out.read_text())
+    low, high = found["intervals"]["b0"]["outer"]
+    assert low <= 1.9166667 and high >= 2.109302 and high - low < 0.1927
+    assert found["status"] == "certified" and any("Stable" in t for t in found["assumptions"])
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_json_alone(record: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", record, *FIRST, "--equation-noise", "0.5", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["file"] == record
+
+
+def test_an_empty_set_has_its_exit_code(record: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", record, *FIRST, "--equation-noise", "0.3"]) == cli.EXIT_EMPTY
+    assert "empty" in capsys.readouterr().out
+
+
+def test_consistency(record: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    out = tmp_path / "level.json"
+    arguments = ["consistency", record, *FIRST, "--equation-noise"]
+    assert main([*arguments, "0.5", "--json", str(out)]) == cli.EXIT_PROVED
+    low, high = json.loads(out.read_text())["scale"]
+    assert 0.5 * low == pytest.approx(0.33902834, abs=1e-6) and low <= high
+    assert main([*arguments, "0.3"]) == cli.EXIT_EMPTY
+    assert "too small" in capsys.readouterr().out
+
+
+def test_columns_by_name_and_number(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "other.csv"
+    path.write_text(
+        "time,level,valve\n"
+        + "".join(
+            f"{k},{line.split(',')[1]},{line.split(',')[0]}\n"
+            for k, line in enumerate(ROWS.split()[1:])
+        )
+    )
+    bounds = [*FIRST, "--equation-noise", "0.5"]
+    named = ["identify", str(path), "--input", "valve", "--output", "level", *bounds]
+    assert main(named) == cli.EXIT_PROVED
+    first = capsys.readouterr().out
+    assert main(["identify", str(path), "--input", "2", "--output", "1", *bounds]) == 0
+    assert capsys.readouterr().out == first
+    assert main(["identify", str(path), *bounds]) == cli.EXIT_INPUT
+    path.write_text("\n".join(line for line in ROWS.split()[1:]))
+    assert main(["identify", str(path), *bounds]) == cli.EXIT_PROVED
+
+
+def test_rows(record: str, capsys: pytest.CaptureFixture[str]) -> None:
+    bounds = [*FIRST, "--equation-noise", "0.5", "--rows"]
+    assert main(["identify", record, *bounds, "1:4"]) == cli.EXIT_PROVED
+    assert "3 samples" in capsys.readouterr().out
+    assert main(["identify", record, *bounds, "x"]) == cli.EXIT_INPUT
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["identify", "nowhere.csv", *FIRST], "nowhere.csv"),
+        (["identify", "record.csv", *FIRST, "--equation-noise", "-1"], "bounds >= 0"),
+        (["identify", "record.csv", "--na", "-1", "--nb", "1"], "na"),
+        (["identify", "record.csv", *FIRST, "--time-limit", "-1"], "time_limit"),
+        (["identify", "record.csv", "--na", "1"], "--nb"),
+        (["consistency", "record.csv", *FIRST], "noise"),
+    ],
+)
+def test_wrong_input(
+    arguments: list[str],
+    message: str,
+    record: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([record if a == "record.csv" else a for a in arguments]) == cli.EXIT_INPUT
+    assert message in capsys.readouterr().err
+
+
+def test_a_wrong_suffix_of_a_picture(record: str, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--plot", "out.nothing"]
+    assert main(arguments) == cli.EXIT_INPUT
+    assert "--plot" in capsys.readouterr().err
+
+
+def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert main(["identify", "--help"]) == 0
+    assert "exit codes" in capsys.readouterr().out
+
+
+def test_as_a_module(record: str) -> None:
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-W",
+            "error",
+            "-m",
+            "setid.cli",
+            "identify",
+            record,
+            *FIRST,
+            "--equation-noise",
+            "0.5",
+        ],
+        capture_output=True,
+        text=True,
+        cwd=Path(__file__).resolve().parents[2],
+        check=False,
+    )
+    assert done.returncode == 0 and "certified" in done.stdout, done.stderr

@@ -1,0 +1,77 @@
+"""The least noise that explains the data: exact where linear, enclosed otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identification_cases import laboratory_two_first, laboratory_two_second
+
+import setid
+
+FIRST = setid.TransferFunction(1, 1)
+QUICK = setid.Options(time_limit=60.0, progress=False)
+
+
+def test_the_least_equation_error_of_the_laboratory_records() -> None:
+    """Values of independent linear programs (course notes, laboratories 1 and 2)."""
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    assert found.scale[0] == pytest.approx(0.3390283401, abs=5e-11)
+    assert found.scale[1] - found.scale[0] <= 1e-15
+    np.testing.assert_allclose(found.theta, [-0.3882591, 1.9703239], atol=5e-8)
+    assert found.explains is True and bool(found.verify())
+    assert found.samples == ((1, 2), (1, 3), (1, 4))
+    assert "held up by samples 2, 3, 4" in found.summary()
+    model = setid.TransferFunction(2, 3)
+    other = setid.consistency(laboratory_two_second(0.5), model, setid.Noise(equation=0.5))
+    assert 0.5 * other.scale[0] == pytest.approx(0.49818148, abs=5e-9)
+    assert bool(other.verify())
+
+
+def test_too_small_bounds_are_refuted() -> None:
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=0.33))
+    assert found.explains is False and found.scale[0] > 1.0
+    assert "no parameters are consistent" in found.summary()
+    assert setid.identify(laboratory_two_first(), FIRST, setid.Noise(equation=0.33)).empty
+
+
+def test_priors_can_only_raise_it() -> None:
+    data, noise = laboratory_two_first(), setid.Noise(equation=1.0)
+    free = setid.consistency(data, FIRST, noise)
+    tied = setid.consistency(data, FIRST, noise, setid.Box({"a1": (-0.3, 0.0)}))
+    assert tied.scale[0] > free.scale[1] and bool(tied.verify())
+
+
+@pytest.mark.parametrize("noise", [setid.Noise(output=0.2), setid.Noise(output=0.2, input=0.05)])
+def test_output_and_input_noise(noise: setid.Noise) -> None:
+    model = setid.TransferFunction(1, 1, 1)
+    u = np.random.default_rng(1).uniform(-1, 1, 16)
+    truth = setid.simulate_record(model, [-0.6, 2.0], u, noise, 1)
+    found = setid.consistency(truth.data, model, noise, options=QUICK)
+    low, high = found.scale
+    assert 0.0 < low <= high <= 1.0 + 1e-9  # the truth needs a factor of at most 1
+    assert high - low <= 2e-3 and found.explains is True
+    assert bool(found.verify())
+    assert not replace(found, scale=(1.01 * high, high)).verify()
+    below = setid.Noise(output=0.98 * low * noise.output, input=0.98 * low * noise.input)
+    assert setid.identify(truth.data, model, below, options=QUICK).empty
+    above = setid.Noise(output=1.02 * high * noise.output, input=1.02 * high * noise.input)
+    assert not setid.identify(truth.data, model, above, options=QUICK).empty
+
+
+def test_equation_and_output_noise_together() -> None:
+    noise, model = setid.Noise(output=0.1, equation=0.1), setid.TransferFunction(1, 1, 1)
+    u = np.random.default_rng(2).uniform(-1, 1, 12)
+    truth = setid.simulate_record(model, [-0.6, 2.0], u, noise, 2)
+    found = setid.consistency(truth.data, model, noise, options=QUICK)
+    assert 0.0 < found.scale[0] <= found.scale[1] <= 1.0 and bool(found.verify())
+
+
+def test_what_cannot_be_scaled_is_refused() -> None:
+    data = laboratory_two_first()
+    with pytest.raises(setid.NoiseError, match="no positive bound"):
+        setid.consistency(data, FIRST, setid.Noise())
+    limited = setid.Noise(output=1.0, constraints=[setid.EnergyBound("output", 3.0)])
+    with pytest.raises(setid.NoiseError, match="constraints over the record"):
+        setid.consistency(data, FIRST, limited)

@@ -1,0 +1,168 @@
+"""Records: validation, files, parts, and that nothing given is ever modified."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+import setid
+
+
+def test_arrays_are_copied_and_read_only() -> None:
+    u, y = np.array([1.0, 2.0, 4.0]), np.array([[1.0], [2.0], [3.0]])
+    data = setid.IOData(u, y, Ts=0.5)
+    u[0] = 9.0
+    assert data.u[0, 0] == 1.0 and data.u.shape == (3, 1) == data.y.shape
+    with pytest.raises(ValueError, match="read-only"):
+        data.y[0] = 1.0
+    assert data.time.tolist() == [0.0, 0.5, 1.0]
+    assert (data.samples, data.inputs, data.outputs, data.records) == (3, 1, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: setid.IOData([1, 2], [1, 2, 3]), "u, y: found 2 and 3 samples"),
+        (lambda: setid.IOData([1, np.inf], [1, 2]), r"u: found an infinite value at \[1\]"),
+        (lambda: setid.IOData([1, 2], ["a", "b"]), "y: found list .*, expected real numbers"),
+        (lambda: setid.IOData([1, 2], [1, 2j]), "y: found list .*, expected real numbers"),
+        (lambda: setid.IOData([1, 2], np.ones((2, 1, 1))), r"y: found shape \(2, 1, 1\)"),
+        (lambda: setid.IOData([], []), r"u: found shape \(0, 1\)"),
+        (lambda: setid.IOData([1, 2], [np.nan, np.nan]), "y: found no number in channel 1"),
+        (lambda: setid.IOData([1, 2], [1, 2], Ts=0), "Ts: found 0, expected a positive"),
+        (lambda: setid.IOData([1, 2], [1, 2], Ts="fast"), "Ts: found 'fast', expected a number"),
+        (lambda: setid.IOData([1, 2], [1, 2], starts=[1]), r"starts: found \[1\]"),
+        (lambda: setid.IOData([1, 2], [1, 2], starts=[0, 2]), r"starts: found \[0, 2\]"),
+        (lambda: setid.IOData([1, 2], [1, 2], y_range=(2, 1)), r"y_range: found \[2.0, 1.0\]"),
+        (lambda: setid.IOData([1, 2], [1, 2]).split(2), "at: found 2, expected a row in 1..1"),
+        (lambda: setid.IOData([1, 2], [1, 2]).split(1.5), "at: found 1.5"),
+        (lambda: setid.IOData([1, 2], [1, 2]).decimate(0), "m: found 0, expected an integer >= 1"),
+        (lambda: setid.IOData([1, 2], [1, 2]).detrend("cubic"), "kind: found 'cubic'"),
+        (lambda: setid.IOData.concat([]), "records: found none"),
+        (lambda: setid.IOData.concat([3]), r"records\[0\]: found int"),
+    ],
+)
+def test_wrong_records(make, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(setid.DataError, match=message):
+        make()
+
+
+def test_constant_inputs_warn_unless_zero() -> None:
+    with pytest.warns(setid.SetidWarning, match="input 2 is constant"):
+        setid.IOData([[1, 5], [2, 5]], [1, 2])
+    setid.IOData([0, 0], [1, 2])
+
+
+def test_concat_keeps_beginnings_and_assumptions() -> None:
+    one = setid.IOData([1, 2, 3], [1, 2, 3], Ts=0.1).detrend()
+    two = setid.IOData([4, 5], [6, 7], Ts=0.1)
+    three = setid.IOData.concat([setid.IOData.concat([one, two]), two])
+    assert three.starts.tolist() == [0, 3, 5]
+    assert three.record.tolist() == [0, 0, 0, 1, 1, 2, 2]
+    assert three.first.tolist() == [0, 0, 0, 3, 3, 5, 5]
+    assert three.assumptions == one.assumptions and len(one.assumptions) == 1
+    with pytest.raises(setid.DataError, match=r"records\[1\].Ts: found 1.0, expected 0.1"):
+        setid.IOData.concat([one, setid.IOData([1, 2], [1, 2])])
+    with pytest.raises(setid.DataError, match=r"records\[1\].inputs: found 2, expected 1"):
+        setid.IOData.concat([one, setid.IOData([[1, 2], [2, 3]], [1, 2], 0.1)])
+    with pytest.raises(setid.DataError, match="y_range"):
+        setid.IOData.concat([two, setid.IOData([4, 5], [6, 7], 0.1, y_range=(0, 9))])
+
+
+def test_split_and_decimate_respect_records() -> None:
+    u = np.arange(10.0) ** 2
+    data = setid.IOData(u, u, Ts=2.0, starts=[0, 6])
+    left, right = data.split(0.4)
+    assert left.u.ravel().tolist() == u[:4].tolist() and left.starts.tolist() == [0]
+    assert right.starts.tolist() == [0, 2] and right.samples == 6
+    assert data.split(6)[1].starts.tolist() == [0]
+    thin = data.decimate(4)
+    assert thin.u.ravel().tolist() == [0, 16, 36] and thin.starts.tolist() == [0, 2]
+    assert thin.Ts == 8.0 and "decimated by 4" in thin.assumptions[0]
+    assert data.decimate(1).assumptions == ()
+
+
+def test_detrend_is_a_new_record_with_an_assumption() -> None:
+    t = np.arange(6.0)
+    data = setid.IOData(t**2, np.concatenate([3 + 2 * t[:5], [np.nan]]))
+    flat = data.detrend("linear")
+    np.testing.assert_allclose(flat.y[:5], 0, atol=1e-12)
+    assert np.isnan(flat.y[5, 0]) and "linear" in flat.assumptions[0]
+    np.testing.assert_allclose(data.detrend().u.mean(), 0, atol=1e-12)
+    assert data.y[0, 0] == 3.0
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+def test_tables(tmp_path: Path, separator: str) -> None:
+    lines = [["t", "in", "out"], ["0", "1.5", "2"], ["1", "-1e-3", "nan"], ["2", "0", "4"]]
+    path = tmp_path / "record.csv"
+    path.write_text("# measured\n" + "\n".join(separator.join(line) for line in lines) + "\n\n")
+    data = setid.IOData.from_csv(path, "in", ["out", "t"], Ts=0.2)
+    assert data.u.ravel().tolist() == [1.5, -1e-3, 0.0] and data.Ts == 0.2
+    assert data.y[:, 1].tolist() == [0, 1, 2] and np.isnan(data.y[1, 0])
+    by_number = setid.IOData.from_csv(path, 1, 2)
+    assert np.array_equal(by_number.u, data.u)
+
+
+def test_tables_without_names(tmp_path: Path) -> None:
+    path = tmp_path / "bare.txt"
+    path.write_text("1 2\n3 4\n5 9\n")
+    assert setid.IOData.from_csv(path, 0, 1).y.ravel().tolist() == [2, 4, 9]
+    with pytest.raises(setid.DataError, match="found no single column 'u', expected one of the"):
+        setid.IOData.from_csv(path, "u", 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "inputs", "message"),
+    [
+        ("u,y\n1,2\n3\n", "u", "line 3: found 1 fields, expected 2"),
+        ("u,y\n1,2\n3,x\n", "u", "line 3, column 1: found 'x', expected a number"),
+        ("u,y\n1,2\n", "v", r"found no single column 'v', expected one of \['u', 'y'\]"),
+        ("u,u,y\n1,2,3\n", "u", "found no single column 'u'"),
+        ("u,y\n1,2\n", 5, r"found column 5, expected 0..1"),
+        ("\n# nothing\n", "u", "found no lines"),
+    ],
+)
+def test_wrong_tables(tmp_path: Path, text: str, inputs: object, message: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(setid.DataError, match=message):
+        setid.IOData.from_csv(path, inputs, "y")  # type: ignore[arg-type]
+
+
+def test_matlab_files(tmp_path: Path) -> None:
+    path = tmp_path / "record.mat"
+    values = {"u1": np.array([[1.0, 2.0, 5.0]]), "u2": np.array([[4.0], [2.0], [5.0]]),
+              "y": np.arange(6.0).reshape(2, 3), "name": "rig"}  # fmt: skip
+    scipy.io.savemat(path, values)
+    data = setid.IOData.from_mat(path, u=["u1", "u2"], Ts=0.1)
+    assert data.u.tolist() == [[1, 4], [2, 2], [5, 5]]
+    assert data.y.tolist() == [[0, 3], [1, 4], [2, 5]]
+    with pytest.raises(setid.DataError, match="found no variable 'x', expected one of"):
+        setid.IOData.from_mat(path, u="x")
+    with pytest.raises(setid.DataError, match="name: found ndarray"):
+        setid.IOData.from_mat(path, u="name")
+    (tmp_path / "no.mat").write_text("not a MATLAB file at all, but long enough to be read" * 9)
+    with pytest.raises(setid.DataError, match="expected a MATLAB file"):
+        setid.IOData.from_mat(tmp_path / "no.mat")
+
+
+def test_pictures() -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    data = setid.IOData(np.arange(8).reshape(4, 2), [1, np.nan, 2, 3], starts=[0, 2])
+    axes = data.plot()
+    assert [axis.get_ylabel() for axis in axes] == ["y1", "u1", "u2"]
+    assert len(axes[0].lines) == 2
+    plt.close("all")
+
+
+def test_printing() -> None:
+    data = setid.IOData([1, np.nan, 3], [[1, 2], [2, 3], [1, np.nan]], Ts=0.1, starts=[0, 1])
+    expected = "<IOData: 3 samples, 1 input, 2 outputs, Ts = 0.1, 2 records, 2 missing>"
+    assert repr(data) == expected

@@ -1,0 +1,158 @@
+"""Structures: names, orders, terms, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import setid
+from setid.models.equations import Structure
+
+
+def test_coefficients_are_named_by_their_lag() -> None:
+    names = setid.TransferFunction
+    assert names(2, 3).parameters == ("a1", "a2", "b0", "b1", "b2")
+    assert names(1, 2, nk=1, offset=True).parameters == ("a1", "b1", "b2", "c")
+    assert names(0, 1).parameters == ("b0",)
+    common = names(1, 1, 2, inputs=2, common_denominator=True)
+    assert common.parameters == ("a1", "b[1,1]2", "b[1,2]2")
+    mimo = names([[1, 0], [2, 1]], [[1, 2], [1, 1]], [[0, 1], [1, 0]], 2, 2, offset=True)
+    assert mimo.parameters == (
+        "a[1,1]1", "a[2,1]1", "a[2,1]2", "a[2,2]1",
+        "b[1,1]0", "b[1,2]1", "b[1,2]2", "b[2,1]1", "b[2,2]0", "c[1]", "c[2]",
+    )  # fmt: skip
+    assert mimo.transfer(2, 1) == mimo.transfer(output=2, input=1)
+    assert mimo.transfer(1, 2).delay == 1 and mimo.transfer(1, 2).denominator == ()
+
+
+@pytest.mark.parametrize(
+    ("model", "first"),
+    [
+        (setid.TransferFunction(2, 3), 3),
+        (setid.TransferFunction(1, 2, nk=3), 5),
+        (setid.TransferFunction(3, 1), 4),
+        (setid.TransferFunction(0, 1), 1),
+        (setid.TransferFunction(2, 3, initial="zero"), 1),
+        (setid.PolynomialNARX(["y2", "u0"], 2, 0), 3),
+        (setid.PolynomialNARX(["y1*u2"], 1, 2), 3),
+    ],
+)
+@pytest.mark.parametrize("noise", [setid.Noise(equation=1.0), setid.Noise(0.1, 0.1)])
+def test_rows_start_where_all_lags_lie_in_the_record(model, first: int, noise) -> None:  # type: ignore[no-untyped-def]
+    data = setid.IOData(np.arange(8.0), np.arange(8.0) ** 2)
+    formulation = setid.formulate(data, model, noise)
+    rows = formulation.rows
+    samples = rows.sample[[name == "y1" for name in rows.equation]]
+    assert sorted(set(samples.tolist())) == list(range(first, 9))
+    assert formulation.dropped == 0
+
+
+def test_which_forms_introduce_partial_outputs() -> None:
+    def internal(model: setid.TransferFunction) -> list[str]:
+        return [e.defines for e in model.equations() if e.defines[0] == "z"]
+
+    assert internal(setid.TransferFunction(1, 1)) == []
+    assert internal(setid.TransferFunction(1, 1, inputs=2)) == ["z[1,1]", "z[1,2]"]
+    assert internal(setid.TransferFunction(1, 1, outputs=2)) == []
+    assert internal(setid.TransferFunction(0, 2, inputs=2)) == []
+    assert internal(setid.TransferFunction([[1, 0]], 1, inputs=2)) == ["z[1,1]", "z[1,2]"]
+    assert internal(setid.TransferFunction(1, 1, inputs=2, form="direct")) == []
+    assert internal(setid.TransferFunction(1, 1, inputs=2, common_denominator=True)) == []
+    assert internal(setid.TransferFunction(1, 1, form="partial")) == ["z[1,1]"]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: setid.TransferFunction(-1, 1), "na: found -1, expected an integer >= 0"),
+        (lambda: setid.TransferFunction(1, 0), "nb: found 0, expected an integer >= 1"),
+        (lambda: setid.TransferFunction(1.5, 1), "na: found 1.5"),
+        (lambda: setid.TransferFunction(True, 1), "na: found True"),
+        (lambda: setid.TransferFunction([[1, 2]], 1), r"na: found shape \(1, 2\), expected"),
+        (lambda: setid.TransferFunction(1, 1, inputs=0), "inputs: found 0"),
+        (lambda: setid.TransferFunction(1, 1, initial="rest"), "initial: found 'rest'"),
+        (lambda: setid.TransferFunction(1, 1, form="sum"), "form: found 'sum'"),
+        (
+            lambda: setid.TransferFunction([[1, 2]], 1, inputs=2, common_denominator=True),
+            "na: found several orders",
+        ),
+        (lambda: setid.TransferFunction(1, 1).transfer(2, 1), "output, input: found 2, 1"),
+        (lambda: setid.PolynomialNARX([], 1, 1), "terms: found none"),
+        (lambda: setid.PolynomialNARX("y1", 1, 1), "terms: found the text 'y1'"),
+        (lambda: setid.PolynomialNARX(["y1+u0"], 1, 1), r"terms\[0\]: found 'y1\+u0'"),
+        (lambda: setid.PolynomialNARX(["y0"], 1, 1), "expected lags 1..1 and channels 1..1 of y"),
+        (lambda: setid.PolynomialNARX(["u2"], 1, 1), "expected lags 0..1"),
+        (lambda: setid.PolynomialNARX(["u[2]0"], 1, 1), "channels 1..1 of u"),
+        (lambda: setid.PolynomialNARX(["y1*u0", "u0*y1"], 1, 1), r"terms\[1\]: found 'u0\*y1' aga"),
+        (lambda: setid.PolynomialNARX([[1, 0]], 1, 1), r"found shape \(2,\), expected text or 3"),
+        (lambda: setid.PolynomialNARX([[1, 0, -1]], 1, 1), r"terms\[0\]: found -1"),
+        (lambda: setid.PolynomialNARX([["y1"]], 1, 1, outputs=2), "terms: found 1 lists"),
+    ],
+)
+def test_wrong_structures(make, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(setid.ModelError, match=message):
+        make()
+
+
+def test_terms_as_text_and_as_exponents() -> None:
+    text = setid.PolynomialNARX(["1", "y1**2 * u0", "u1"], ny=1, nu=1)
+    assert text.regressors == ("y1", "u0", "u1")
+    numbers = setid.PolynomialNARX([[0, 0, 0], [2, 1, 0], [0, 0, 1]], ny=1, nu=1)
+    assert text == numbers
+    assert text.parameters == ("c[1]", "c[y1^2*u0]", "c[u1]")
+    two = setid.PolynomialNARX([["y[2]1"], ["u[2]0", "y[1]1"]], 1, 0, inputs=2, outputs=2)
+    assert two.parameters == ("c1[y[2]1]", "c2[u[2]0]", "c2[y[1]1]")
+    assert len(setid.PolynomialNARX.full(3, 1, 1, constant=False).parameters) == 19  # C(6,3) - 1
+
+
+def test_products_are_shared_over_lags() -> None:
+    model = setid.PolynomialNARX(["y1*u1", "y2*u2", "y1*u1*u2"], 2, 2)
+    names = [e.defines for e in model.equations({"y1", "u1"})]
+    assert names == ["p[y0*u0]", "p[y0*u0*u1]", "y1"]
+    assert [e.defines for e in model.equations({"y1"})] == ["y1"]
+
+
+def test_structures_keep_the_protocol() -> None:
+    for model in (setid.TransferFunction(1, 1), setid.PolynomialNARX(["y1"], 1, 0)):
+        assert isinstance(model, Structure)
+        assert hash(model) == hash(model)
+
+
+@pytest.mark.parametrize(
+    ("model", "theta"),
+    [
+        (setid.TransferFunction(2, 3), [-0.9, 0.2, 1.0, 2.0, 3.0]),
+        (setid.TransferFunction(2, 1, 1, inputs=2), [-0.9, 0.2, 0.5, 0.1, 2.0, 3.0]),
+        (setid.TransferFunction(2, 1, 1, inputs=2, form="direct"), [-0.9, 0.2, 0.5, 0.1, 2.0, 3.0]),
+    ],
+)
+def test_simulation_agrees_with_filters(model, theta) -> None:  # type: ignore[no-untyped-def]
+    from scipy.signal import lfilter
+
+    u = np.random.default_rng(9).uniform(-1, 1, (30, model.inputs))
+    if model.inputs == 1:
+        expected = lfilter(theta[2:], [1, *theta[:2]], u[:, 0])
+    else:
+        expected = lfilter([0, 2.0], [1, -0.9, 0.2], u[:, 0])
+        expected = expected + lfilter([0, 3.0], [1, 0.5, 0.1], u[:, 1])
+    np.testing.assert_allclose(setid.simulate(model, theta, u).ravel(), expected, atol=1e-12)
+
+
+def test_simulation_of_a_polynomial_model_by_hand() -> None:
+    model = setid.PolynomialNARX(["y1", "y1*u0"], 1, 0)
+    found = setid.simulate(model, [0.5, 2.0], [0, 1, 1], equation=[1.0, 0.0, 0.25]).ravel()
+    assert found.tolist() == [1.0, 2.5, 6.5]
+
+
+@pytest.mark.parametrize(
+    ("theta", "u", "message"),
+    [
+        ([1.0], [1, 2], r"theta: found shape \(1,\), expected \(2,\)"),
+        ({"a1": 1}, [1, 2], r"theta: found names \['a1'\], expected \['a1', 'b0'\]"),
+        ([1.0, 1.0], [[1, 2]], r"u: found shape \(1, 2\), expected \(N, 1\)"),
+        ([1.0, 1.0], [1, np.nan], "no NaN"),
+    ],
+)
+def test_wrong_simulations(theta, u, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(setid.SetidError, match=message):
+        setid.simulate(setid.TransferFunction(1, 1), theta, u)

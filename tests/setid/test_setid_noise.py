@@ -1,0 +1,121 @@
+"""Noise bounds and noise sets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+
+DATA = setid.IOData([[1, 2], [-3, 4], [5, 6]], [10.0, np.nan, -30.0])
+FIR = setid.TransferFunction(na=1, nb=1, nk=1)
+
+
+def test_bounds_are_spread_over_samples_and_channels() -> None:
+    output, input, equation = setid.Noise(0.5, [0.1, 0.2], [1, 2, 3]).bounds(DATA)
+    assert output.tolist() == [[0.5], [0.0], [0.5]], "a missing sample has no noise"
+    assert input.tolist() == [[0.1, 0.2]] * 3
+    assert equation.tolist() == [[1], [2], [3]]
+    full = np.arange(6.0).reshape(3, 2)
+    assert np.array_equal(setid.Noise(input=full).bounds(DATA)[1], full)
+
+
+def test_relative_bounds_are_fractions_of_the_reading() -> None:
+    output, input, equation = setid.Noise(0.01, 0.1, 0.5, relative=True).bounds(DATA)
+    np.testing.assert_allclose(output.ravel(), [0.1, 0.0, 0.3])
+    np.testing.assert_allclose(input, 0.1 * np.abs(DATA.u))
+    assert equation.tolist() == [[0.5]] * 3
+
+
+def test_a_proportional_error_is_covered() -> None:
+    """Measured = true (1 + d), |d| <= D, gives |measured - true| <= D / (1 - D) |measured|."""
+    d = np.linspace(-0.2, 0.2, 41)
+    true = 7.0
+    measured = true * (1 + d)
+    assert np.all(np.abs(measured - true) <= 0.2 / 0.8 * np.abs(measured) + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: setid.Noise(output=-1), "output: found -1, expected bounds >= 0"),
+        (lambda: setid.Noise(input=[1, np.nan]), "input: found"),
+        (lambda: setid.Noise(input="loud"), "input: found str"),
+        (lambda: setid.Noise(equation=np.inf), "equation: found an infinite value"),
+        (lambda: setid.Noise(relative=2), "relative: found 2"),
+        (lambda: setid.Noise(constraints=[3]), r"constraints\[0\]: found int"),
+        (lambda: setid.Noise(output=[1, 2]).bounds(DATA), r"output: found shape \(2,\), expected"),
+        (lambda: setid.EnergyBound("sound", 1), "kind: found 'sound', expected one of output"),
+        (lambda: setid.RateLimit("output", -1), "limit: found -1, expected a number >= 0"),
+        (lambda: setid.estimate_noise_bound([1, 2], margin=0.5), "margin: found 0.5"),
+        (lambda: setid.estimate_noise_bound(setid.IOData([0, 1], [1, 2])), "expected rest"),
+    ],
+)
+def test_wrong_noise(make, message: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(setid.NoiseError, match=message):
+        make()
+
+
+def test_ambiguous_shapes_are_refused() -> None:
+    data = setid.IOData([[1, 2], [3, 4]], [1, 2])
+    with pytest.raises(setid.NoiseError, match="one a channel or one a sample"):
+        setid.Noise(input=[0.1, 0.2]).bounds(data)
+
+
+def test_a_bound_estimated_at_rest_is_an_assumption() -> None:
+    rest = setid.IOData(np.zeros(4), [[0.1, 5.0], [-0.3, 5.2], [0.2, 4.9], [0.0, 5.0]])
+    bound = setid.estimate_noise_bound(rest, margin=2)
+    np.testing.assert_allclose(bound.value, [0.5, 0.3])
+    np.testing.assert_allclose(bound.centre, [-0.05, 5.05])
+    np.testing.assert_allclose(setid.estimate_noise_bound(rest, offset=False).value, [0.3, 5.2])
+    noise = setid.Noise(output=bound)
+    data = setid.IOData([1, 2, 3], [[1, 2], [2, 3], [3, 1]])
+    formulation = setid.formulate(data, setid.TransferFunction(1, 1, outputs=2), noise)
+    assert any("estimated from 4 samples at rest" in text for text in formulation.assumptions)
+    np.testing.assert_allclose(noise.bounds(data)[0][0], [0.5, 0.3])
+
+
+def test_exact_signals_have_no_variables() -> None:
+    data = setid.IOData([1, 2, 3, 2], [1, 2, 1, 0])
+    names = setid.formulate(data, FIR, setid.Noise(output=0.1)).layout.names
+    assert names == ("a1", "b1", "eta[1]", "eta[2]", "eta[3]", "eta[4]")
+    partly = setid.formulate(data, FIR, setid.Noise(output=[0, 0.1, 0, 0.1], input=0.1))
+    assert partly.layout.names == ("a1", "b1", "eta[2]", "eta[4]", "xi[1]", "xi[2]", "xi[3]")
+    assert setid.formulate(data, FIR, setid.Noise()).layout.names == ("a1", "b1")
+
+
+def test_energy_and_rate_are_rows() -> None:
+    data = setid.IOData([1, 2, 3, 2, 1], [1, 2, 1, 0, 1], starts=[0, 3])
+    sets = [setid.EnergyBound("output", 0.5), setid.RateLimit("output", 0.25)]
+    formulation = setid.formulate(data, FIR, setid.Noise(output=1.0, constraints=sets))
+    origin = np.array(formulation.rows.origin)
+    rows = [str(formulation.problem.constraints[r]) for r in np.flatnonzero(origin == "noise")]
+    assert rows[0] == "0.25 - eta[1,1]^2 - eta[1,2]^2 - eta[1,3]^2 >= 0"
+    assert rows[1] == "0.25 - eta[2,1]^2 - eta[2,2]^2 >= 0"
+    assert rows[2:4] == ["0.25 + eta[1,1] - eta[1,2] >= 0", "0.25 - eta[1,1] + eta[1,2] >= 0"]
+    assert len(rows) == 2 + 2 * 3, "no rate across the join"
+
+
+def test_sets_of_equation_errors_make_them_unknowns() -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    model = setid.TransferFunction(1, 1)
+    noise = setid.Noise(equation=0.5, constraints=setid.EnergyBound("equation", 0.7))
+    formulation = setid.formulate(data, model, noise)
+    assert formulation.layout.names[2:] == ("e[2]", "e[3]", "e[4]")
+    e = np.array([0.05, -0.25, 0.3, -0.5])
+    x = formulation.point([-0.5, 2.0], equation=e)
+    assert formulation.problem.violation(x) < 1e-12
+    assert formulation.equation(2).endswith("== e[2]")
+
+
+def test_sets_of_the_users_own() -> None:
+    data = setid.IOData([1, 2, 3], [1, 2, 1])
+    zero_mean = lambda layout: [layout.variable("eta[1]") + layout.variable("eta[2]") == 0]  # noqa: E731
+    formulation = setid.formulate(data, FIR, setid.Noise(0.1, constraints=zero_mean))
+    assert str(formulation.problem.constraints[-1]) == "eta[1] + eta[2] == 0"
+    for bad in (lambda layout: [1.0], lambda layout: [sp.variables(1)[0] >= 0]):
+        with pytest.raises(setid.NoiseError, match=r"Noise.constraints\[0\]: found"):
+            setid.formulate(data, FIR, setid.Noise(0.1, constraints=bad))
+    with pytest.raises(setid.SetidError, match=r"name: found 'xi\[1\]'"):
+        setid.formulate(data, FIR, setid.Noise(0.1)).layout.variable("xi[1]")

@@ -1,0 +1,80 @@
+"""The structure loop: refuted structures are left, signs are trusted only where settled."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from identification_cases import laboratory_two_second
+
+import setid
+from setid.select import _sign_test
+
+QUICK = setid.Options(time_limit=60.0, progress=False)
+
+
+def test_the_right_order_is_found_and_every_step_is_logged() -> None:
+    data = laboratory_two_second(0.5, 60)
+    found = setid.select(data, setid.TransferFunction, setid.Noise(equation=0.5), [0, 1, 2, 3])
+    assert [step.decision for step in found.steps] == ["refuted", "refuted", "kept"]
+    assert found.chosen.order == 2 and found.result is found.chosen.result
+    assert found.coefficients["a1"] == "needed: its sign is negative, proved"
+    assert found.coefficients["b0"].startswith("idle")
+    lines = found.log.splitlines()
+    assert len(lines) == 3 + 5 and "proved empty by samples" in lines[0]
+
+
+def test_degrees_are_raised_before_orders() -> None:
+    model = setid.PolynomialNARX(["y1", "u1", "u1^2"], ny=1, nu=1)
+    u = np.random.default_rng(1).uniform(-1, 1, 40)
+    truth = setid.simulate_record(model, [0.5, 1.0, -0.4], u, setid.Noise(equation=0.02), 1)
+
+    def family(order: int, degree: int) -> setid.PolynomialNARX:
+        terms = [f"u1^{d}" if d > 1 else "u1" for d in range(1, degree + 1)]
+        return setid.PolynomialNARX(["y1", *terms], ny=order, nu=order)
+
+    found = setid.select(truth.data, family, setid.Noise(equation=0.02), [1, 2], [1, 2, 3])
+    assert [(s.order, s.degree, s.decision) for s in found.steps] == [
+        (1, 1, "refuted"),
+        (1, 2, "kept"),
+    ]
+    assert all(text.startswith("needed") for text in found.coefficients.values())
+
+
+def test_output_errors() -> None:
+    model, noise = setid.TransferFunction(1, 2), setid.Noise(output=0.05)
+    u = np.random.default_rng(3).uniform(-1, 1, 20)
+    truth = setid.simulate_record(model, [-0.6, 0.0, 2.0], u, noise, 3)
+    found = setid.select(truth.data, setid.TransferFunction, noise, orders=[0, 1], options=QUICK)
+    assert found.chosen.order == 1 and found.steps[0].decision == "refuted"
+
+
+def test_nothing_is_chosen_where_all_is_refuted() -> None:
+    found = setid.select(
+        laboratory_two_second(0.5, 60), setid.TransferFunction, setid.Noise(equation=0.1), [0, 1]
+    )
+    assert found.chosen is None and found.result is None and not found.coefficients
+    assert found.log.endswith("no structure with consistent parameters was found")
+
+
+@pytest.mark.parametrize(
+    "outer, inner, text",
+    [
+        ((0.1, 2.0), None, "needed"),
+        ((-2.0, -0.1), (-1.0, -0.5), "needed"),
+        ((-1.0, 1.0), (-0.5, 0.5), "idle"),
+        ((-1.0, 1.0), (0.4, 0.6), "open: the gap is 7"),
+        ((-0.01, 1.0), (0.1, 0.9), "open: zero"),
+        ((-1.0, 1.0), None, "open: no value"),
+    ],
+)
+def test_signs_are_trusted_only_where_settled(outer, inner, text) -> None:  # type: ignore[no-untyped-def]
+    status = setid.IntervalStatus.PARTIAL
+    assert _sign_test(setid.ParameterInterval("a1", outer, inner, status)).startswith(text)
+
+
+def test_wrong_input_is_refused() -> None:
+    data, noise = laboratory_two_second(0.5, 20), setid.Noise(equation=0.5)
+    with pytest.raises(setid.SetidError, match="expected at least one"):
+        setid.select(data, setid.TransferFunction, noise, [])
+    with pytest.raises(setid.ModelError, match="family: found int"):
+        setid.select(data, 3, noise, [1])
