@@ -1,8 +1,131 @@
 """Guaranteed parameter intervals from measured data with bounded noise.
 
-``setid`` translates identification problems (equation error, output error,
-errors-in-variables, block structures, continuous time) into polynomial
-optimization problems, whose proved bounds become parameter uncertainty
-intervals. It rests on the public names of :mod:`sparsepop_py` alone. The
-translation is not part of this release; the package holds its place.
+    data, structure, noise, priors -> formulate -> Formulation: a polynomial problem
+
+:func:`formulate` states what the data and the noise bounds say of the parameters as a
+polynomial optimization problem with named unknowns, whose proved bounds (see
+:mod:`sparsepop_py`, on whose public names alone this package rests) become parameter
+uncertainty intervals.
+
+Examples
+--------
+>>> import setid, sparsepop_py as sp
+>>> data = setid.IOData(u=[4, -3, 2, 1], y=[0, -6.25, 1.175, 2.0875])
+>>> model = setid.TransferFunction(na=1, nb=1)
+>>> formulation = setid.formulate(data, model, setid.Noise(equation=0.5))
+>>> least = sp.solve(formulation.problem).lower_bound
+>>> round(least, 5)
+-0.52326
 """
+
+from . import estimators
+from .assembly import Rows
+from .bands import FrequencyBand, StepBand, frequency_band, step_band
+from .boxes import ParameterBox, parameter_box
+from .completion import Witness
+from .consistency import Consistency, consistency
+from .data import IOData
+from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
+from .estimators import Estimate, l1, least_squares, linf, recursive_least_squares
+from .exchange import ControlModels, to_control
+from .formulation import Formulation, formulate
+from .identify import identify
+from .intervals import Identification, IntervalStatus, ParameterInterval
+from .layout import Layout
+from .members import Central, central, feasible, members, projection_estimate
+from .models.lti import TransferFunction
+from .models.narx import PolynomialNARX
+from .noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
+from .options import Options
+from .priors import (
+    Box,
+    DCGain,
+    Known,
+    MinimumPhase,
+    PoleIn,
+    Sign,
+    Stable,
+    ZeroIn,
+    parameters,
+)
+from .projections import Projection, project
+from .regression import Regression
+from .residuals import Residuals, residuals
+from .select import Selection, SelectionStep, select
+from .simulate import Simulated, simulate, simulate_record
+from .validation import Comparison, OutputBand, compare, predict, simulate_band
+from .verification import Verification
+
+__all__ = [
+    "Box",
+    "Central",
+    "Comparison",
+    "Consistency",
+    "ControlModels",
+    "DCGain",
+    "DataError",
+    "EnergyBound",
+    "Estimate",
+    "EstimatedBound",
+    "Formulation",
+    "FrequencyBand",
+    "IOData",
+    "Identification",
+    "IntervalStatus",
+    "Known",
+    "Layout",
+    "MinimumPhase",
+    "ModelError",
+    "Noise",
+    "NoiseError",
+    "Options",
+    "OutputBand",
+    "ParameterBox",
+    "ParameterInterval",
+    "PoleIn",
+    "PolynomialNARX",
+    "PriorError",
+    "Projection",
+    "RateLimit",
+    "Regression",
+    "Residuals",
+    "Rows",
+    "Selection",
+    "SelectionStep",
+    "SetidError",
+    "SetidWarning",
+    "Sign",
+    "Simulated",
+    "Stable",
+    "StepBand",
+    "TransferFunction",
+    "Verification",
+    "Witness",
+    "ZeroIn",
+    "central",
+    "compare",
+    "consistency",
+    "estimate_noise_bound",
+    "estimators",
+    "feasible",
+    "formulate",
+    "frequency_band",
+    "identify",
+    "l1",
+    "least_squares",
+    "linf",
+    "members",
+    "parameter_box",
+    "parameters",
+    "predict",
+    "project",
+    "projection_estimate",
+    "recursive_least_squares",
+    "residuals",
+    "select",
+    "simulate",
+    "simulate_band",
+    "simulate_record",
+    "step_band",
+    "to_control",
+]

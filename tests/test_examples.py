@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import sparsepop_py as sp
+from setid import cli as setid_cli
 from sparsepop_py import cli
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -43,7 +44,9 @@ def numbers(text: str) -> list[float]:
 
 def test_every_example_is_tested() -> None:
     named = {"demo", "expressions", "structs", "certificate", "many_objectives"}
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == named | {"order_comparison"}
+    records = {f"identify_{name}" for name in ("estimators", "hairdryer", "cd_player", "tank")}
+    found = {path.stem for path in EXAMPLES.glob("*.py")}
+    assert found == named | records | {"order_comparison"}
 
 
 # Minima (the maximum of pooling) that follow by hand or from enumeration; chain, quartic
@@ -71,6 +74,9 @@ def test_demo(tmp_path: Path) -> None:
         assert sign * float(attained) >= sign * optimum - 1e-8
         picture = tmp_path / "pictures" / f"{name}.png"
         assert picture.read_bytes()[:4] == b"\x89PNG"
+    end = output.split("measured record")[1]
+    assert end.count("certified") == 5 and "verified        yes" in end
+    assert (tmp_path / "pictures" / "hairdryer_bode.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_binary_optimum_by_enumeration() -> None:
@@ -128,10 +134,59 @@ def test_order_comparison(tmp_path: Path) -> None:
                 assert bounds[-1] >= OPTIMA[name] - 1e-5
 
 
+# ---- identification ---------------------------------------------------------------------
+
+
+def interval(output: str, name: str) -> list[float]:
+    (line,) = [line for line in output.splitlines() if line.startswith(f"{name} ")]
+    return [float(token) for token in line.split()[1:3]]
+
+
+def test_identify_estimators(tmp_path: Path) -> None:
+    output = run("identify_estimators", tmp_path)
+    low, high = interval(output, "b0")
+    assert low <= 1.9166667 and high >= 2.1093022 and high - low < 0.19264
+    least, batch, recursive = (
+        [line.split()[-5:] for line in output.splitlines() if line.startswith(key)]
+        for key in ("true", "least squares", "recursive")
+    )
+    assert batch == recursive
+    biased, true = float(batch[1][0]), float(least[0][0])
+    assert abs(biased - true) > 3 * abs(float(batch[0][0]) - true)
+    row = next(line for line in output.splitlines() if line.startswith("|e| <= 1 "))
+    assert "-0.76576 .. -0.76433" in row and "32.22668 .. 32.25638" in row
+
+
+def test_identify_hairdryer(tmp_path: Path) -> None:
+    output = run("identify_hairdryer", tmp_path, "--output", str(tmp_path / "pictures"))
+    assert "0.10270 V (proved)" in output and "the result is: empty" in output
+    assert output.count("certified") == 5
+    low, high = interval(output, "a1")
+    assert -1.497 < low < -1.49 and -1.257 < high < -1.25
+    assert "readings outside the proved band of readings  0 of 100" in output
+    for name in ("intervals", "bode", "prediction", "parameters"):
+        assert (tmp_path / "pictures" / f"hairdryer_{name}.png").stat().st_size > 1000
+
+
+def test_identify_cd_player(tmp_path: Path) -> None:
+    output = run("identify_cd_player", tmp_path, "--output", str(tmp_path / "pictures"))
+    levels = [float(line.split()[-1]) for line in re.findall(r"na = nb = \d: \S+", output)]
+    assert levels == sorted(levels, reverse=True) and levels[2] < 0.5 * levels[0]
+    assert output.count("certified") == 15 and "b[2,2]1, b[2,2]2" in output
+    assert "0 of 200" in output
+
+
+def test_identify_tank(tmp_path: Path) -> None:
+    output = run("identify_tank", tmp_path, "--output", str(tmp_path / "pictures"))
+    linear, quadratic = re.findall(r"equation error (\S+) V", output)
+    assert float(linear) > float(quadratic) > 0.05
+    assert "falsified" in output and output.count("certified") == 4
+
+
 # ---- README -----------------------------------------------------------------------------
 
 BLOCKS = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
-COMMANDS = re.findall(r"^sparsepop .*", README, re.M)
+COMMANDS = re.findall(r"^(?:sparsepop|setid) .*", README, re.M)
 
 
 @pytest.fixture
@@ -155,7 +210,9 @@ def test_readme_code(number: int, folder: Path, capsys: pytest.CaptureFixture[st
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_readme_commands(command: str, folder: Path) -> None:
-    assert cli.main(shlex.split(command.split("#")[0])[1:]) == cli.EXIT_PROVED
+    program, *arguments = shlex.split(command.split("#")[0])
+    main = {"sparsepop": cli.main, "setid": setid_cli.main}[program]
+    assert main(arguments) == cli.EXIT_PROVED
 
 
 def test_readme_has_code_and_commands() -> None:

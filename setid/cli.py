@@ -1,0 +1,294 @@
+"""The command line: ``setid identify RECORD.csv ...`` and ``setid consistency RECORD.csv ...``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import sparsepop_py as sp
+
+from .consistency import Consistency, consistency
+from .data import IOData
+from .errors import DataError, SetidError
+from .identify import identify
+from .intervals import Identification, IntervalStatus
+from .models.lti import TransferFunction
+from .noise import Noise
+from .options import Options
+from .plots import plot_intervals, require_matplotlib
+from .priors import DCGain, Stable
+
+__all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
+
+EXIT_PROVED = 0
+EXIT_OPEN = 1
+EXIT_INPUT = 2
+EXIT_MISSING = 3
+EXIT_EMPTY = 4
+
+_CODES = """exit codes:
+  0  every interval is certified; for consistency: the data are explained by these bounds
+  1  an interval is proved but not closed, or unbounded, or not identifiable
+  2  the input is wrong (the message is on standard error)
+  3  software is missing (the message says what to install)
+  4  it is proved that no parameter is consistent with the data: order or bounds are wrong
+
+columns: by name from the first line, or by number from 0. Without --input and --output
+the columns u and y are taken, or 0 and 1 in a file without names.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    argv : sequence of str, optional
+        Arguments without the name of the program; those of the process when left out.
+
+    Returns
+    -------
+    int
+        The exit code; see ``setid --help``.
+
+    Examples
+    --------
+    >>> main(["identify", "nowhere.csv", "--na", "1", "--nb", "1", "--output-noise", "1"])
+    2
+    """
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
+        return int(stop.code or 0)
+    try:
+        code: int = arguments.run(arguments)
+    except (SetidError, sp.ProblemError, OSError) as error:
+        print(f"setid: {error}", file=sys.stderr)
+        return EXIT_INPUT
+    except sp.SolverNotFound as error:
+        print(f"setid: {error}", file=sys.stderr)
+        return EXIT_MISSING
+    return code
+
+
+# ---- arguments --------------------------------------------------------------------------
+
+
+def _parser() -> argparse.ArgumentParser:
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(
+        prog="setid",
+        description="Guaranteed parameter intervals from records with bounded noise.",
+        epilog=_CODES,
+        formatter_class=layout,
+    )
+    parser.add_argument("--version", action="version", version=f"sparsepop-py {_version()}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for name, run, text in (
+        ("identify", _identify, "prove an interval for each parameter"),
+        ("consistency", _consistency, "find the least noise that explains the record"),
+    ):
+        command = commands.add_parser(
+            name,
+            help=text,
+            description=f"{text[0].upper()}{text[1:]}.",
+            epilog=_CODES,
+            formatter_class=layout,
+        )
+        command.set_defaults(run=run)
+        command.add_argument("record", metavar="RECORD.csv", help="a table of samples")
+        _add_data(command)
+        _add_model(command)
+        command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
+        command.add_argument("--json", metavar="OUT.json", help="write the result; - prints it")
+        if run is _identify:
+            command.add_argument("--plot", metavar="OUT.png", help="write a picture")
+    return parser
+
+
+def _add_data(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("record")
+    group.add_argument("--input", action="append", metavar="COLUMN", help="may be repeated")
+    group.add_argument("--output", action="append", metavar="COLUMN", help="may be repeated")
+    group.add_argument("--Ts", type=float, default=1.0, help="sampling time")
+    group.add_argument("--rows", metavar="FIRST:END", help="part of the record, from 0")
+    for kind in ("output", "input", "equation"):
+        group.add_argument(f"--{kind}-noise", type=float, default=0.0, metavar="BOUND")
+    group.add_argument("--relative", action="store_true", help="bounds are shares of readings")
+
+
+def _add_model(command: argparse.ArgumentParser) -> None:
+    group = command.add_argument_group("structure and priors")
+    group.add_argument("--na", type=int, required=True, help="denominator coefficients")
+    group.add_argument("--nb", type=int, required=True, help="numerator coefficients")
+    group.add_argument("--nk", type=int, default=0, help="delay in samples")
+    group.add_argument("--offset", action="store_true", help="an unknown constant")
+    group.add_argument(
+        "--common-denominator", action="store_true", help="one for all pairs of channels"
+    )
+    group.add_argument("--from-rest", action="store_true", help="zero before the record")
+    group.add_argument("--stable", action="store_true", help="all poles in the unit disc")
+    group.add_argument("--dc-gain", type=float, nargs=2, metavar=("LOW", "HIGH"))
+
+
+def _version() -> str:
+    try:
+        return metadata.version("sparsepop-py")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+def _record(arguments: argparse.Namespace) -> IOData:
+    defaults = _default_columns(arguments.record)
+    inputs = _columns(arguments.input) or [defaults[0]]
+    outputs = _columns(arguments.output) or [defaults[1]]
+    data = IOData.from_csv(arguments.record, inputs, outputs, arguments.Ts)
+    if arguments.rows is None:
+        return data
+    try:
+        first, end = (int(text) if text else None for text in arguments.rows.split(":"))
+        begin, stop, _ = slice(first, end).indices(data.samples)
+    except ValueError:
+        raise DataError(f"--rows: found {arguments.rows!r}, expected FIRST:END") from None
+    data = data.split(stop)[0] if 0 < stop < data.samples else data
+    return data.split(begin)[1] if begin else data
+
+
+def _columns(given: list[str] | None) -> list[str | int]:
+    return [int(text) if text.isdigit() else text for text in given or []]
+
+
+def _default_columns(path: str) -> tuple[str | int, str | int]:
+    """U and y where the first line holds names, else the first two columns."""
+    with Path(path).open(encoding="utf-8-sig") as lines:
+        first = next((line for line in lines if line.strip() and line.lstrip()[0] not in "#%"), "")
+    named = any(character.isalpha() and character not in "eEnNaA" for character in first)
+    return ("u", "y") if named else (0, 1)
+
+
+def _parts(
+    arguments: argparse.Namespace,
+) -> tuple[IOData, TransferFunction, Noise, list[Any]]:
+    data = _record(arguments)
+    model = TransferFunction(
+        arguments.na,
+        arguments.nb,
+        arguments.nk,
+        data.inputs,
+        data.outputs,
+        common_denominator=arguments.common_denominator,
+        offset=arguments.offset,
+        initial="zero" if arguments.from_rest else "free",
+    )
+    noise = Noise(
+        arguments.output_noise,
+        arguments.input_noise,
+        arguments.equation_noise,
+        relative=arguments.relative,
+    )
+    priors: list[Any] = [Stable()] if arguments.stable else []
+    if arguments.dc_gain:
+        priors.append(DCGain(*arguments.dc_gain))
+    return data, model, noise, priors
+
+
+def _options(arguments: argparse.Namespace) -> Options:
+    return Options(time_limit=arguments.time_limit)
+
+
+# ---- identify ---------------------------------------------------------------------------
+
+
+def _identify(arguments: argparse.Namespace) -> int:
+    if arguments.plot:
+        require_matplotlib()  # before the work, not after it
+    data, model, noise, priors = _parts(arguments)
+    result = identify(data, model, noise, priors, _options(arguments))
+    record = _as_record(arguments.record, result)
+    _write(arguments.json, record, f"{arguments.record}: {data!r}\n{result.summary()}")
+    if arguments.plot:
+        _save(result, arguments.plot)
+    if result.empty:
+        return EXIT_EMPTY
+    return EXIT_PROVED if result.status is IntervalStatus.CERTIFIED else EXIT_OPEN
+
+
+def _save(result: Identification, path: str) -> None:
+    figure = plot_intervals(result).get_figure(root=True)
+    assert figure is not None
+    try:
+        figure.savefig(path, dpi=150)
+    except ValueError as error:  # an unknown suffix
+        raise SetidError(f"--plot: {error}") from None
+
+
+def _as_record(path: str, result: Identification) -> dict[str, Any]:
+    return {
+        "file": path,
+        "model": repr(result.formulation.model),
+        "status": str(result.status),
+        "intervals": {
+            name: {
+                "outer": [_number(end) for end in interval.outer],
+                "inner": None if interval.inner is None else [_number(e) for e in interval.inner],
+                "status": str(interval.status),
+            }
+            for name, interval in result.intervals.items()
+        },
+        "assumptions": list(result.assumptions),
+    }
+
+
+# ---- consistency ------------------------------------------------------------------------
+
+
+def _consistency(arguments: argparse.Namespace) -> int:
+    data, model, noise, priors = _parts(arguments)
+    found = consistency(data, model, noise, priors, _options(arguments))
+    text = f"{arguments.record}: {data!r}\n{found.summary()}"
+    _write(arguments.json, _as_scale(arguments.record, found), text)
+    return {True: EXIT_PROVED, None: EXIT_OPEN, False: EXIT_EMPTY}[found.explains]
+
+
+def _as_scale(path: str, found: Consistency) -> dict[str, Any]:
+    names = found.formulation.parameters
+    theta = None if found.theta is None else dict(zip(names, found.theta.tolist(), strict=True))
+    return {
+        "file": path,
+        "model": repr(found.formulation.model),
+        "scale": [_number(end) for end in found.scale],
+        "explains": found.explains,
+        "theta": theta,
+        "samples": [list(map(int, pair)) for pair in found.samples],
+        "assumptions": list(found.assumptions),
+    }
+
+
+def _number(value: float) -> float | str | None:
+    """A number that JSON knows, infinities as the strings that ``float`` reads."""
+    if math.isnan(value):
+        return None
+    return float(value) if math.isfinite(value) else str(float(value))
+
+
+def _write(path: str | None, record: dict[str, Any], text: str) -> None:
+    """The text to standard output, the record to a file; or the record alone for ``-``."""
+    if path is None:
+        print(text)
+        return
+    encoded = json.dumps(record, indent=2, allow_nan=False)
+    if path == "-":
+        print(encoded)
+    else:
+        Path(path).write_text(encoded + "\n", encoding="utf-8")
+        print(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,348 @@
+"""The least noise that explains the data: how far a structure and its noise bounds fit.
+
+All noise bounds are multiplied by one factor s. Below the proved lower end of s no
+parameters are consistent with the data; at the upper end some are, with a witness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+
+from .boxes import ParameterBox, parameter_box
+from .data import IOData
+from .errors import ModelError, NoiseError
+from .estimators import least_squares, linf
+from .formulation import Formulation, formulate
+from .models.equations import Structure
+from .noise import Noise
+from .noise_factor import last_variable, linear_problem, problem_with_factor, scaled_noise
+from .options import Options
+from .priors.base import Prior
+from .regression import Regression
+from .verification import Verification
+
+__all__ = ["Consistency", "consistency"]
+
+_STEPS = 12  # halvings of the interval of s by boxes alone
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Consistency:
+    """The least factor on all noise bounds with which the data are consistent.
+
+    Parameters
+    ----------
+    scale : (float, float)
+        No parameters are consistent with a factor below ``scale[0]`` (proved), some are with
+        ``scale[1]`` (attained; infinite where none was found).
+    theta : (p,) float or None
+        Parameters that attain the upper end.
+    witness : (n,) float or None
+        All unknowns of ``formulation`` there, noise included.
+    formulation : Formulation
+        The data with noise bounds at the largest factor that was looked at.
+    limit : float
+        That factor.
+    problem : sparsepop_py.Problem
+        Whose last variable is the factor, as a fraction of ``limit``.
+    bound : sparsepop_py.LinearBound or None
+        The exact optimum, where the problem is linear.
+    result : sparsepop_py.Result or None
+        What the engine proved, otherwise.
+    box : ParameterBox or None
+        The box of the parameters with the factor at ``limit``.
+    refuted : (float, ParameterBox) or None
+        A factor at which the box from the data alone is proved empty.
+    noise : Noise
+        As given: a factor of 1.
+    assumptions : tuple of str
+    samples : tuple of (record, sample)
+        Samples that keep the factor from being smaller, where linear programs tell.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> found = setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> round(0.5 * found.scale[0], 6), found.explains
+    (0.339028, True)
+    """
+
+    scale: tuple[float, float]
+    theta: NDArray[np.float64] | None
+    witness: NDArray[np.float64] | None
+    formulation: Formulation
+    limit: float
+    problem: sp.Problem
+    bound: sp.LinearBound | None
+    result: sp.Result | None
+    box: ParameterBox | None
+    refuted: tuple[float, ParameterBox] | None
+    noise: Noise
+    assumptions: tuple[str, ...]
+    samples: tuple[tuple[int, int], ...]
+
+    @property
+    def explains(self) -> bool | None:
+        """Whether the noise bounds as given explain the data; None where that is open."""
+        low, high = self.scale
+        return True if high <= 1.0 else (False if low > 1.0 else None)
+
+    def verify(self) -> Verification:
+        """Check both ends again, without any solver."""
+        return _verify(self)
+
+    def summary(self) -> str:
+        """A few lines for people."""
+        low, high = self.scale
+        lines = [f"least factor on the noise bounds: {low:.6g} (proved) to {high:.6g} (attained)"]
+        lines.append(_MEANING[self.explains])
+        if self.theta is not None:
+            pairs = zip(self.formulation.parameters, self.theta.tolist(), strict=True)
+            lines.append("attained by " + ", ".join(f"{n} = {v:.6g}" for n, v in pairs))
+        if self.samples:
+            lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
+        lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return f"<Consistency: factor {self.scale[0]:.6g} (proved) to {self.scale[1]:.6g}>"
+
+
+_MEANING = {
+    True: "the noise bounds explain the data: consistent parameters exist",
+    False: "the noise bounds are too small for this structure: no parameters are consistent",
+    None: "whether the noise bounds explain the data is open: give more time",
+}
+
+
+def consistency(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
+    options: Options | None = None,
+) -> Consistency:
+    """Find the least factor on the noise bounds with which the data are consistent.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+    noise : Noise
+        Bounds alone; at least one must be positive.
+    priors : iterable of priors and ``sp`` constraints
+    options : Options, optional
+        ``tol`` is the gap of the factor, relative to it; 60 seconds when left out.
+
+    Returns
+    -------
+    Consistency
+
+    Raises
+    ------
+    NoiseError
+        If the noise has constraints over the record, or is zero.
+    SetidError
+        If the parts do not fit together.
+
+    Notes
+    -----
+    For equation errors this is a linear program and settled exactly. Otherwise emptiness of
+    boxes gives a first bound, and the factor is an unknown that the engine minimises.
+    """
+    settings = options or Options(time_limit=60.0)
+    if noise.constraints:
+        raise NoiseError("noise: found constraints over the record, expected bounds alone")
+    bounds = noise.bounds(data)
+    if not any(np.any(bound > 0) for bound in bounds):
+        raise NoiseError("noise: found no positive bound, expected one that can be scaled")
+    given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)
+    formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
+    if formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1]):
+        return _exactly(formulation, noise)
+    return _by_engine(data, model, noise, given, settings)
+
+
+def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
+    return tuple(dict.fromkeys([*noise.assumptions, *formulation.assumptions]))
+
+
+# ---- equation errors: one linear program ------------------------------------------------
+
+
+def _exactly(formulation: Formulation, noise: Noise) -> Consistency:
+    problem = linear_problem(formulation)
+    factor = last_variable(problem)
+    (bound,) = sp.linear_bounds(problem, [factor])
+    rows, p = formulation.regression, len(formulation.parameters)
+    assert rows is not None
+    used = [number // 2 for number, _ in bound.multipliers if number < 2 * rows.target.size]
+    samples = {(int(rows.record[r]), int(rows.sample[r])) for r in used}
+    x = bound.x
+    return Consistency(
+        scale=(bound.lower, bound.upper),
+        theta=None if x is None else x[:p],
+        witness=None if x is None else x[:-1],
+        formulation=formulation,
+        limit=1.0,
+        problem=problem,
+        bound=bound,
+        result=None,
+        box=None,
+        refuted=None,
+        noise=noise,
+        assumptions=_assumptions(formulation, noise),
+        samples=tuple(sorted(samples)),
+    )
+
+
+# ---- otherwise: the factor is an unknown ------------------------------------------------
+
+
+def _by_engine(
+    data: IOData, model: Structure, noise: Noise, priors: list[Any], settings: Options
+) -> Consistency:
+    bounds = noise.bounds(data)
+    unit = formulate(data, model, scaled_noise(bounds, 1.0), priors)
+    limit, x = _explaining(data, unit)
+    formulation = formulate(data, model, scaled_noise(bounds, limit), priors)
+    box, refuted = None, None
+    if formulation.regression is not None:
+        box = _box(formulation)
+        refuted = _bisect(data, model, bounds, priors, limit)
+    problem = problem_with_factor(formulation, box)
+    low, high = (0.0, inf) if refuted is None else (refuted[0], inf)
+    result, theta, witness = None, None, None
+    p = len(formulation.parameters)
+    if np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
+        start = None if x is None else np.append(x, 1.0)
+        result = sp.solve(problem, settings.for_engine("absolute"), start=start)
+        if np.isfinite(result.lower_bound):
+            low = max(low, float(np.nextafter(max(0.0, result.lower_bound) * limit, 0.0)))
+        if result.attained is not None:
+            high = result.attained.value * limit * (1.0 + 1e-15)
+            theta, witness = result.attained.x[:p], result.attained.x[:-1]
+    return Consistency(
+        scale=(low, high),
+        theta=theta,
+        witness=witness,
+        formulation=formulation,
+        limit=limit,
+        problem=problem,
+        bound=None,
+        result=result,
+        box=box,
+        refuted=refuted,
+        noise=noise,
+        assumptions=_assumptions(formulation, noise),
+        samples=_held_up(formulation, refuted),
+    )
+
+
+def _held_up(
+    formulation: Formulation, refuted: tuple[float, ParameterBox] | None
+) -> tuple[tuple[int, int], ...]:
+    """Samples in the proof at the largest factor that boxes refute."""
+    if refuted is None or formulation.regression is None:
+        return ()
+    return tuple(refuted[1].driving(formulation.regression))
+
+
+def _box(formulation: Formulation) -> ParameterBox:
+    assert formulation.regression is not None
+    p, problem = len(formulation.parameters), formulation.problem
+    return parameter_box(formulation.regression, np.array([problem.lower[:p], problem.upper[:p]]))
+
+
+def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
+    """A factor with which some estimate is consistent, a little more than its least one."""
+    best, x = inf, None
+    low, high = formulation.problem.lower, formulation.problem.upper
+    for estimate in (linf, least_squares):
+        try:
+            theta = estimate(data, formulation.model).theta
+            p = theta.size
+            witness = formulation.witness(np.clip(theta, low[:p], high[:p]))
+        except (ModelError, ValueError):
+            continue
+        if witness.level < best:
+            best, x = witness.level, witness.x
+    if not np.isfinite(best):
+        return 1.0, None
+    return max(best, 1e-12) * (1.0 + 1e-3), x
+
+
+def _bisect(
+    data: IOData, model: Structure, bounds: tuple[NDArray, ...], priors: list[Any], limit: float
+) -> tuple[float, ParameterBox] | None:
+    """The largest factor that was found at which no parameters pass the rows one by one."""
+    found, low, high = None, 0.0, limit
+    for _ in range(_STEPS):
+        factor = 0.5 * (low + high)
+        box = _box(formulate(data, model, scaled_noise(bounds, factor), priors))
+        if box.empty:
+            found, low = (factor, box), factor
+        else:
+            high = factor
+    return found
+
+
+def _verify(found: Consistency) -> Verification:
+    if found.bound is not None:
+        problem = linear_problem(found.formulation)
+        verdict = found.bound.verify(problem, last_variable(problem))
+        same = found.scale == (found.bound.lower, found.bound.upper)
+        return Verification(verdict.ok and same, verdict.reason)
+    proved = 0.0
+    if found.refuted is not None:
+        factor, box = found.refuted
+        rows, start = _again(found, factor)
+        if not box.empty or rows is None or not box.verify(rows, start):
+            return Verification(False, "emptiness of the box does not follow")
+        proved = factor
+    if found.result is not None:
+        rows, start = _again(found, found.limit)
+        if found.box is not None and (rows is None or not found.box.verify(rows, start)):
+            return Verification(False, "the box does not follow from the data")
+        reason = _result_fails(found)
+        if reason:
+            return Verification(False, reason)
+        if found.result.certificate is not None:
+            proved = max(proved, found.result.certificate.bound * found.limit)
+    good = found.scale[0] <= proved
+    return Verification(good, "" if good else "the lower end does not follow")
+
+
+def _again(found: Consistency, factor: float) -> tuple[Regression | None, NDArray[np.float64]]:
+    """Rows and bounds of the parameters, stated once more from the data."""
+    given = found.formulation
+    noise = scaled_noise(found.noise.bounds(given.data), factor)
+    fresh = formulate(given.data, given.model, noise, given.priors)
+    p = len(given.parameters)
+    return fresh.regression, np.array([fresh.problem.lower[:p], fresh.problem.upper[:p]])
+
+
+def _result_fails(found: Consistency) -> str:
+    result, problem = found.result, problem_with_factor(found.formulation, found.box)
+    assert result is not None
+    if result.certificate is not None:
+        verdict = result.certificate.verify(problem)
+        if not verdict.ok:
+            return verdict.reason
+    attained = result.attained
+    if attained is None:
+        return "" if found.scale[1] == inf else "nothing attains the upper end"
+    point = attained.recheck(problem)
+    if point is None:
+        return "the attained point could not be proved again"
+    reached = point.value * found.limit * (1.0 + 1e-15)
+    return "" if reached <= found.scale[1] else "the upper end is not attained"

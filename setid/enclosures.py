@@ -1,0 +1,266 @@
+"""Proved ranges of the outputs of linear models over the feasible parameter set.
+
+For one output with D(theta) y = N(theta) u + c + e let v be computed with a nominal theta
+and d = y - v. Then D(theta) d = r(theta), the residual of v, is affine in theta. With h the
+computed impulse response of 1 / D at the nominal parameters, h * D(theta) = 1 + E(theta)
+with a small E, so that
+
+    d = h * r(theta) - E(theta) * d.
+
+The first part is affine in theta: its range over the feasible set is proved by linear
+programs. The second is bounded sample by sample by what came before. Whatever was rounded
+in v and h is part of r and E, so that the result is a proof.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import frozen
+from .data import IOData
+from .errors import ModelError, SetidError
+from .models.equations import Equation, Structure, channel_of
+from .responses import run
+from .supports import Cover, supports
+
+__all__ = ["Enclosure", "enclose"]
+
+Reals = NDArray[np.float64]
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Enclosure:
+    """Ranges of one output, sample by sample.
+
+    Parameters
+    ----------
+    nominal : (N,) float
+    low, high : (N,) float
+        Proved range of the model's output for the given inputs, without equation errors.
+    driven_low, driven_high : (N,) float
+        The same with equation errors within their bounds: of the system's output.
+    """
+
+    nominal: Reals
+    low: Reals
+    high: Reals
+    driven_low: Reals
+    driven_high: Reals
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Row:
+    """One equation as lags: y(k) + sum a y(k-i) + sum b s(k-j) == e."""
+
+    feedback: dict[int, tuple[int, float]]  # lag -> parameter, coefficient
+    others: list[tuple[int, float, str, int]]  # parameter, coefficient, signal or "", lag
+
+
+def enclose(
+    model: Structure,
+    theta: Reals,
+    cover: Cover,
+    data: IOData,
+    noise: tuple[Reals, Reals, Reals] | None = None,
+    from_rest: bool = False,
+) -> list[Enclosure]:
+    """Proved ranges of all outputs for the inputs of one record or several.
+
+    Parameters
+    ----------
+    model : Structure
+        Linear, with one denominator an output.
+    theta : (p,) float
+        Nominal.
+    cover : Cover
+        A finite one.
+    data : IOData
+        Inputs are readings; without ``from_rest`` the first outputs are too.
+    noise : bounds of output noise, input noise and equation error, optional
+        As :meth:`Noise.bounds` gives them; none when left out.
+    from_rest : bool
+        All signals are zero before the record.
+
+    Returns
+    -------
+    list of Enclosure
+        One an output.
+
+    Raises
+    ------
+    SetidError
+        If the structure does not allow it or the cover is not finite.
+    """
+    equations = model.regression()
+    if not equations:
+        raise ModelError(
+            "model: separate denominators have no proved bands; use kind='sampled', or a "
+            "common denominator"
+        )
+    if not np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)):
+        raise SetidError(
+            "result: found an infinite interval, expected finite ones for proved bands; "
+            "give priors such as Box or Stable"
+        )
+    rows = [_row_of(equation, model) for equation in equations]
+    bounds = noise or (np.zeros(data.y.shape), np.zeros(data.u.shape), np.zeros(data.y.shape))
+    nominal = run(model, theta, data, from_rest)
+    first = 0 if from_rest else max(e.lag for e in equations)
+    edges = [*data.starts.tolist(), data.samples]
+    found: list[Enclosure] = []
+    for i, row in enumerate(rows):
+        pieces = []
+        for begin, end in zip(edges[:-1], edges[1:], strict=True):
+            part = slice(begin, end)
+            start = np.zeros(0) if from_rest else bounds[0][part, i][:first]
+            v, u, errors = nominal[part, i], data.u[part], (bounds[1][part], bounds[2][part, i])
+            pieces.append(_one_record(row, theta, cover, v, u, start, errors))
+        joined = np.concatenate(pieces, axis=1)
+        found.append(Enclosure(frozen(nominal[:, i].copy()), *(frozen(x.copy()) for x in joined)))
+    return found
+
+
+def _row_of(equation: Equation, model: Structure) -> _Row:
+    place = {name: column for column, name in enumerate(model.parameters)}
+    feedback: dict[int, tuple[int, float]] = {}
+    others = []
+    for term in equation.terms[1:]:
+        if len(term.signals) > 1 or len(term.parameters) != 1:
+            raise ModelError("model: found products, expected a linear structure for proved bands")
+        column = place[term.parameters[0]]
+        if not term.signals:
+            others.append((column, term.coefficient, "", 0))
+            continue
+        signal, lag = term.signals[0].signal, term.signals[0].lag
+        if signal == equation.defines:
+            if lag in feedback:
+                raise ModelError("model: found a lag twice, expected linear lags once each")
+            feedback[lag] = (column, term.coefficient)
+        elif channel_of(signal) is not None and signal.startswith("u"):
+            others.append((column, term.coefficient, signal, lag))
+        else:
+            raise ModelError("model: found coupled outputs, expected one denominator an output")
+    return _Row(feedback, others)
+
+
+def _one_record(
+    row: _Row,
+    theta: Reals,
+    cover: Cover,
+    v: Reals,
+    u: Reals,
+    start: Reals,
+    noise: tuple[Reals, Reals],
+) -> Reals:
+    """low, high, driven_low, driven_high as (4, N)."""
+    count, first = v.size, start.size
+    h = _impulse_response(row, theta, count - first)
+    leak = _leak(row, cover, h)
+    regressors = _regressors(row, v, u, theta.size)[first:]
+    constant, weights, doubt = _filtered(h, v[first:], regressors, cover)
+    ranges = -supports(cover, weights)[:, ::-1] - constant[:, None]
+    ranges += np.stack([-doubt, doubt], axis=1)
+    push = _input_push(row, cover, noise[0], count)[first:]
+    push += _start_push(row, cover, start, count - first)
+    errors = noise[1][first:]
+    result = np.empty((4, count))
+    result[:2, :first] = result[2:, :first] = np.stack([v[:first] - start, v[:first] + start])
+    for place, drive in ((0, push), (2, push + errors)):
+        around = _convolve_up(np.abs(h), drive)
+        spread = _with_leak(ranges, around, leak)
+        low = np.nextafter(v[first:] + ranges[:, 0] - spread, -np.inf)
+        high = np.nextafter(v[first:] + ranges[:, 1] + spread, np.inf)
+        result[place, first:], result[place + 1, first:] = low, high
+    return result
+
+
+def _impulse_response(row: _Row, theta: Reals, count: int) -> Reals:
+    h = np.zeros(max(count, 1))
+    h[0] = 1.0
+    for k in range(1, count):
+        for lag, (column, coefficient) in row.feedback.items():
+            if lag <= k:
+                h[k] -= coefficient * theta[column] * h[k - lag]
+    return h
+
+
+def _leak(row: _Row, cover: Cover, h: Reals) -> Reals:
+    """Bounds of abs(E): of h * D(theta) - 1 over the box, shape of h."""
+    middle, spread, size = h.copy(), np.zeros(h.size), np.abs(h)
+    for lag, (column, coefficient) in row.feedback.items():
+        shifted = np.concatenate([np.zeros(lag), h[: h.size - lag]])[: h.size]
+        middle += coefficient * cover.centre[column] * shifted
+        spread += abs(coefficient) * cover.spread[column] * np.abs(shifted)
+        size += abs(coefficient) * cover.magnitude[column] * np.abs(shifted)
+    leak = np.abs(middle) + spread + 4 * (len(row.feedback) + 4) * _EPS * size
+    leak[0] = 0.0  # h[0] is exactly 1 and feedback has lags of at least 1
+    return leak
+
+
+def _regressors(row: _Row, v: Reals, u: Reals, p: int) -> Reals:
+    """What multiplies theta in the residual of v, shape (N, p); zeros before the record."""
+    found = np.zeros((v.size, p))
+    for lag, (column, coefficient) in row.feedback.items():
+        found[lag:, column] += coefficient * v[: v.size - lag]
+    for column, coefficient, signal, lag in row.others:
+        if signal:
+            channel = channel_of(signal)
+            assert channel is not None
+            found[lag:, column] += coefficient * u[: v.size - lag, channel[1]]
+        else:
+            found[:, column] += coefficient
+    return found
+
+
+def _filtered(h: Reals, v: Reals, regressors: Reals, cover: Cover) -> tuple[Reals, Reals, Reals]:
+    """Sequences h*v (N,) and h*regressors (N, p), and a bound of their rounding (N,)."""
+    count = v.size
+    constant = np.convolve(h, v)[:count]
+    weights = np.stack([np.convolve(h, column)[:count] for column in regressors.T], axis=1)
+    size = np.convolve(np.abs(h), np.abs(v) + np.abs(regressors) @ cover.magnitude)[:count]
+    return constant, weights, 4 * (count + regressors.shape[1] + 8) * _EPS * size
+
+
+def _input_push(row: _Row, cover: Cover, bound: Reals, count: int) -> Reals:
+    """Effect of input noise on the residual, shape (N,)."""
+    push = np.zeros(count)
+    for column, coefficient, signal, lag in row.others:
+        channel = channel_of(signal)
+        if channel is not None:
+            size = abs(coefficient) * cover.magnitude[column]
+            push[lag:] += size * bound[: count - lag, channel[1]]
+    return push
+
+
+def _start_push(row: _Row, cover: Cover, start: Reals, count: int) -> Reals:
+    """Effect of noise in the first outputs on the residuals after them, shape (N - first,)."""
+    push = np.zeros(count)
+    for lag, (column, coefficient) in row.feedback.items():
+        for k in range(min(lag, count)):
+            place = start.size + k - lag
+            if 0 <= place < start.size:
+                push[k] += abs(coefficient) * cover.magnitude[column] * start[place]
+    return push
+
+
+def _convolve_up(left: Reals, right: Reals) -> Reals:
+    """Convolution of non-negative sequences, rounded up."""
+    found = np.convolve(left, right)[: right.size]
+    return np.maximum(found, 0.0) * (1.0 + 4 * (right.size + 4) * _EPS)
+
+
+def _with_leak(ranges: Reals, around: Reals, leak: Reals) -> Reals:
+    """Width beside the affine range: around[k] + sum_m leak[m] abs(d[k-m]), rounded up."""
+    affine = np.abs(ranges).max(axis=1)
+    spread, size = np.empty(around.size), np.empty(around.size)
+    grow = 1.0 + 4 * (around.size + 4) * _EPS
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(around.size):
+            carried = leak[1 : k + 1] @ size[:k][::-1]
+            spread[k] = (around[k] + carried) * grow
+            size[k] = (affine[k] + spread[k]) * grow
+    return np.where(np.isnan(spread), np.inf, spread)

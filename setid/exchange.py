@@ -1,0 +1,206 @@
+"""Models for python-control: the one door to it.
+
+Nominal model, vertices and a multiplicative uncertainty weight. They come from members of
+the feasible set and from a grid of frequencies, so that they are labelled *sampled*: the
+weight covers what was sampled, not provably the whole set.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+
+from .bands import frequency_band
+from .checks import frozen
+from .errors import ModelError, SetidError
+from .members import attained_members, members, nominal
+from .models.equations import Structure
+from .responses import frequency_response, grid
+
+if TYPE_CHECKING:
+    from .intervals import Identification
+
+__all__ = ["ControlModels", "coefficients", "to_control"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControlModels:
+    """Models of python-control that stand for an identified system.
+
+    Parameters
+    ----------
+    nominal : control.TransferFunction
+        Discrete, all channels.
+    vertices : tuple of control.TransferFunction
+        Models of attained parameter vectors.
+    weight : control.TransferFunction or None
+        Stable, of order 1, with abs(G / G0 - 1) <= abs(weight) at the grid frequencies for
+        every model that was looked at. None for several channels.
+    omega : (F,) float
+        The grid, rad per unit of time.
+    radius : (F,) float
+        Largest abs(G / G0 - 1) found at each frequency.
+    label : str
+        ``"sampled"``, or ``"proved at the grid frequencies"``.
+    """
+
+    nominal: Any
+    vertices: tuple[Any, ...]
+    weight: Any
+    omega: Reals
+    radius: Reals
+    label: str
+
+
+def to_control(
+    result: Identification,
+    omega: ArrayLike | None = None,
+    kind: Literal["sampled", "proved"] = "sampled",
+    samples: int = 100,
+    seed: int = 0,
+) -> ControlModels:
+    """Models of python-control: nominal, vertices and multiplicative uncertainty weight.
+
+    Parameters
+    ----------
+    result : Identification
+        Of a linear structure. An offset is left out: it is no part of a transfer function.
+    omega : array_like (F,), optional
+        Grid of frequencies.
+    kind : {"sampled", "proved"}
+        Where the radius comes from: members of the feasible set, or proved regions, which
+        hold at the grid frequencies and say nothing between them.
+    samples, seed : int
+        Mixtures of attained members.
+
+    Returns
+    -------
+    ControlModels
+
+    Raises
+    ------
+    SolverNotFound
+        If python-control is missing; the message says how to install it.
+    SetidError
+        If the feasible set is empty or the structure is not linear.
+
+    References
+    ----------
+    K. Zhou, J. C. Doyle, Essentials of Robust Control, 1998, section 8.2.
+    """
+    control = _control()
+    formulation = result.formulation
+    model, Ts, theta = formulation.model, formulation.data.Ts, nominal(result)
+    frequencies = grid(omega, Ts)
+    radius = np.zeros(frequencies.size)
+    single = model.inputs == model.outputs == 1
+    label = "sampled"
+    if kind == "proved":
+        if not single:
+            raise ModelError("kind: proved radii are for one input and one output")
+        band = frequency_band(result, frequencies, "proved")
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.abs(band.regions - band.nominal[:, None]).max(axis=1)
+            radius = away / np.abs(band.nominal)
+        label = "proved at the grid frequencies"
+    elif kind == "sampled":
+        if single:
+            thetas = members(result, samples, seed)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                responses = frequency_response(model, np.vstack([theta, thetas]), frequencies, Ts)
+                radius = np.abs(responses / responses[0] - 1.0).max(axis=0)
+    else:
+        raise SetidError(f"kind: found {kind!r}, expected 'sampled' or 'proved'")
+    weight = None
+    if single and np.all(np.isfinite(radius)):
+        weight = control.TransferFunction(*_covering_weight(frequencies, radius, Ts), Ts)
+    return ControlModels(
+        _transfer(control, model, theta, Ts),
+        tuple(_transfer(control, model, t, Ts) for t in attained_members(result)),
+        weight,
+        frozen(frequencies),
+        frozen(np.asarray(radius, float)),
+        label,
+    )
+
+
+def _control() -> ModuleType:
+    try:
+        import control
+    except ImportError as error:
+        raise sp.SolverNotFound(
+            "to_control: python-control is missing; install it with: "
+            "pip install 'sparsepop-py[control]'"
+        ) from error
+    return control
+
+
+def coefficients(
+    model: Structure, theta: Reals, output: int = 1, input: int = 1
+) -> tuple[list[float], list[float]]:
+    """Numerator and denominator in falling powers of z, of equal length.
+
+    Parameters
+    ----------
+    model : Structure
+        Linear.
+    theta : (p,) float
+    output, input : int
+        Channels, from 1.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> from setid.exchange import coefficients
+    >>> coefficients(setid.TransferFunction(1, 1, nk=2), np.array([-0.5, 3.0]))
+    ([0.0, 0.0, 3.0], [1.0, -0.5, 0.0])
+    """
+    transfer = model.transfer(output, input)
+    named = dict(zip(model.parameters, np.asarray(theta, float).tolist(), strict=True))
+    size = max(transfer.delay + len(transfer.numerator) - 1, len(transfer.denominator)) + 1
+    numerator, denominator = [0.0] * size, [1.0] + [0.0] * (size - 1)
+    for lag, name in enumerate(transfer.numerator, transfer.delay):
+        numerator[lag] = named[name]
+    for lag, name in enumerate(transfer.denominator, 1):
+        denominator[lag] = named[name]
+    return numerator, denominator
+
+
+def _transfer(control: ModuleType, model: Structure, theta: Reals, Ts: float) -> Any:
+    pairs = [
+        [coefficients(model, theta, i + 1, j + 1) for j in range(model.inputs)]
+        for i in range(model.outputs)
+    ]
+    if model.inputs == model.outputs == 1:
+        return control.TransferFunction(*pairs[0][0], Ts)
+    numerators = [[pair[0] for pair in row] for row in pairs]
+    return control.TransferFunction(numerators, [[pair[1] for pair in row] for row in pairs], Ts)
+
+
+def _covering_weight(omega: Reals, radius: Reals, Ts: float) -> tuple[list[float], list[float]]:
+    """Gain (1 + c q^-1) / (1 + d q^-1), stable, with the least excess over the radius in dB."""
+    z = np.exp(-1j * omega * Ts)
+    floor = max(float(radius.max()), np.finfo(float).tiny) * 1e-6
+    wanted = np.maximum(radius, floor)
+    corners = np.concatenate([-1.0 + np.geomspace(1e-4, 1.0, 25), 1.0 - np.geomspace(0.05, 1, 8)])
+    best: tuple[float, float, float, float] | None = None
+    for c in np.unique(corners).tolist():
+        for d in np.unique(corners).tolist():
+            shape = np.abs((1.0 + c * z) / (1.0 + d * z))
+            if not np.all(shape > 0):
+                continue
+            gain = float((wanted / shape).max()) * (1.0 + 1e-9)
+            excess = float(np.mean(np.log(gain * shape / wanted)))
+            if best is None or excess < best[0]:
+                best = excess, gain, c, d
+    assert best is not None
+    _, gain, c, d = best
+    return [gain, gain * c], [1.0, d]

@@ -1,0 +1,378 @@
+"""From a record to proved parameter intervals.
+
+    formulate -> linear?  exact linear programs
+              -> else     box from the data -> the engine, all ends over one feasible set
+
+Linear problems (equation errors, exact regressors) are settled without rounding. Otherwise
+the box of the parameters comes from the data alone and is part of the proof; the engine
+then narrows all 2 p ends together.
+"""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from math import inf
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+
+from .boxes import ParameterBox, parameter_box
+from .data import IOData
+from .errors import SetidError
+from .formulation import Formulation, formulate
+from .intervals import Identification, IntervalStatus, ParameterInterval
+from .lifted import LiftedBox, lifted_box, lifted_rows
+from .models.equations import Structure
+from .models.lti import TransferFunction
+from .noise import Noise
+from .options import Options
+from .priors.base import Prior
+from .progress import Progress
+from .reports import active_priors
+from .starts import first_point, repair
+from .verification import boxed, objectives
+
+__all__ = ["identify"]
+
+Ends = tuple[float, float]
+Box = ParameterBox | LiftedBox
+_DIRECT = (
+    "partial outputs have no bounds from the data: the denominators are multiplied out, which "
+    "keeps every consistent parameter vector (and may keep more)"
+)
+_FEW = 60  # unknowns up to which linear problems are solved in rationals
+
+
+def identify(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
+    options: Options | None = None,
+) -> Identification:
+    """Prove an uncertainty interval for each parameter.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+        Such as :class:`TransferFunction` or :class:`PolynomialNARX`.
+    noise : Noise
+    priors : iterable of priors and ``sp`` constraints
+    options : Options, optional
+
+    Returns
+    -------
+    Identification
+        An empty feasible set, unbounded intervals and open gaps are statuses of the result,
+        never exceptions. Ctrl-C ends the work; what is proved by then is returned.
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together.
+
+    References
+    ----------
+    V. Cerone, D. Piga, D. Regruto, "Set-membership error-in-variables identification
+    through convex relaxation techniques", IEEE Trans. Automatic Control 57 (2012) 517-522.
+    M. Milanese, A. Vicino, "Optimal estimation theory for dynamic systems with set
+    membership uncertainty: an overview", Automatica 27 (1991) 997-1009.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> result = setid.identify(data, model, setid.Noise(equation=0.5))
+    >>> result.intervals["b0"]
+    b0 in [1.91667, 2.1093], attained [1.91667, 2.1093], certified
+    """
+    settings = options or Options()
+    if not isinstance(settings, Options):
+        raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    timings: dict[str, float] = {}
+    formulation = _timed(timings, "formulate", lambda: formulate(data, model, noise, priors))
+    problem = formulation.problem
+    if problem.degree <= 1 and problem.dimension <= _FEW:
+        return _linear(formulation, settings, timings)
+    direct = _direct(formulation)
+    if direct is not None:
+        return _identify(direct, settings, timings, (_DIRECT,))
+    return _identify(formulation, settings, timings, ())
+
+
+def _direct(formulation: Formulation) -> Formulation | None:
+    """The same data with denominators multiplied out, where partial outputs have no bounds."""
+    model, n = formulation.model, len(formulation.parameters)
+    problem = formulation.problem
+    open_ = np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])
+    if not isinstance(model, TransferFunction) or not np.any(open_) or model.form == "direct":
+        return None
+    other = TransferFunction(
+        model.na,
+        model.nb,
+        model.nk,
+        model.inputs,
+        model.outputs,
+        model.common_denominator,
+        offset=model.offset,
+        initial=model.initial,
+        form="direct",
+    )
+    return formulate(formulation.data, other, formulation.noise, formulation.priors)
+
+
+def _identify(
+    formulation: Formulation, settings: Options, timings: dict[str, float], notes: tuple[str, ...]
+) -> Identification:
+    """Box first, then the engine on it."""
+    p, problem = len(formulation.parameters), formulation.problem
+    start = np.array([problem.lower[:p], problem.upper[:p]])
+    box, driving = _timed(timings, "box", lambda: _bounded(formulation, start))
+    if box is not None and box.empty:
+        return _empty(formulation, settings, timings, box, samples=driving, notes=notes)
+    return _engine(formulation, settings, timings, box, notes)
+
+
+def _bounded(
+    formulation: Formulation, start: NDArray[np.float64]
+) -> tuple[Box | None, tuple[tuple[int, int], ...]]:
+    """The box of the parameters, and the samples that prove it empty if it is."""
+    if formulation.regression is not None:
+        box = parameter_box(formulation.regression, start)
+        return box, tuple(box.driving(formulation.regression)) if box.empty else ()
+    rows = lifted_rows(formulation)
+    if rows is None:
+        return None, ()
+    other = lifted_box(rows, start)
+    return other, tuple(other.driving(rows)) if other.empty else ()
+
+
+def _timed(timings: dict[str, float], stage: str, work: Callable[[], Any]) -> Any:
+    begin = time.process_time()
+    try:
+        return work()
+    finally:
+        timings[stage] = timings.get(stage, 0.0) + time.process_time() - begin
+
+
+def _result(
+    formulation: Formulation,
+    settings: Options,
+    timings: Mapping[str, float],
+    intervals: Sequence[ParameterInterval],
+    **parts: Any,
+) -> Identification:
+    points = [w for item in intervals for w in item.witnesses if w is not None]
+    parts.setdefault("box", None)
+    parts.setdefault("problem", formulation.problem)
+    return Identification(
+        formulation=formulation,
+        intervals=MappingProxyType({item.name: item for item in intervals}),
+        assumptions=formulation.assumptions,
+        options=settings,
+        active=MappingProxyType(active_priors(formulation, points) if points else {}),
+        timings=MappingProxyType(dict(timings)),
+        **parts,
+    )
+
+
+def _empty(
+    formulation: Formulation,
+    settings: Options,
+    timings: Mapping[str, float],
+    box: Box | None = None,
+    **parts: Any,
+) -> Identification:
+    status = IntervalStatus.EMPTY
+    items = [ParameterInterval(n, (inf, -inf), None, status) for n in formulation.parameters]
+    if not np.any(np.stack(formulation.noise.bounds(formulation.data)[0:1]) > 0):
+        parts["notes"] = (*parts.get("notes", ()), *_exactness(formulation))
+    return _result(formulation, settings, timings, items, box=box, **parts)
+
+
+def _exactness(formulation: Formulation) -> list[str]:
+    """Readings are rounded, so noise of exactly zero is almost never consistent."""
+    if any(np.any(bound > 0) for bound in formulation.noise.bounds(formulation.data)):
+        return []
+    y = formulation.data.y
+    size = float(np.nanmax(np.abs(y))) * 2.0**-50
+    return [
+        "readings are rounded, so that no parameters explain them with noise of exactly zero; "
+        f"give the resolution of the record as a bound, such as Noise(equation={size:.1e})"
+    ]
+
+
+# ---- linear problems --------------------------------------------------------------------
+
+
+def _linear(
+    formulation: Formulation, settings: Options, timings: dict[str, float]
+) -> Identification:
+    problem, asked = formulation.problem, objectives(formulation)
+    bounds = _timed(timings, "linear programs", lambda: tuple(sp.linear_bounds(problem, asked)))
+    if bounds[0].status is sp.Status.INFEASIBLE:
+        rows = formulation.rows
+        used = [number for number, _ in bounds[0].multipliers if number < len(rows.origin)]
+        samples = {(int(rows.record[r]), int(rows.sample[r])) for r in used if rows.sample[r]}
+        found = tuple(sorted(samples))
+        return _empty(formulation, settings, timings, bounds=bounds, samples=found)
+    items = []
+    for place, name in enumerate(formulation.parameters):
+        low, high = bounds[2 * place], bounds[2 * place + 1]
+        status = IntervalStatus.CERTIFIED
+        if sp.Status.UNBOUNDED in (low.status, high.status):
+            status = IntervalStatus.UNBOUNDED
+        if low.status is high.status is sp.Status.UNBOUNDED and _is_line(problem, low):
+            status = IntervalStatus.UNIDENTIFIABLE
+        outer, inner = (low.lower, -high.lower), (low.upper, -high.upper)
+        items.append(ParameterInterval(name, outer, inner, status, (low.x, high.x)))
+    return _result(formulation, settings, timings, items, bounds=bounds)
+
+
+def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
+    """Whether no row changes along the ray, so that the whole line is feasible."""
+    if bound.ray is None:
+        return False
+    along = [i for i, step in enumerate(bound.ray) if step]
+    if np.any(np.isfinite(problem.lower[along])) or np.any(np.isfinite(problem.upper[along])):
+        return False
+    for row in problem.constraints:
+        polynomial = row.polynomial
+        pairs = zip(polynomial.words[:, -1].tolist(), polynomial.coefficients, strict=True)
+        if sum(Fraction(float(c)) * bound.ray[letter - 1] for letter, c in pairs if letter):
+            return False
+    return True
+
+
+# ---- the engine -------------------------------------------------------------------------
+
+
+def _engine(
+    formulation: Formulation,
+    settings: Options,
+    timings: dict[str, float],
+    box: Box | None,
+    notes: tuple[str, ...],
+) -> Identification:
+    problem = boxed(formulation, box)
+    p = len(formulation.parameters)
+    idle = np.array([i for i in range(p) if not np.any(problem.rows.words == i + 1)], int)
+    loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
+    parts: dict[str, Any] = {"box": box, "problem": problem}
+    results: tuple[sp.Result, ...] = ()
+    if loose.size and box is not None:
+        parts["notes"] = (*notes, _unbounded_text(formulation, loose))
+    else:
+        results = _timed(timings, "engine", lambda: _solved(formulation, problem, settings))
+        told = (note for found in results for note in found.notes)
+        parts["notes"] = tuple(dict.fromkeys([*notes, *told]))
+        for found in results:
+            for stage, seconds in found.timings.items():
+                timings[f"engine: {stage}"] = timings.get(f"engine: {stage}", 0.0) + seconds
+    parts["results"] = results
+    if any(r.status is sp.Status.INFEASIBLE for r in results):
+        parts.pop("box")
+        return _empty(formulation, settings, timings, box, **parts)
+    items = _intervals(formulation, problem, results, settings.tol, set(idle.tolist()))
+    return _result(formulation, settings, timings, items, **parts)
+
+
+def _unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
+    names = ", ".join(formulation.parameters[i] for i in loose)
+    return (
+        f"the data give no finite bounds of {names}: the noise is strong for this input; give "
+        "a prior such as Box or Stable, a longer record, or more excitation"
+    )
+
+
+def _solved(
+    formulation: Formulation, problem: sp.Problem, settings: Options
+) -> tuple[sp.Result, ...]:
+    """All ends over one feasible set."""
+    progress = Progress(formulation.parameters, settings.tol, settings.progress)
+    extra: dict[str, Any] = {
+        "repair": repair(formulation, problem),
+        "on_progress": progress.told,
+    }
+    known = inspect.signature(sp.solve_each).parameters
+    extra = {key: value for key, value in extra.items() if key in known and value is not None}
+    start = first_point(formulation, problem)
+    try:
+        asked = objectives(formulation)
+        return tuple(sp.solve_each(problem, asked, settings.for_engine(), start=start, **extra))
+    finally:
+        progress.close()
+
+
+def _intervals(
+    formulation: Formulation,
+    problem: sp.Problem,
+    results: Sequence[sp.Result],
+    tol: float,
+    idle: set[int],
+) -> list[ParameterInterval]:
+    attained = [r.attained for r in results if r.attained is not None]
+    items = []
+    for place, name in enumerate(formulation.parameters):
+        low, high = float(problem.lower[place]), float(problem.upper[place])
+        if place in idle:
+            ends = formulation.problem.lower[place], formulation.problem.upper[place]
+            outer = (float(ends[0]), float(ends[1]))
+            inner = outer if attained else None
+            free = IntervalStatus.UNIDENTIFIABLE if attained else IntervalStatus.PARTIAL
+            items.append(ParameterInterval(name, outer, inner, free))
+            continue
+        if results:
+            low = max(low, results[2 * place].lower_bound)
+            high = min(high, -results[2 * place + 1].lower_bound)
+        inner, witnesses = _inner(attained, results, place)
+        if inner is not None and problem.lower[place] == problem.upper[place]:
+            inner = (low, high)  # whatever point is attained has this value
+        item = ParameterInterval(name, (low, high), inner, IntervalStatus.PARTIAL, witnesses)
+        if item.gap <= tol * (1.0 + 1e-9) or inner == item.outer:
+            item = ParameterInterval(
+                name, item.outer, inner, IntervalStatus.CERTIFIED, item.witnesses
+            )
+        items.append(item)
+    return items
+
+
+def _inner(
+    attained: Sequence[sp.ProvedPoint], results: Sequence[sp.Result], place: int
+) -> tuple[Ends | None, tuple[NDArray | None, NDArray | None]]:
+    """The lowest and highest attained values of a parameter, and where."""
+    if not attained:
+        return None, (None, None)
+    lows = [(_edge(point, place, 1.0), number) for number, point in enumerate(attained)]
+    highs = [(_edge(point, place, -1.0), number) for number, point in enumerate(attained)]
+    ends, points = [], []
+    for side, values in enumerate((lows, highs)):
+        value, number = min(values)
+        mine = results[2 * place + side].attained
+        if mine is not None and _loose(mine.value, mine) <= value:
+            value = _loose(mine.value, mine)
+            points.append(mine.x)
+        else:
+            points.append(attained[number].x)
+        ends.append(value)
+    low, high = ends[0], -ends[1]
+    return (low, high), (points[0], points[1])
+
+
+def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:
+    """An upper end of sign * theta at the proved point near x."""
+    return _loose(sign * float(point.x[place]) + point.radius, point)
+
+
+def _loose(value: float, point: sp.ProvedPoint) -> float:
+    """A little more than a value at a proved point: repeating the proof moves last digits."""
+    return float(value + point.radius + 8 * np.spacing(abs(value)))

@@ -1,0 +1,336 @@
+"""What an identification returns: proved intervals, attained points, and what they rest on.
+
+``outer`` always means *proved*: every parameter vector that is consistent with the data,
+the structure, the noise bounds and the priors lies in it. ``inner`` always means
+*attained*: consistent parameters with these values provably exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+
+from .bands import Kind, frequency_band, step_band
+from .boxes import ParameterBox
+from .data import IOData
+from .exchange import ControlModels, to_control
+from .formulation import Formulation
+from .lifted import LiftedBox
+from .members import Central, central, feasible, projection_estimate
+from .options import Options
+from .projections import Projection, project
+from .reports import binding, summary, table
+from .validation import Comparison, OutputBand, compare, predict, simulate_band
+from .verification import Verification, consistent, verify
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Identification", "IntervalStatus", "ParameterInterval"]
+
+
+class IntervalStatus(StrEnum):
+    """How far an interval is settled; ``message`` says what it means and what to try."""
+
+    CERTIFIED = "certified"
+    PARTIAL = "partial"
+    UNBOUNDED = "unbounded"
+    EMPTY = "empty"
+    UNIDENTIFIABLE = "unidentifiable"
+
+    @property
+    def message(self) -> str:
+        """One sentence of help."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    IntervalStatus.CERTIFIED: "Proved and attained ends agree within the tolerance.",
+    IntervalStatus.PARTIAL: (
+        "The outer ends are proved but not attained within the tolerance: give more time, or "
+        "priors such as Box and Stable."
+    ),
+    IntervalStatus.UNBOUNDED: (
+        "Consistent parameters of any size exist in a direction: the data do not bound it; "
+        "give a prior, more excitation or less noise."
+    ),
+    IntervalStatus.EMPTY: (
+        "It is proved that no parameter is consistent: the order or the noise bounds are wrong "
+        "(see setid.consistency and setid.select)."
+    ),
+    IntervalStatus.UNIDENTIFIABLE: (
+        "It may take every value without a change in the model's outputs: excite the input, or "
+        "normalise the structure."
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParameterInterval:
+    """The uncertainty interval of one parameter.
+
+    Parameters
+    ----------
+    name : str
+    outer : (float, float)
+        Proved: no consistent parameter vector lies outside. Infinite where nothing is
+        proved; (inf, -inf) when the feasible set is proved empty.
+    inner : (float, float) or None
+        Attained: consistent parameter vectors with values at most ``inner[0]`` and at least
+        ``inner[1]`` provably exist. None when no consistent vector was found.
+    status : IntervalStatus
+        Compares equal to its text, such as ``"certified"``.
+    witnesses : (array or None, array or None)
+        For each inner end the vector (n,) of all unknowns of the formulation, noise included.
+
+    Examples
+    --------
+    >>> import setid
+    >>> setid.ParameterInterval("a1", (-1.0, 1.0), (-0.9, 1.0), setid.IntervalStatus.PARTIAL)
+    a1 in [-1, 1], attained [-0.9, 1], partial
+    """
+
+    name: str
+    outer: tuple[float, float]
+    inner: tuple[float, float] | None
+    status: IntervalStatus
+    witnesses: tuple[NDArray[np.float64] | None, NDArray[np.float64] | None] = (None, None)
+
+    @property
+    def width(self) -> float:
+        """Width of the outer interval; 0 if it is empty."""
+        return max(0.0, self.outer[1] - self.outer[0])
+
+    @property
+    def centre(self) -> float:
+        """Middle of the outer interval; NaN where that means nothing."""
+        low, high = self.outer
+        return 0.5 * low + 0.5 * high if -inf < low <= high < inf else float("nan")
+
+    @property
+    def gap(self) -> float:
+        """What separates outer from inner, as a fraction of the attained width (0: closed)."""
+        if self.status is IntervalStatus.EMPTY:
+            return 0.0
+        if self.inner is None:
+            return inf
+        loose = max(self.inner[0] - self.outer[0], self.outer[1] - self.inner[1])
+        size = self.inner[1] - self.inner[0]
+        return loose / size if size > 0 else (0.0 if loose <= 0 else inf)
+
+    def __contains__(self, value: float) -> bool:
+        return self.outer[0] <= value <= self.outer[1]
+
+    def __repr__(self) -> str:
+        inner = "none" if self.inner is None else f"[{self.inner[0]:.6g}, {self.inner[1]:.6g}]"
+        low, high = self.outer
+        return f"{self.name} in [{low:.6g}, {high:.6g}], attained {inner}, {self.status}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Identification:
+    """Parameter uncertainty intervals of one record, and all that they rest on.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Data, structure, noise, priors, and the problem that they make.
+    intervals : mapping of str to ParameterInterval
+        One a parameter, in the order of ``formulation.parameters``.
+    assumptions : tuple of str
+        What the conclusions take for granted.
+    options : Options
+    box : ParameterBox, LiftedBox or None
+        The box of the parameters from the data alone, with its proof; None where linear
+        programs settle everything, or where rows of the data give none.
+    problem : sparsepop_py.Problem
+        The problem that the bounds are about: that of the formulation, on the box.
+    bounds : tuple of sparsepop_py.LinearBound
+        For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
+    results : tuple of sparsepop_py.Result
+        Otherwise: what the engine proved and attained of theta_1, -theta_1, theta_2, ...
+    active : mapping of str to bool
+        For each prior (as it describes itself), whether it holds with equality at some
+        attained end of an interval.
+    samples : tuple of (record, sample)
+        Where the set is empty: the samples, from 1, whose rows contradict each other.
+    timings : mapping of str to float
+        CPU seconds of each stage.
+    notes : tuple of str
+        What was observed on the way.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> result = setid.identify(data, model, setid.Noise(equation=0.5))
+    >>> result.intervals["a1"]
+    a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+    >>> bool(result.verify(data))
+    True
+    """
+
+    formulation: Formulation
+    intervals: Mapping[str, ParameterInterval]
+    assumptions: tuple[str, ...]
+    options: Options
+    box: ParameterBox | LiftedBox | None
+    problem: sp.Problem
+    bounds: tuple[sp.LinearBound, ...] = ()
+    results: tuple[sp.Result, ...] = ()
+    active: Mapping[str, bool] = field(default_factory=dict)
+    samples: tuple[tuple[int, int], ...] = ()
+    timings: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> IntervalStatus:
+        """The least settled status of all parameters."""
+        found = {interval.status for interval in self.intervals.values()}
+        return next(status for status in _WORST_FIRST if status in found)
+
+    @property
+    def empty(self) -> bool:
+        """Whether it is proved that no parameter is consistent."""
+        return self.status is IntervalStatus.EMPTY
+
+    # ---- texts --------------------------------------------------------------------------
+
+    def table(self) -> str:
+        """Intervals as text, one row a parameter; outer ends rounded outwards."""
+        return table(self)
+
+    def summary(self) -> str:
+        """The table, what it rests on, and what to do about wide or empty intervals."""
+        return summary(self)
+
+    def binding(self) -> tuple[tuple[int, int, int], ...]:
+        """Samples whose noise is at its bound where ends of intervals are attained.
+
+        Returns
+        -------
+        tuple of (record, sample, count)
+            Most frequent first: these samples decide how wide the intervals are.
+        """
+        return binding(self)
+
+    def verify(self, data: IOData | None = None) -> Verification:
+        """Check every claim again from the data, without any solver.
+
+        Parameters
+        ----------
+        data : IOData, optional
+            The record; the one that was stored when left out.
+
+        Returns
+        -------
+        Verification
+            True where the formulation, the box, all outer ends and all attained ends hold.
+        """
+        return verify(self, data)
+
+    # ---- estimates ----------------------------------------------------------------------
+
+    @property
+    def centre(self) -> Central:
+        """Middle of the outer box; see :func:`setid.central`."""
+        return central(self)
+
+    @property
+    def feasible(self) -> NDArray[np.float64]:
+        """A consistent parameter vector (p,); see :func:`setid.feasible`."""
+        return feasible(self)
+
+    @property
+    def projection(self) -> NDArray[np.float64]:
+        """Parameters (p,) whose equations fit best; see :func:`setid.projection_estimate`."""
+        return projection_estimate(self)
+
+    def consistent(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64] | None:
+        """Prove that a parameter vector is consistent with data, noise bounds and priors.
+
+        Parameters
+        ----------
+        theta : array_like (p,) or mapping of names to numbers
+
+        Returns
+        -------
+        (n,) float or None
+            A witness, noise included, near which a consistent one provably exists with
+            exactly these parameters; None where no proof was found.
+        """
+        return consistent(self.formulation, theta)
+
+    # ---- one-line delegations -----------------------------------------------------------
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the intervals, outer and inner; see :func:`setid.plots.plot_intervals`."""
+        from .plots import plot_intervals
+
+        return plot_intervals(self, ax)
+
+    def bode(self, omega: ArrayLike | None = None, kind: Kind = "proved") -> NDArray[Any] | Axes:
+        """Draw the band of gain and phase; see :func:`setid.frequency_band`."""
+        from .plots import plot_frequency_band
+
+        return plot_frequency_band(frequency_band(self, omega, kind), "bode")
+
+    def nyquist(self, omega: ArrayLike | None = None, kind: Kind = "proved") -> NDArray[Any] | Axes:
+        """Draw the band of the frequency response; see :func:`setid.frequency_band`."""
+        from .plots import plot_frequency_band
+
+        return plot_frequency_band(frequency_band(self, omega, kind), "nyquist")
+
+    def nichols(self, omega: ArrayLike | None = None, kind: Kind = "proved") -> NDArray[Any] | Axes:
+        """Draw gain over phase; see :func:`setid.frequency_band`."""
+        from .plots import plot_frequency_band
+
+        return plot_frequency_band(frequency_band(self, omega, kind), "nichols")
+
+    def step(self, length: int = 50, kind: Kind = "proved") -> Axes:
+        """Draw the band of step responses; see :func:`setid.step_band`."""
+        from .plots import plot_step_band
+
+        return plot_step_band(step_band(self, length, kind))
+
+    def fps(self, first: str, second: str) -> Projection:
+        """The feasible parameter set over two parameters; see :func:`setid.project`."""
+        return project(self, first, second)
+
+    def simulate(self, data: IOData | None = None) -> OutputBand:
+        """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`."""
+        return simulate_band(self, data)
+
+    def predict(self, data: IOData | None = None) -> OutputBand:
+        """One-step predictions with bands; see :func:`setid.predict`."""
+        return predict(self, data)
+
+    def compare(self, validation: IOData | None = None) -> Comparison:
+        """Fit to a record and the guaranteed band; see :func:`setid.compare`."""
+        return compare(self, validation)
+
+    def to_control(self, omega: ArrayLike | None = None) -> ControlModels:
+        """Models of python-control; see :func:`setid.to_control`."""
+        return to_control(self, omega)
+
+    def __repr__(self) -> str:
+        lines = [repr(interval) for interval in self.intervals.values()]
+        return "<Identification: " + "; ".join(lines) + ">"
+
+
+_WORST_FIRST = (
+    IntervalStatus.EMPTY,
+    IntervalStatus.UNIDENTIFIABLE,
+    IntervalStatus.UNBOUNDED,
+    IntervalStatus.PARTIAL,
+    IntervalStatus.CERTIFIED,
+)

@@ -1,0 +1,305 @@
+"""Members of the feasible parameter set: what is attained, what lies between, what is central.
+
+Nothing here is a cover of the set: what is drawn from members is labelled *sampled*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from .checks import frozen, natural
+from .completion import Witness
+from .errors import ModelError, SetidError
+from .linear import minimise
+from .supports import outer_box, require_members
+
+if TYPE_CHECKING:
+    from .formulation import Formulation
+    from .intervals import Identification
+
+__all__ = [
+    "Central",
+    "attained_members",
+    "central",
+    "feasible",
+    "is_member",
+    "members",
+    "noise_level",
+    "nominal",
+    "projection_estimate",
+]
+
+Reals = NDArray[np.float64]
+_ROUNDING = 1e-9  # excess of the noise level that is put down to the linear program
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Central:
+    """The centre of the outer box: least worst-case error of each parameter by itself.
+
+    Parameters
+    ----------
+    names : tuple of str
+    theta : (p,) float
+    error : (p,) float
+        No consistent parameter is further away than this (proved): half the widths.
+    level : float
+        Factor on the noise bounds with which ``theta`` explains the data (computed, not
+        proved); infinite where none does, NaN where no linear program can tell.
+
+    Notes
+    -----
+    The centre need not be consistent: the feasible set is not convex in general, and even
+    a polytope may miss the centre of its box.
+
+    References
+    ----------
+    M. Milanese, A. Vicino, "Optimal estimation theory for dynamic systems with set
+    membership uncertainty: an overview", Automatica 27 (1991) 997-1009, section 3.
+    """
+
+    names: tuple[str, ...]
+    theta: Reals
+    error: Reals
+    level: float
+
+    @property
+    def member(self) -> bool | None:
+        """Whether the centre is consistent, up to rounding; None where nobody can tell."""
+        return None if np.isnan(self.level) else bool(self.level <= 1.0 + _ROUNDING)
+
+    def __str__(self) -> str:
+        pairs = zip(self.names, self.theta, self.error, strict=True)
+        text = ", ".join(f"{name} = {t:.6g} +- {e:.3g}" for name, t, e in pairs)
+        return text + _MEMBERSHIP[self.member]
+
+
+_MEMBERSHIP = {
+    True: " (consistent with the data)",
+    False: " (not consistent with the data itself: use feasible() for a model)",
+    None: "",
+}
+
+
+def central(result: Identification) -> Central:
+    """The centre of the outer intervals, its worst-case error, and whether it is consistent.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    Central
+
+    Raises
+    ------
+    SetidError
+        If the feasible set is empty or an outer interval is not finite.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> centre = setid.central(result)
+    >>> centre.theta.round(4), centre.error.round(3), centre.member
+    (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
+    """
+    require_members(result)
+    low, high = outer_box(result)
+    if not np.all(np.isfinite(low) & np.isfinite(high)):
+        wide = [n for n, v in result.intervals.items() if not np.isfinite(v.width)]
+        raise SetidError(
+            f"result: found no finite interval of {', '.join(wide)}, expected all finite; "
+            "give priors such as Box, or a record with more excitation"
+        )
+    theta = low / 2 + high / 2
+    error = np.nextafter(np.maximum(high - theta, theta - low), inf)
+    names = result.formulation.parameters
+    return Central(names, frozen(theta), frozen(error), noise_level(result.formulation, theta))
+
+
+def noise_level(formulation: Formulation, theta: Reals) -> float:
+    """Factor on all noise bounds that theta needs; NaN where no linear program can tell."""
+    try:
+        witness: Witness = formulation.witness(theta)
+    except ModelError:
+        return float("nan")
+    if not np.isfinite(witness.level):
+        return inf
+    p = theta.size
+    problem = formulation.problem
+    inside = np.all(theta >= problem.lower[:p] - _tiny(theta))
+    inside &= np.all(theta <= problem.upper[:p] + _tiny(theta))
+    return witness.level if inside and _priors_hold(formulation, witness.x) else inf
+
+
+def is_member(formulation: Formulation, theta: Reals) -> bool:
+    """Whether theta is consistent with data, noise bounds and priors, up to rounding."""
+    return noise_level(formulation, theta) <= 1.0 + _ROUNDING
+
+
+def _tiny(values: Reals) -> Reals:
+    return np.asarray(_ROUNDING * (1.0 + np.abs(values)), np.float64)
+
+
+def _priors_hold(formulation: Formulation, x: Reals) -> bool:
+    """Rows of priors, which the least-noise program takes for granted or leaves out."""
+    for row, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True):
+        if origin != "model":
+            value = row.polynomial(x)
+            size = np.abs(row.polynomial.coefficients).sum() * _ROUNDING
+            if value < -size or (row.kind.name == "ZERO" and value > size):
+                return False
+    return True
+
+
+# ---- members ----------------------------------------------------------------------------
+
+
+def attained_members(result: Identification) -> Reals:
+    """Distinct parameter vectors that attain inner ends, shape (M, p)."""
+    theta = result.formulation.layout.group("theta")
+    found = [
+        np.asarray(witness, float)[theta]
+        for interval in result.intervals.values()
+        for witness in interval.witnesses
+        if witness is not None
+    ]
+    return np.unique(np.array(found), axis=0) if found else np.zeros((0, theta.size))
+
+
+def members(result: Identification, count: int = 100, seed: int = 0) -> Reals:
+    """Consistent parameter vectors: attained ones, and mixtures of them that are consistent.
+
+    Parameters
+    ----------
+    result : Identification
+    count : int
+        Mixtures that are tried; those that the data refute are left out.
+    seed : int
+
+    Returns
+    -------
+    (M, p) float
+        Attained ones first. Samples, not a cover.
+
+    Raises
+    ------
+    SetidError
+        If no member is known.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> found = setid.members(result, count=5)
+    >>> found.shape[1]
+    2
+    """
+    require_members(result)
+    tries = natural(count, "count", SetidError)
+    known = attained_members(result)
+    if not len(known):
+        point = _least_level(result)
+        known = np.zeros((0, len(result.formulation.parameters))) if point is None else point
+    if not len(known):
+        raise SetidError(
+            "result: found no consistent parameter vector to draw from; identify with a "
+            "larger time limit, or use what is proved instead"
+        )
+    weights = np.random.default_rng(seed).dirichlet(np.full(len(known), 0.5), tries)
+    mixed = weights @ known
+    keep = [theta for theta in mixed if is_member(result.formulation, theta)]
+    return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
+
+
+def _least_level(result: Identification) -> Reals | None:
+    """The centre where it is a member, shape (1, p)."""
+    low, high = outer_box(result)
+    if not np.all(np.isfinite([low, high])):
+        return None
+    theta = low / 2 + high / 2
+    return theta[None, :] if is_member(result.formulation, theta) else None
+
+
+def feasible(result: Identification) -> Reals:
+    """A consistent parameter vector, well inside where the set is convex.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    (p,) float
+        The mean of the attained vectors where that is consistent, else the mixture of them
+        that needs the least noise.
+    """
+    known = members(result, count=0)
+    middle = known.mean(axis=0)
+    if is_member(result.formulation, middle):
+        return np.asarray(middle, np.float64)
+    levels = [noise_level(result.formulation, theta) for theta in known]
+    return np.asarray(known[int(np.nanargmin(levels))], np.float64)
+
+
+def projection_estimate(result: Identification) -> Reals:
+    """The parameter vector whose equations fit the readings best in the worst row.
+
+    Minimises the largest abs(Y_k + R_k theta) over the outer box, by a linear program; for
+    equation errors this is the least noise bound that explains the data.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    (p,) float
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear in its parameters.
+
+    References
+    ----------
+    M. Milanese, A. Vicino, Automatica 27 (1991) 997-1009, section 4 (projection estimates).
+    """
+    require_members(result)
+    rows = result.formulation.regression
+    if rows is None:
+        raise ModelError("model: separate denominators have no regression form to project on")
+    one = np.ones((rows.target.size, 1))
+    matrix = np.block([[rows.regressors, -one], [-rows.regressors, -one]])
+    right = np.concatenate([-rows.target, rows.target])
+    low, high = outer_box(result)
+    cost = np.append(np.zeros(low.size), 1.0)
+    bounds = np.append(low, 0.0), np.append(high, inf)
+    found = minimise(cost, (sps.csr_array(matrix), right), None, bounds)
+    if found is None:
+        raise SetidError("result: the linear program has no solution; are numbers near overflow?")
+    return found[:-1]
+
+
+def nominal(result: Identification) -> Reals:
+    """The centre where it is consistent, else a consistent vector, else the centre anyway."""
+    require_members(result)
+    if not np.all(np.isfinite(outer_box(result))):
+        return feasible(result)
+    centre = central(result)
+    if centre.member or (centre.member is None and not len(attained_members(result))):
+        return centre.theta
+    try:
+        return feasible(result)
+    except SetidError:
+        return centre.theta

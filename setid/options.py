@@ -1,0 +1,75 @@
+"""How to identify: one small frozen class, stored in every result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import sparsepop_py as sp
+
+from .checks import number
+from .errors import SetidError
+
+__all__ = ["Options"]
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Options of :func:`identify` and :func:`consistency`.
+
+    Parameters
+    ----------
+    tol : float
+        Gap that counts as closed, as a fraction of the attained width of an interval.
+    time_limit : float, optional
+        Seconds of wall time for all proofs together. What is proved by then is returned.
+    solver : str
+        Conic solver of the engine.
+    progress : bool
+        Whether to draw a progress line when standard error is a terminal.
+    engine : sparsepop_py.Options, optional
+        Settings of the engine instead of the usual ones; the fields above take precedence.
+
+    Raises
+    ------
+    SetidError
+        If a value is outside its range; the message names the option.
+
+    Examples
+    --------
+    >>> import setid
+    >>> setid.Options(tol=1e-2, time_limit=60.0).tol
+    0.01
+    """
+
+    tol: float = 1e-3
+    time_limit: float | None = None
+    solver: str = "clarabel"
+    progress: bool = True
+    engine: sp.Options | None = None
+
+    def __post_init__(self) -> None:
+        if not number(self.tol, "Options.tol", SetidError) > 0:
+            raise SetidError(f"Options.tol: found {self.tol!r}, expected a number > 0")
+        if self.time_limit is not None:
+            if not number(self.time_limit, "Options.time_limit", SetidError) > 0:
+                raise SetidError(
+                    f"Options.time_limit: found {self.time_limit!r}, expected seconds > 0"
+                )
+        if not isinstance(self.progress, bool):
+            raise SetidError(f"Options.progress: found {self.progress!r}, expected True or False")
+        if self.engine is not None and not isinstance(self.engine, sp.Options):
+            raise SetidError(
+                f"Options.engine: found {type(self.engine).__name__}, expected sparsepop_py.Options"
+            )
+
+    def for_engine(self, gap_kind: Literal["absolute", "width"] = "width") -> sp.Options:
+        """The engine's options that go with these."""
+        base = self.engine or sp.Options(effort="auto")
+        return replace(
+            base,
+            gap=float(self.tol),
+            gap_kind=gap_kind,
+            solver=self.solver,
+            time_limit=self.time_limit,
+        )

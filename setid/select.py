@@ -1,0 +1,222 @@
+"""The structure loop: the simplest structure that the data do not refute, step by step.
+
+From the smallest order and degree upwards, a structure is left only when the data prove it
+wrong (its feasible set is empty). The first one with a consistent parameter vector is kept;
+its intervals then say which coefficients are needed. A sign is trusted only where it is
+settled: a gap as wide as the attained interval tells nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import sparsepop_py as sp
+
+from .checks import natural
+from .data import IOData
+from .errors import ModelError, SetidError
+from .identify import identify
+from .intervals import Identification, IntervalStatus, ParameterInterval
+from .models.equations import Structure
+from .models.lti import TransferFunction
+from .models.narx import PolynomialNARX
+from .noise import Noise
+from .options import Options
+from .priors.base import Prior
+
+__all__ = ["Selection", "SelectionStep", "select"]
+
+Family = Callable[[int, int], Structure]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SelectionStep:
+    """One structure that was tried, and why it was left or kept.
+
+    Parameters
+    ----------
+    order, degree : int
+    decision : {"refuted", "kept", "open"}
+    reason : str
+    result : Identification
+    """
+
+    order: int
+    degree: int
+    decision: str
+    reason: str
+    result: Identification
+
+    def __repr__(self) -> str:
+        return f"order {self.order}, degree {self.degree}: {self.decision}: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Selection:
+    """The log of a structure loop and what it ends with.
+
+    Parameters
+    ----------
+    steps : tuple of SelectionStep
+        In the order in which structures were tried.
+    chosen : SelectionStep or None
+        The first structure with consistent parameters; None where all are refuted or open.
+    coefficients : mapping of str to str
+        For each coefficient of the chosen structure whether it is ``"needed"`` (its interval
+        excludes zero, proved), ``"idle"`` (zero lies between attained values) or ``"open"``,
+        with the reason.
+    """
+
+    steps: tuple[SelectionStep, ...]
+    chosen: SelectionStep | None
+    coefficients: dict[str, str]
+
+    @property
+    def result(self) -> Identification | None:
+        """The identification with the chosen structure."""
+        return None if self.chosen is None else self.chosen.result
+
+    @property
+    def log(self) -> str:
+        """Every decision with its reason, one a line."""
+        lines = [repr(step) for step in self.steps]
+        lines += [f"  {name}: {text}" for name, text in self.coefficients.items()]
+        if self.chosen is None:
+            lines.append("no structure with consistent parameters was found")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        if self.chosen is None:
+            return f"<Selection: none of {len(self.steps)}>"
+        return f"<Selection: order {self.chosen.order}, degree {self.chosen.degree}>"
+
+
+def select(
+    data: IOData,
+    family: type[TransferFunction] | type[PolynomialNARX] | Family,
+    noise: Noise,
+    orders: Iterable[int],
+    degrees: Iterable[int] = (1,),
+    priors: Iterable[Prior | sp.Constraint] = (),
+    options: Options | None = None,
+) -> Selection:
+    """Find the simplest structure that the data do not refute.
+
+    Parameters
+    ----------
+    data : IOData
+    family : type or callable
+        ``TransferFunction``: order n means na = n, nb = n + 1 without delay.
+        ``PolynomialNARX``: all monomials up to the degree in n past outputs and inputs.
+        Otherwise ``family(order, degree)`` makes the structure.
+    noise : Noise
+    orders, degrees : iterable of int
+        In the order to try; degrees are raised first.
+    priors : iterable of priors and ``sp`` constraints
+    options : Options, optional
+        For each identification.
+
+    Returns
+    -------
+    Selection
+
+    Raises
+    ------
+    SetidError
+        If there is no order or degree to try, or the parts do not fit together.
+
+    Examples
+    --------
+    >>> import setid
+    >>> u = [1, -1, 2, 0, 1, -2, 1, 3]
+    >>> model = setid.TransferFunction(na=1, nb=2)
+    >>> y = setid.simulate(model, [-0.5, 0, 1], u)
+    >>> data = setid.IOData(u, y)
+    >>> found = setid.select(data, setid.TransferFunction, setid.Noise(equation=1e-3), [0, 1, 2])
+    >>> found.chosen.order, found.steps[0].decision
+    (1, 'refuted')
+    """
+    make = _family(family, data)
+    sizes = [natural(order, "orders", SetidError) for order in orders]
+    tops = [natural(degree, "degrees", SetidError, least=1) for degree in degrees]
+    if not sizes or not tops:
+        raise SetidError("orders, degrees: found none, expected at least one of each")
+    known = list(priors)
+    steps: list[SelectionStep] = []
+    for order in sizes:
+        for degree in tops:
+            step = _try(make, order, degree, (data, noise, known, options))
+            steps.append(step)
+            if step.decision == "kept":
+                return Selection(tuple(steps), step, _coefficients(step.result))
+    return Selection(tuple(steps), None, {})
+
+
+def _family(family: Any, data: IOData) -> Family:
+    if family is TransferFunction:
+        return lambda order, degree: TransferFunction(
+            order, order + 1, 0, data.inputs, data.outputs
+        )
+    if family is PolynomialNARX:
+        return lambda order, degree: PolynomialNARX.full(
+            degree, order, order, data.inputs, data.outputs
+        )
+    if not callable(family):
+        raise ModelError(
+            f"family: found {type(family).__name__}, expected TransferFunction, PolynomialNARX "
+            "or a callable (order, degree) -> structure"
+        )
+    return family
+
+
+def _try(make: Family, order: int, degree: int, given: tuple) -> SelectionStep:
+    data, noise, priors, options = given
+    result = identify(data, make(order, degree), noise, priors, options)
+    return SelectionStep(order, degree, *_decision(result), result)
+
+
+def _decision(result: Identification) -> tuple[str, str]:
+    """Kept where a consistent vector is proved, refuted where none is possible."""
+    if result.empty:
+        where = ", ".join(str(k) for _, k in result.samples[:6])
+        return "refuted", "the feasible set is proved empty" + (
+            f" by samples {where}" if where else ""
+        )
+    if all(item.inner is None for item in result.intervals.values()):
+        return "open", "neither a consistent parameter vector nor emptiness was proved"
+    widest = max(_relative(item) for item in result.intervals.values())
+    if not np.isfinite(widest):
+        return "kept", "consistent parameters exist; some intervals are not finite"
+    return "kept", f"consistent parameters exist; widest interval {100 * widest:.2g} % of its size"
+
+
+def _relative(item: ParameterInterval) -> float:
+    """Half the width as a share of the largest magnitude."""
+    size = max(abs(item.outer[0]), abs(item.outer[1]))
+    return 0.5 * item.width / size if 0 < size < np.inf else (np.inf if size else 0.0)
+
+
+def _coefficients(result: Identification) -> dict[str, str]:
+    return {name: _sign_test(item) for name, item in result.intervals.items()}
+
+
+def _sign_test(item: ParameterInterval) -> str:
+    """What the interval says of the coefficient's sign, and whether that can be trusted."""
+    low, high = item.outer
+    if low > 0 or high < 0:
+        return f"needed: its sign is {'positive' if low > 0 else 'negative'}, proved"
+    if item.status in (IntervalStatus.UNIDENTIFIABLE, IntervalStatus.UNBOUNDED):
+        return f"open: {item.status}"
+    if item.inner is None:
+        return "open: no value is attained"
+    if item.inner[0] <= 0 <= item.inner[1]:
+        return "idle: both signs are attained, so that the data do not ask for it"
+    if item.gap > 1.0:
+        return (
+            f"open: the gap is {item.gap:.2g} times the attained width, so its sign tells nothing"
+        )
+    return "open: zero is proved possible by no point and excluded by no proof"
