@@ -366,10 +366,7 @@ class Auto:
             search.plan = replace(search.plan, recipe=best)
 
     def _plan(self) -> Plan:
-        """Parts are bounded by what closed most of the gap per second at the root.
-
-        Linear programs go first where they closed a part of it worth naming.
-        """
+        """Parts that linear programs leave open get what closed most of the gap per second."""
         upper = self.task.upper
         base = self.linear if np.isfinite(self.linear) else self.first
         best, most = None, 0.0

@@ -1,8 +1,8 @@
 """Branch and bound: smaller boxes where no relaxation of the whole box closes the gap.
 
 The part with the least bound is taken next. Its box is propagated with the cut-off, then
-bounded by a linear program, by the best semidefinite relaxation seen so far, or by both;
-what the root showed decides which. Parts that are empty or bounded above the cut-off are
+bounded by a linear program, and where that leaves it open by a semidefinite relaxation, if
+one was worth its time at the root. Parts that are empty or bounded above the cut-off are
 done, others are cut in two across the variable whose products are least true, at a
 place between its middle and its value in the relaxation. The tree of parts is the
 certificate: every part keeps the argument that gave its bound, and a part that was never
@@ -296,7 +296,8 @@ class Search:
     def _explored(self, parts: Sequence[_Part], executor: Executor | None) -> list[Explored]:
         if executor is None:
             return [explore(self.task, self.plan, part.box, self.level) for part in parts]
-        lone = replace(self.task, stages=Stages())
+        options = replace(self.task.options, executor=None)  # so that the task can travel
+        lone = replace(self.task, stages=Stages(), options=options)
         jobs = [executor.submit(explore, lone, self.plan, p.box, self.level) for p in parts]
         return [job.result() for job in jobs]
 

@@ -109,7 +109,9 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
         "--auto", action="store_true", help="higher orders too while the gap is open"
     )
     command.add_argument(
-        "--solver", default="clarabel", help="clarabel, clarabel-moment or cvxpy:NAME"
+        "--solver",
+        default="auto",
+        help="auto, clarabel, clarabel-moment, cliquetree or cvxpy:NAME",
     )
     command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
     command.add_argument("--json", action="store_true", help="print one JSON object")

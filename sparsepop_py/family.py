@@ -1,11 +1,10 @@
 """Many objectives over one feasible set: what one proves helps the others.
 
 The box is made once by arguments that hold for all objectives: propagation, then linear
-programs for the variables that matter. Each objective then climbs a little way; a proved
-bound of a single variable shrinks the shared box (its certificate is quoted, not
-repeated), an attained point is tried on all objectives. Rounds follow on the smaller box
-while bounds move; what is still open then climbs as far as it must. Cut-offs stay with
-their objective.
+programs for the variables that matter. Then each objective in turn climbs one rung, until
+every gap is closed or nothing is left to try. A proved bound of a single variable shrinks
+the shared box (its certificate is quoted, not repeated), and the next rungs are built on
+it; an attained point is tried on all objectives. Cut-offs stay with their objective.
 """
 
 from __future__ import annotations

@@ -48,9 +48,9 @@ class Options:
         Relaxation order; the least legal one when left out, raised to it when smaller.
     effort : {"presolve", "plain", "auto"}
         ``"plain"``: scaling and exactly the relaxation of that order. ``"presolve"``:
-        finite boxes too, by interval propagation and an objective cut-off. ``"auto"``:
-        presolve, and higher orders while the gap is open, starting at ``order``; each is
-        far dearer than the last, so give a ``time_limit`` with it.
+        finite boxes too, by interval propagation and an objective cut-off. ``"auto"``: a
+        ladder of relaxations, linear to high orders, and branch and bound, while the gap
+        is open, starting at ``order`` when given; give a ``time_limit`` with it.
     gap : float
         The gap that counts as closed.
     gap_kind : {"relative", "absolute", "width"}

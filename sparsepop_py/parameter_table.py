@@ -93,8 +93,8 @@ FIELDS: tuple[Field, ...] = (
         "works",
         "solver",
         "None: the bound is recomputed from whatever multipliers a solver returns. The "
-        "original's six solvers are replaced by Clarabel; `'clarabel'`, `'clarabel-moment'` "
-        "and `'cvxpy:NAME'` are taken as they are.",
+        "original's six solvers are replaced by `'auto'`; `'auto'`, `'clarabel'`, "
+        "`'clarabel-moment'`, `'cliquetree'` and `'cvxpy:NAME'` are taken as they are.",
     ),
     Field("SDPsolverEpsilon", 1e-9, "later", "", "None; a coarse tolerance proves a weaker bound."),
     Field("SDPsolverMaxIter", None, "later", "", "None; few iterations prove a weaker bound."),

@@ -23,6 +23,7 @@ from .parameter_table import FIELDS
 __all__ = ["Parameters", "read_parameters"]
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
+_OURS = ("auto", "clarabel", "clarabel-moment", "cliquetree")
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
@@ -251,15 +252,13 @@ def _level(value: Any) -> tuple[int, int]:
 
 def _solver(value: Any, says: list[str]) -> tuple[str, str]:
     """The name as given, and the solver it stands for."""
-    expected = (
-        "one of " + ", ".join(map(repr, _SOLVERS)) + ", 'clarabel', 'clarabel-moment', 'cvxpy:NAME'"
-    )
+    expected = "one of " + ", ".join(map(repr, (*_SOLVERS, *_OURS))) + " or 'cvxpy:NAME'"
     if not isinstance(value, str):
         _wrong("SDPsolver", value, expected)
-    if value in ("clarabel", "clarabel-moment") or value.startswith("cvxpy:"):
+    if value in _OURS or value.startswith("cvxpy:"):
         return value, value
     if value not in _SOLVERS:
         _wrong("SDPsolver", value, expected)
     if value != _SOLVERS[0]:
-        says.append(f"param.SDPsolver = {value!r} is replaced by 'clarabel'")
-    return value, "clarabel"
+        says.append(f"param.SDPsolver = {value!r} is replaced by 'auto'")
+    return value, "auto"

@@ -44,8 +44,8 @@ class Status(StrEnum):
 _MESSAGES = {
     Status.OPTIMAL: "The proved bound and the attained value agree within the gap asked for.",
     Status.BOUNDED: (
-        "The bound is proved but the gap is open: raise the order, give tighter bounds on "
-        "the variables, or a better starting point."
+        "The bound is proved but the gap is open: try effort 'auto', raise the order, give "
+        "tighter bounds on the variables, or a better starting point."
     ),
     Status.UNPROVED: (
         "No finite bound is proved: some variable has no finite bounds and none follow from "
@@ -99,7 +99,7 @@ class Rung:
     moments : int
         Number of moments of its relaxation.
     nodes : int
-        Parts that branch and bound has looked at so far.
+        Parts that the tree of branch and bound has looked at so far.
     """
 
     name: str
@@ -141,7 +141,7 @@ class Result:
     solver_value : float
         The solver's value in the units of the objective: no bound.
     history : tuple of Rung
-        One entry for each order that was solved.
+        One entry for each rung that was climbed.
     timings : dict of str to float
         CPU seconds of each stage.
     notes : tuple of str

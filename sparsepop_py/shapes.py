@@ -183,6 +183,9 @@ class _Builder:
             clique = int(self.cliques.home_of_variable[v])
             if finite[0][v] and finite[1][v]:
                 near = (inside or self.products.partners).get(v, [])
+                if inside is None and v not in centre and not near:  # v^2 lies in no block
+                    self.rows(np.array([lower.start, upper.start]) + v)
+                    continue
                 near = [] if inside is None and v in centre else near
                 basis = [(), *((p + 1,) for p in near if p in set(self.free))]
                 self.add(False, box.start + v, clique, basis)
@@ -253,7 +256,8 @@ class _Builder:
             if v in chosen:
                 members.setdefault(row, set()).add(v)
         present: dict[int, set[tuple[int, int]]] = {}
-        for row, letters in zip(system.row.tolist(), system.words[:, -2:].tolist(), strict=True):
+        words = monomials.widen(system.words, max(2, system.words.shape[1]))[:, -2:]
+        for row, letters in zip(system.row.tolist(), words.tolist(), strict=True):
             present.setdefault(row, set()).add((letters[0], letters[1]))
         for row, variables in members.items():
             for group in self._groups(variables):

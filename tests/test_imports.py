@@ -18,7 +18,8 @@ PACKAGE = "sparsepop_py"
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
 errors constraint progress display monomials rounding polynomial system symbolic problem
-enclosure linear krawczyk rational feasibility generators presolve presolve.propagation presolve.scaling
+enclosure linear krawczyk rational feasibility generators presolve presolve.propagation
+presolve.scaling
 chordal sparsity shapes basis blocks signs terms relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree

@@ -155,7 +155,6 @@ def test_no_rows_at_all():
     assert found.x.tolist() == [-1.0, 5.0]
 
 
-@pytest.mark.xfail(strict=True, reason="the limit of one solve stays in force")
 def test_a_time_limit_is_for_one_solve_only():
     rng = np.random.default_rng(0)
     program = Program(rng, 200, 150)

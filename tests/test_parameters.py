@@ -102,11 +102,11 @@ def test_print_level(given: Any, level: tuple[int, int]) -> None:
 
 
 def test_solvers() -> None:
-    assert read_parameters({"SDPsolver": "sedumi"}).options.solver == "clarabel"
+    assert read_parameters({"SDPsolver": "sedumi"}).options.solver == "auto"
     assert read_parameters({"SDPsolver": "cvxpy:SCS"}).options.solver == "cvxpy:SCS"
-    with pytest.warns(ParameterWarning, match="'sdpt3' is replaced by 'clarabel'"):
+    with pytest.warns(ParameterWarning, match="'sdpt3' is replaced by 'auto'"):
         parameters = read_parameters({"SDPsolver": "sdpt3"})
-    assert (parameters.SDPsolver, parameters.options.solver) == ("sdpt3", "clarabel")
+    assert (parameters.SDPsolver, parameters.options.solver) == ("sdpt3", "auto")
 
 
 def test_local_solvers() -> None:

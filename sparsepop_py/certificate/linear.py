@@ -8,7 +8,7 @@ multiplied by monomials. Any of them give, for each polynomial p on the box,
 
 the safe bound of Neumaier and Shcherbina with all columns in [-1, 1]. Bounds of many
 polynomials on the same box are checked in one pass; only constraints that are used are
-expanded. Multipliers are short floats: what their rounding costs shows in r.
+expanded. Multipliers may be short floats: what their rounding costs shows in r.
 
 References
 ----------

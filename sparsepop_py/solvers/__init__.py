@@ -1,6 +1,6 @@
 """Conic solvers behind one function: ``solve_conic(program, name)``.
 
-One file a solver; each offers ``solve(program, settings) -> ConicSolution`` in the
+One file or folder a solver; each turns a ConicProgram into a ConicSolution in the
 convention of :mod:`sparsepop_py.conic`.
 """
 
