@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import sparsepop_py as sp
+from sparsepop_py.options import SKIPPED
 
 from .errors import BenchmarkError
 
 __all__ = ["options_from", "parsed", "switches", "variants"]
-
-_NO_SWITCHES = ("progress",)
 
 
 def parsed(texts: Iterable[str]) -> dict[str, Any]:
@@ -46,7 +45,7 @@ def _value(text: str) -> Any:
 
 
 def options_from(settings: Mapping[str, Any]) -> sp.Options:
-    """Options with these fields; a name with dots leads into a field that is a dataclass.
+    """Options with these fields.
 
     Raises
     ------
@@ -56,41 +55,22 @@ def options_from(settings: Mapping[str, Any]) -> sp.Options:
         If its value is out of range.
     """
     names = {f.name for f in dataclasses.fields(sp.Options)}
-    unknown = [name for name in settings if name.split(".")[0] not in names]
+    unknown = [name for name in settings if name not in names]
     if unknown:
         known = ", ".join(sorted(names))
         raise BenchmarkError(f"Options.{unknown[0]}: no such field, expected one of {known}")
-    options = sp.Options(**{name: v for name, v in settings.items() if "." not in name})
-    for name, value in settings.items():
-        if "." in name:
-            options = _within(options, name.split("."), value, name)
-    return options
+    return sp.Options(**settings)
 
 
-def _within(thing: Any, path: list[str], value: Any, name: str) -> Any:
-    """A copy of nested dataclasses with one field changed."""
-    head, rest = path[0], path[1:]
-    if not dataclasses.is_dataclass(thing) or not hasattr(thing, head):
-        raise BenchmarkError(f"Options.{name}: no such field")
-    inner = _within(getattr(thing, head), rest, value, name) if rest else value
-    return dataclasses.replace(thing, **{head: inner})  # type: ignore[type-var]
-
-
-def switches(options: Any = None, prefix: str = "") -> Iterator[str]:
-    """Names of the fields, nested ones with dots, that are True and can be switched off.
+def switches() -> tuple[str, ...]:
+    """What can be switched off: sparsity, and the parts of effort "auto".
 
     Examples
     --------
-    >>> "sparse" in switches()
-    True
+    >>> "sparse" in switches(), "star" in switches()
+    (True, True)
     """
-    thing = sp.Options() if options is None else options
-    for f in dataclasses.fields(thing):
-        value = getattr(thing, f.name)
-        if value is True and f.name not in _NO_SWITCHES:
-            yield prefix + f.name
-        elif dataclasses.is_dataclass(value):
-            yield from switches(value, f"{prefix}{f.name}.")
+    return ("sparse", *SKIPPED)
 
 
 def variants(
@@ -113,11 +93,12 @@ def variants(
         If a switch is unknown or a text is malformed.
     """
     found: dict[str, dict[str, Any]] = {"default": dict(settings)}
-    known = list(switches())
+    known = switches()
     for name in names:
         if name not in known:
             raise BenchmarkError(f"--switches: found {name!r}, expected one of {', '.join(known)}")
-        found[f"no {name}"] = {**settings, name: False}
+        change = {"sparse": False} if name == "sparse" else {"skip": (name,)}
+        found[f"no {name}"] = {**settings, **change}
     for text in more:
         name, colon, rest = text.partition(":")
         if not colon or not name or name in found:

@@ -325,8 +325,7 @@ class Auto:
         if is_empty(smaller):
             self._accept(Argued(Proved(np.inf, 0.0, ""), Node()), None)
             return False
-        old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
-        return bool(np.any(new < _GAINED * old))
+        return bool(np.any((smaller.hi - smaller.lo)[open_] < _GAINED * (box.hi - box.lo)[open_]))
 
     # ---- branch and bound ---------------------------------------------------------------------
 
@@ -385,9 +384,9 @@ class Auto:
         )
 
     def _attain_in_search(self, task: Task, starts: list[NDArray]) -> Task:
-        task, near = attained(task, starts)
+        self.task, near = attained(task, starts)
         self.near = self.near + near
-        return task
+        return self.task
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

@@ -70,6 +70,8 @@ def find_box(
     box = Interval(problem.lower, problem.upper)
     if options.effort == "plain":
         return BoxProof(), box
+    if "cutoff" in options.skip:
+        cutoff = level = None
     if level is None and cutoff is not None:
         level = cutoff.value
     replay = Replay(problem, level)
@@ -126,7 +128,7 @@ def _sublevel(
         solution = solve_conic(program, solver, options.time_limit)
         if solution.status not in ("solved", "almost"):
             continue
-        step = Sublevel(identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0))
+        step = Sublevel(identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0), cutoff.value)
         tighter = sublevel_box(problem, cutoff.value, step, box)
         gained = (np.isinf(box.lo) | np.isinf(box.hi)) & np.isfinite(tighter.hi - tighter.lo)
         reach = np.maximum(np.abs(tighter.lo), np.abs(tighter.hi))

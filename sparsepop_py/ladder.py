@@ -77,7 +77,7 @@ def climb(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
             replay = task.replay()
             proof, box = find_box(
                 task.problem,
-                task.best,
+                task.best if replay.level is not None else None,
                 _timed(task),
                 done=trivially(task) or task.clock.over,
                 level=replay.level,
@@ -163,7 +163,13 @@ def _rounds(
     """Rounds on one order while the attained value improves."""
     outcome: Bound | None = None
     for _ in range(1 if shared else _ROUNDS):
-        bound = one_round(task, shared)
+        try:
+            bound = one_round(task, shared)
+        except KeyboardInterrupt:
+            if outcome is None:
+                raise
+            task.clock.stop()
+            break
         outcome = better(outcome, bound)
         with task.stages.stage("refine"):
             found, more = attain(task.problem, _extracted(bound), task)

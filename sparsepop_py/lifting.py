@@ -40,6 +40,7 @@ from .problem import Problem
 from .relaxation import Relaxation, relax
 from .rounding import Interval
 from .sparsity import Cliques
+from .task import Clock
 
 __all__ = ["Lifted", "coordinate_of", "products_error", "tightened"]
 
@@ -98,6 +99,10 @@ class Lifted:
     def minimise(self, time_limit: float | None = None) -> LinearSolution:
         """Minimise the objective of the problem."""
         return self.model.solve(self.program.q, time_limit)
+
+    def holds(self, variable: int) -> bool:
+        """Whether a variable occurs in the relaxation."""
+        return bool(self._columns[variable] >= 0)
 
     def reach(self, variable: int, side: int, time_limit: float | None = None) -> LinearSolution:
         """Minimise side * x_v."""
@@ -218,7 +223,7 @@ def tightened(
     """Tighten the bounds of some variables on a box by two linear programs each.
 
     A side that a solution of this round touches is left alone. The solutions' points are
-    appended to ``seen``.
+    appended to ``seen``. After ``time_limit`` seconds the rest is left out.
 
     Returns
     -------
@@ -231,24 +236,23 @@ def tightened(
     chosen: list[tuple[int, int]] = []
     points: list[NDArray] = []
     width = box.hi - box.lo
-    for v in variables:
-        for side in (1, -1):
-            edge = box.lo[v] if side > 0 else box.hi[v]
-            if any(abs(x[v] - edge) <= 0.1 * width[v] for x in points) or not width[v] > 0:
-                continue
-            if lifted._columns[v] < 0:  # it occurs nowhere
-                continue
-            found = lifted.reach(v, side, time_limit)
-            if found.status == "infeasible":
-                return box, None, True
-            if found.status != "solved":
-                continue
-            points.append(lifted.point(found))
-            if seen is not None:
-                seen.append(points[-1])
-            if abs(points[-1][v] - edge) > 1e-3 * width[v]:
-                prices.append(found.dual)
-                chosen.append((v, side))
+    clock = Clock(time_limit)
+    sides = [(v, side) for v in variables for side in (1, -1) if lifted.holds(v) and width[v] > 0]
+    for v, side in sides:
+        edge = box.lo[v] if side > 0 else box.hi[v]
+        if clock.over or any(abs(x[v] - edge) <= 0.1 * width[v] for x in points):
+            continue
+        found = lifted.reach(v, side, clock.left)
+        if found.status == "infeasible":
+            return box, None, True
+        if found.status != "solved":
+            continue
+        points.append(lifted.point(found))
+        if seen is not None:
+            seen.append(points[-1])
+        if abs(points[-1][v] - edge) > 1e-3 * width[v]:
+            prices.append(found.dual)
+            chosen.append((v, side))
     if not chosen:
         return box, None, False
     variable, side = np.array(chosen, np.int64).T

@@ -313,8 +313,15 @@ def _prove(task: Task, model: Model) -> Bound:
         used = model.relaxations[-1]
         # the box or the squares may prove it already
         if task.options.effort == "plain" or not task.closed(argued.proved.bound):
-            for used in model.relaxations:
-                argued = argue(task, model.box, model.scaled, used, argued)
+            for relaxation in model.relaxations:
+                try:
+                    argued = argue(task, model.box, model.scaled, relaxation, argued)
+                except KeyboardInterrupt:
+                    if argued.solution is None:
+                        raise
+                    task.clock.stop()  # what is proved so far is kept
+                    break
+                used = relaxation
                 if task.closed(argued.proved.bound) or task.clock.over:
                     break
     return bound_of(replay, model, argued, used)

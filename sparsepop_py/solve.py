@@ -18,7 +18,7 @@ from .errors import ProblemError, SparsePOPError
 from .family import Family, first_starts, pairs, shared_model, width_between
 from .feasibility import ProvedPoint
 from .incumbents import attain, random_starts
-from .ladder import Climbed, climb, nothing_yet
+from .ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from .options import Options
 from .polynomial import Polynomial
 from .presolve.propagation import is_empty
@@ -261,6 +261,8 @@ def _result(climbed: Climbed) -> Result:
             "this is a defect of the program, please report the problem"
         )
     notes = [*bound.model.notes, *climbed.notes]
+    if task.clock.stopped and not climbed.notes:
+        notes.append(INTERRUPTED)
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE

@@ -21,6 +21,11 @@ class Clock:
 
     def __init__(self, limit: float | None) -> None:
         self._end = None if limit is None else time.monotonic() + limit
+        self.stopped = False
+
+    def stop(self) -> None:
+        """Time is over: the user interrupted."""
+        self._end, self.stopped = time.monotonic(), True
 
     @property
     def left(self) -> float | None:

@@ -56,7 +56,7 @@ def test_a_sublevel_identity_needs_the_monomial_one_for_its_root():
     scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
     row = Multipliers(np.array([1]), ONE, np.ones((1, 1, 1)))
     without = Multipliers(np.array([0]), X, np.zeros((1, 1, 1)), 1.0)
-    step = Sublevel(Identity(scaling, (row, without)))
+    step = Sublevel(Identity(scaling, (row, without)), 0.0)
     box = sublevel_box(problem, 0.0, step, Interval(problem.lower, problem.upper))
     assert box.lo[0] <= -2.0  # -2 is feasible
     forged = certified(problem, Node(BoxProof((step,))), 0.0)

@@ -353,7 +353,8 @@ def test_the_memo_of_one_feasible_set_says_nothing_about_another():
     x, y = sp.variables(2)
     other = problem.with_objective(x - y)
     assert quoting(other, (0, 1, proof)).verify(other, memo).bound == pytest.approx(-0.5, abs=1e-8)
-    assert memo.keys() == filled.keys() and filled
+    about = [key for key in memo if id(proof) in key]
+    assert about == [key for key in filled if id(proof) in key] and about
 
 
 def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
@@ -382,4 +383,5 @@ def test_a_memo_keeps_its_arguments_alive():
         expected = -0.5 if true else -2.0
         assert verdict.bound == pytest.approx(expected, abs=1e-8)
         del proof
-    assert len(memo) == 200
+    about = [key for key in memo if isinstance(key[-1], tuple)]
+    assert len(about) == 200

@@ -56,10 +56,12 @@ class Sublevel:
     """|t_v| <= (K - 1)^(1 / 2d) on the set where f <= level, from a sum-of-squares identity.
 
     The identity proves 0 >= -K + sum_b (b(t))^2 on that set, the sum running over the
-    monomials of the moment blocks, among them t_v^d.
+    monomials of the moment blocks, among them t_v^d. It is evaluated at its own level, so
+    that the box is the same whatever lower level it is used at.
     """
 
     identity: Identity
+    level: float
 
     @property
     def cutoff(self) -> bool:
@@ -213,15 +215,19 @@ class Replay:
         return shrunk(box, step.variable[holds], step.side[holds], step.value[holds])
 
     def _told(self, step: Known, box: Interval) -> Interval:
-        n = self.problem.dimension
         for variable, side, proof in step.bounds:
-            if not is_index(variable, n) or side not in (1, -1) or not np.isfinite(proof.bound):
-                continue
-            quoted = partial(self._quoted, proof, variable, side)
-            if self._remembered(proof, (variable, side), quoted) >= proof.bound:
+            if self.holds(variable, side, proof):
                 one = np.array([variable])
                 box = shrunk(box, one, np.array([side]), np.array([proof.bound]))
         return box
+
+    def holds(self, variable: int, side: int, proof: Proof) -> bool:
+        """Whether the certificate of another objective proves what it claims of side * x_v."""
+        sensible = is_index(variable, self.problem.dimension) and side in (1, -1)
+        if not sensible or not np.isfinite(proof.bound):
+            return False
+        quoted = partial(self._quoted, proof, variable, side)
+        return bool(self._remembered(proof, (variable, side), quoted) >= proof.bound)
 
     def _quoted(self, proof: Proof, variable: int, side: int) -> float:
         """What the certificate of another objective proves about side * x_v."""
@@ -353,11 +359,11 @@ def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDAr
 
 
 def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: Interval) -> Interval:
-    """Intersect a box with what a sublevel identity proves."""
+    """Intersect a box with what a sublevel identity proves where f <= cutoff <= its level."""
     scaling = step.identity.scaling
-    if cutoff is None or not scaling.contains(box):
+    if cutoff is None or not cutoff <= step.level < np.inf or not scaling.contains(box):
         return box
-    system, equality = with_cutoff(problem, cutoff)
+    system, equality = with_cutoff(problem, step.level)
     nothing = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
     proved = step.identity.evaluate(system, equality, nothing)
     if not proved.floor > 0 or not np.isfinite(proved.bound):

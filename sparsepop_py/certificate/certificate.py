@@ -192,6 +192,7 @@ class Certificate:
         if self.cutoff is not None and not np.isfinite(self.cutoff):
             return -np.inf, np.inf, "the cut-off is not a number"
         replay = Replay(problem, self.cutoff, known if known is not None else {})
+        self._settle(replay)
         bound, correction, reason, cut_off = np.inf, 0.0, "", False
         stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
         while stack:
@@ -211,6 +212,31 @@ class Certificate:
         if cut_off and self.cutoff is not None and not bound <= self.cutoff:
             return self.cutoff, correction, "nothing is proved above the cut-off"
         return bound, correction, reason
+
+    def _settle(self, replay: Replay) -> None:
+        """Check the quoted certificates, those that they quote first: chains of them are long."""
+        stack: list[tuple[tuple[int, int] | None, Certificate, bool]] = [(None, self, False)]
+        seen: set[tuple[int, tuple[int, int] | None]] = set()
+        while stack:
+            about, certificate, ready = stack.pop()
+            if ready:
+                if about is not None:
+                    replay.holds(*about, certificate)
+                continue
+            if (id(certificate), about) in seen:
+                continue
+            seen.add((id(certificate), about))
+            stack.append((about, certificate, True))
+            for variable, side, proof in certificate.quotes:
+                sensible = is_index(variable, replay.problem.dimension) and side in (1, -1)
+                if isinstance(proof, Certificate) and sensible:
+                    stack.append(((variable, side), proof, False))
+
+    @property
+    def quotes(self) -> list[tuple[int, int, Any]]:
+        """Variable, side and certificate of each bound that is quoted."""
+        steps = [step for node in self.root for step in node.box.steps]
+        return [quote for step in steps if isinstance(step, Known) for quote in step.bounds]
 
     @property
     def box(self) -> BoxProof:

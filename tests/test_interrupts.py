@@ -1,0 +1,171 @@
+"""The ladder cut short: by a time limit or an interrupt it returns what is proved so far."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import numpy as np
+import pytest
+from solved import INF, check
+from test_branch import bilinear
+from test_ladder import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Status, auto, branch, rungs
+from sparsepop_py.boxes import find_box
+from sparsepop_py.certificate.box import Replay
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.ladder import INTERRUPTED
+
+SOLVE_CONIC, EXPLORE = rungs.solve_conic, branch.explore
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_a_time_limit_holds_on_heavy_rungs(several):
+    quartic = sp.problems.random_quartic(9, seed=2)  # dense: order 3 has a block of 220
+    problem = quartic.with_objective(-quartic.objective)
+    # parts of a tree that tighten bounds by such programs take longer
+    skip = () if several else ("narrow",)
+    options = Options(effort="auto", gap=0.0, time_limit=1.5, skip=skip)
+    start = time.monotonic()
+    if several:
+        objectives = [problem.objective, quartic.objective]
+        results = sp.solve_each(problem, objectives, options)
+    else:
+        objectives, results = [problem.objective], [sp.solve(problem, options)]
+    assert time.monotonic() - start <= 1.5 + 2.0
+    for objective, result in zip(objectives, results, strict=True):
+        check(problem.with_objective(objective), result)
+    corners = np.array(np.meshgrid(*[[-1.0, 1.0]] * 9)).reshape(9, -1).T
+    assert results[0].status is Status.LIMIT
+    assert results[0].lower_bound <= min(problem.objective(x) for x in corners)
+
+
+class Interrupting:
+    """Calls something until the k-th call, which is interrupted."""
+
+    def __init__(self, call, number):
+        self.call, self.number, self.calls = call, number, 0
+
+    def __call__(self, *args, **kwargs):
+        self.calls += 1
+        if self.calls == self.number:
+            raise KeyboardInterrupt
+        return self.call(*args, **kwargs)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_an_interrupt_keeps_what_is_proved(case, monkeypatch):
+    problem, least = (made() for made in CASES[case])
+    skip, numbers = ((), (1, 2, 3)) if case == "bilinear" else (("full",), (1,))
+    bounds = []
+    for number in numbers:
+        interrupting = Interrupting(SOLVE_CONIC, number)
+        monkeypatch.setattr(rungs, "solve_conic", interrupting)
+        result = check(problem, sp.solve(problem, climbing(skip=skip)))
+        assert interrupting.calls == number
+        assert INTERRUPTED in result.notes
+        assert result.status in (Status.LIMIT, Status.OPTIMAL)
+        assert -INF < result.lower_bound <= least + 1e-9
+        if result.history:
+            assert result.lower_bound == result.history[-1].lower_bound
+        bounds.append(result.lower_bound)
+    assert bounds == sorted(bounds)
+    assert bounds[-1] > bounds[0] or case == "star"
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_an_interrupt_of_one_order_keeps_the_box(number, monkeypatch):
+    problem = bilinear()
+    interrupting = Interrupting(SOLVE_CONIC, number)
+    monkeypatch.setattr(rungs, "solve_conic", interrupting)
+    result = check(problem, sp.solve(problem, Options(order=1, gap=0.0)))
+    assert -12.0 <= result.lower_bound <= least_of_bilinear()  # 3 products of [-1, 2]^2
+    assert (INTERRUPTED in result.notes) == (interrupting.calls >= number)
+    assert result.status in (Status.LIMIT, Status.BOUNDED)
+
+
+def test_an_interrupt_of_one_order_keeps_its_first_relaxation(monkeypatch):
+    problem = bilinear()
+    lean, full = Interrupting(SOLVE_CONIC, 2), Interrupting(SOLVE_CONIC, 1)
+    found = []
+    for interrupting in (full, lean):
+        monkeypatch.setattr(rungs, "solve_conic", interrupting)
+        result = check(problem, sp.solve(problem, Options(order=2, gap=0.0)))
+        assert INTERRUPTED in result.notes
+        found.append(result.lower_bound)
+    assert found[1] > found[0]
+
+
+@pytest.mark.parametrize("number", [1, 3, 20])
+def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
+    def only_linear(*args):
+        return tuple(r for r in CATALOGUE(*args) if r.shape == "linear")
+
+    problem = bilinear()
+    monkeypatch.setattr("sparsepop_py.ground.catalogue", only_linear)
+    monkeypatch.setattr(branch, "explore", Interrupting(EXPLORE, number))
+    result = check(problem, sp.solve(problem, Options(effort="auto")))
+    assert INTERRUPTED in result.notes
+    assert result.status is Status.LIMIT
+    assert result.history[0].lower_bound <= result.lower_bound <= least_of_bilinear()
+    assert result.certificate.leaves == 1 or number > 1
+    assert result.certificate.leaves > 1 or number < 20
+
+
+def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
+    problem = bilinear()
+    monkeypatch.setattr(
+        "sparsepop_py.ground.catalogue",
+        lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
+    )
+    found = []
+
+    def attained(task, starts):
+        """Finds nothing before the tree grows, then the best point."""
+        if exploring.calls:
+            task, near = honest(task, [np.array([-1.0, 2.0, 2.0, -1.0])])
+            found.append(task.upper)
+            return task, near
+        return task, []
+
+    honest, exploring = auto.attained, Interrupting(EXPLORE, 4)
+    monkeypatch.setattr(auto, "attained", attained)
+    monkeypatch.setattr(branch, "explore", exploring)
+    monkeypatch.setattr(sys.modules["sparsepop_py.solve"], "attain", lambda *args: (None, []))
+    result = check(problem, sp.solve(problem, Options(effort="auto", skip=["narrow"])))
+    assert INTERRUPTED in result.notes
+    assert found
+    assert result.upper_bound == min(found) < INF
+
+
+@pytest.mark.parametrize("number", [1, 2, 5])
+def test_an_interrupt_of_several_objectives(number, monkeypatch):
+    problem = star()
+    x = sp.variables(7)
+    objectives = [problem.objective, -problem.objective, x[0], x[1] - x[2]]
+    interrupting = Interrupting(SOLVE_CONIC, number)
+    monkeypatch.setattr(rungs, "solve_conic", interrupting)
+    results = sp.solve_each(problem, objectives, climbing())
+    assert interrupting.calls == number
+    for objective, result in zip(objectives, results, strict=True):
+        check(problem.with_objective(objective), result)
+        assert INTERRUPTED in result.notes
+        assert result.status in (Status.LIMIT, Status.OPTIMAL)
+        assert result.lower_bound > -INF
+    assert results[0].lower_bound <= least_of_star() + 1e-9
+
+
+@pytest.mark.parametrize("name", ["motzkin", "laboratory"])
+def test_a_lower_level_makes_no_box_larger(name):
+    # trees are proved at a level a little below that at which the box was found
+    problem = getattr(sp.problems, name)()
+    point = {"motzkin": [1.0, 1.0], "laboratory": [9.0, 5.0]}[name]
+    best = prove_feasible(problem, np.array(point))
+    proof, box = find_box(problem, best, Options(effort="auto"))
+    for share in (0.0, 1e-9, 9e-7, 1e-3, 1e-2):
+        lower = best.value - share * max(1.0, abs(best.value))
+        again = proof.replay(Replay(problem, lower))
+        assert np.all(again.lo >= box.lo)
+        assert np.all(again.hi <= box.hi)
