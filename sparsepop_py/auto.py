@@ -166,6 +166,9 @@ class Auto:
             return self.rate
         if not self.ground.variables or not self.history or limit == self.seen:
             return None
+        seen = self.ground.experience
+        if _BRANCH in seen.progress:
+            return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
         node = max(1e-2, min(h.seconds for h in self.history))
         return 1.0 / (node * _NODES * 2.0 ** min(len(self.ground.variables), 8))
 
@@ -183,10 +186,9 @@ class Auto:
             self.share = recipe.share
         seconds = time.process_time() - start
         progress = self._progress(before)
+        self.ground.experience.learn(name, progress, seconds)
         if name == _BRANCH:
             self.rate = max(progress, 1e-3) / max(seconds, 1e-3)
-        else:
-            self.ground.experience.learn(name, progress, seconds)
         self.history.append(self._record(name, relaxation, seconds))
 
     @property

@@ -279,7 +279,7 @@ class Search:
         seen = 0
         while seen < nodes and not self.done and not stop():
             parts = [heapq.heappop(self._heap)[2]]
-            while executor is not None and self._heap and len(parts) < 8:
+            while executor is not None and self._heap and len(parts) < min(8, nodes - seen):
                 parts.append(heapq.heappop(self._heap)[2])
             try:
                 found = self._explored(parts, executor)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Literal
@@ -137,14 +137,15 @@ class Options:
         nodes = self.node_limit
         if nodes is not None and (not isinstance(nodes, numbers.Integral) or int(nodes) < 0):
             raise ProblemError(f"Options.node_limit: found {nodes!r}, expected an integer >= 0")
-        if self.branch_on is not None and not all(
-            isinstance(v, numbers.Integral) and int(v) >= 0 for v in self.branch_on
+        chosen = self.branch_on if self.branch_on is not None else ()
+        if not isinstance(chosen, Iterable) or not all(
+            isinstance(v, numbers.Integral) and int(v) >= 0 for v in chosen
         ):
             raise ProblemError(
                 f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
             )
-        unknown = [name for name in self.skip if name not in SKIPPED]
-        if unknown or isinstance(self.skip, str):
+        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
+        if not named or any(name not in SKIPPED for name in self.skip):
             raise ProblemError(
                 f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
             )

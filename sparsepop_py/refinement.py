@@ -31,6 +31,7 @@ from .shapes import Products
 __all__ = ["best_attained", "local_search", "starting_points"]
 
 _DENSE_LIMIT = 300
+_SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e8
 _NEWTON_STEPS = 30
 _ENOUGH = 5  # searches that end at the best value before the rest is left out
@@ -314,7 +315,8 @@ def _candidates(
     if bilinear and method is None:
         tried.append(local_search(problem, start, "sequential", end))
     large = bilinear and problem.dimension > _DENSE_LIMIT  # then the others are slow
-    if len(tried) < 2 or (problem.violation(tried[1]) > tolerance and not large):
+    failed = len(tried) < 2 or problem.violation(tried[1]) > tolerance
+    if problem.dimension <= _SMALL or (failed and not large):
         tried.append(local_search(problem, start, method, end))
     branch = _decide(problem, start)
     if branch is not problem:

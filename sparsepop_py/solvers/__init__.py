@@ -45,7 +45,7 @@ def solve_conic(
     ----------
     program : ConicProgram
     solver : str
-        ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``, ``"cliquetree"`` (for
+        ``"auto"``, ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``, ``"cliquetree"`` (for
         programs whose moments lie in [-1, 1]) or ``"cvxpy:NAME"``.
     time_limit : float, optional
         Seconds after which the solver should stop where it can.
@@ -59,6 +59,8 @@ def solve_conic(
     SolverNotFound
         If the name is unknown or the package is missing.
     """
+    if solver == "auto":  # where nothing is known of the moments
+        solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     if solver == "clarabel":
         return clarabel_.solve_squares_form(program, time_limit, accuracy)
     if solver == "clarabel-moment":
