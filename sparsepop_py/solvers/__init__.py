@@ -45,8 +45,8 @@ def solve_conic(
     ----------
     program : ConicProgram
     solver : str
-        ``"auto"``, ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``, ``"cliquetree"`` (for
-        programs whose moments lie in [-1, 1]) or ``"cvxpy:NAME"``.
+        ``"auto"``, ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``,
+        ``"cliquetree"`` (for programs whose moments lie in [-1, 1]) or ``"cvxpy:NAME"``.
     time_limit : float, optional
         Seconds after which the solver should stop where it can.
     accuracy : float
