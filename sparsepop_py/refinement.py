@@ -315,6 +315,8 @@ def _candidates(
     if bilinear and method is None:
         tried.append(local_search(problem, start, "sequential", end))
     large = bilinear and problem.dimension > _DENSE_LIMIT  # then the others are slow
+    if bilinear and method is None and problem.dimension <= _SMALL:
+        tried.append(sequential_search(problem.sharpened, start))  # nothing held
     failed = len(tried) < 2 or problem.violation(tried[1]) > tolerance
     if problem.dimension <= _SMALL or (failed and not large):
         tried.append(local_search(problem, start, method, end))
@@ -351,13 +353,16 @@ def best_attained(
         When to stop, on the monotonic clock; what was found until then is kept.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
+    reached: list[float] = []  # the best value that each start led to
     for start in starts:
         if time.monotonic() >= end:
             break
-        found += _candidates(problem, start, tolerance, method, end)
-        best_value = min((value for value, _ in found), default=np.inf)
-        hits = sum(value <= best_value + 1e-5 * (1.0 + abs(best_value)) for value, _ in found)
-        if hits >= _ENOUGH:
+        ends = _candidates(problem, start, tolerance, method, end)
+        found += ends
+        reached.append(min((value for value, _ in ends), default=np.inf))
+        best_value = min(reached)
+        near = best_value + 1e-5 * (1.0 + abs(best_value))
+        if best_value < np.inf and sum(value <= near for value in reached) >= _ENOUGH:
             break
     found.sort(key=lambda entry: entry[0])
     best: ProvedPoint | None = None
