@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda
 from .boxes import shrinks
 from .branch import Plan, Search, first_moments
 from .catalogue import Recipe, expected_seconds
@@ -22,7 +23,9 @@ from .certificate.box import BoxProof, tighten
 from .certificate.certificate import Node, Proved, prove
 from .ground import Ground
 from .incumbents import attained, extracted
-from .lifting import Lifted, tightened
+from .lifting import Lifted
+from .linear import LinearSolution
+from .narrowing import narrowed
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
 from .relaxation import Relaxation
@@ -34,14 +37,12 @@ __all__ = ["Auto"]
 
 _BRANCH = "branch"
 _NODES = 4.0  # parts per cut variable that branch and bound is expected to need, doubled
-_NARROW = 12  # variables whose bounds linear programs tighten at the root
 _SLICE = 3.0  # most seconds that a tree grows before other rungs are considered again
 _PATIENCE = 300  # parts after which linear programs alone are not trusted to close the gap
 _SWEEPS = 3  # of propagation after a step that shrank the box
 _ROUNDS = 3
 _SMALLER = 0.7  # a box with a width below this share is worth the rungs climbed before
 _LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
-_GAINED = 0.8  # another round of tightening follows where a width fell below this share
 
 
 @dataclass(eq=False)
@@ -70,16 +71,15 @@ class Auto:
     seen: int = 0
     exhausted: bool = False
     best: Argued = field(init=False)
-    share: float = 0.0
     rate: float | None = None
     linear: float = -np.inf
-    linear_seconds: float = np.inf
 
     def __post_init__(self) -> None:
         replay = self.task.replay()
         self.best = Argued(prove(replay, self.model.box, None, False), Node())
         self.outcome = bound_of(replay, self.model, self.best)
-        self.recipes = list(self.ground.recipes)
+        narrow = "narrow" not in self.task.options.skip
+        self.agenda = Agenda(self.ground, self._scaled, narrow)
         self.first = self.best.proved.bound
         self.shared = self.model
         self.tried: list[tuple[Recipe, float, float]] = []  # recipe, bound, seconds
@@ -119,8 +119,8 @@ class Auto:
         self.model, self.shared = model, model
         if self.search is None and self.tried and width.min(initial=1.0) < _SMALLER:
             # the same rung may do more now
-            self.recipes = [*(recipe for recipe, _, _ in self.tried), *self.recipes]
-            self.share, self.tried = 0.0, []
+            self.agenda.again(recipe for recipe, _, _ in self.tried)
+            self.tried = []
         self._shrink()
 
     # ---- which rung -------------------------------------------------------------------------
@@ -129,27 +129,12 @@ class Auto:
         """The rung with the largest expected gain per second, None if none is left."""
         if self.search is not None and not self.search.tell(self.task):
             self.seen, self.search = self.search.seen, None  # another tree must be grown
-        left = self.task.clock.left
-        best, most = None, 0.0
-        for recipe in self.recipes:
-            seconds = self._seconds(recipe)
-            if not np.isfinite(seconds) or (left is not None and seconds > 2.0 * left):
-                continue
-            rate = self.ground.experience.rate(recipe, self.share, seconds)
-            if rate > most:
-                best, most = recipe, rate
+        with self.task.stages.stage("relax"):
+            best, most = self.agenda.best(self.task.clock.left)
         branch = self._branch_rate()
         if branch is not None and (best is None or branch > most):
             return _BRANCH
         return best
-
-    def _seconds(self, recipe: Recipe) -> float:
-        """Estimated seconds, before pace and experience."""
-        if recipe.name not in self.ground.estimates:
-            with self.task.stages.stage("relax"):
-                seconds = recipe.seconds(self._scaled(), self.ground.cliques)
-            self.ground.estimates[recipe.name] = seconds
-        return self.ground.estimates[recipe.name]
 
     def _scaled(self) -> Scaled:
         scaling = Scaling.of_box(self.model.box)
@@ -182,8 +167,7 @@ class Auto:
         else:
             name = recipe.name
             relaxation = self._relax(recipe)
-            self.recipes = [r for r in self.recipes if r.share > recipe.share]
-            self.share = recipe.share
+            self.agenda.climbed(recipe)
         seconds = time.process_time() - start
         progress = self._progress(before)
         self.ground.experience.learn(name, progress, seconds)
@@ -217,10 +201,14 @@ class Auto:
             nodes=self.search.seen if self.search is not None else 0,
         )
 
-    def _relax(self, recipe: Recipe) -> Relaxation:
+    def _relax(self, recipe: Recipe) -> Relaxation | None:
         """Solve one relaxation of the whole box."""
         if recipe.shape == "linear":
             return self._linear()
+        if recipe.plain is not None:
+            self._tighten()
+            if self.over:
+                return None
         with self.task.stages.stage("relax"):
             scaled = self._scaled()
             relaxation = recipe.build(scaled, self.ground.cliques)
@@ -274,67 +262,67 @@ class Auto:
 
     def _linear(self) -> Relaxation:
         """The linear relaxation, and bounds of the variables that matter from others like it."""
-        lifted: Lifted | None = None
-        cliques = self.ground.cliques["constraints"]
+        lifted = self._lifted()
         for number in range(_ROUNDS):
-            start = time.process_time()
-            with self.task.stages.stage("presolve"):
-                lifted = Lifted.of(
-                    self.task.problem, self.model.box, cliques, lifted, self.ground.active
-                )
-                solution = lifted.minimise(self.task.clock.left)
-                if solution.status not in ("solved", "infeasible"):
-                    break
-                empty = solution.status == "infeasible"
-                dual = lifted.objective_dual(solution)
-                proved = prove(self.task.replay(), self.model.box, dual, empty)
-            self._accept(Argued(proved, Node(argument=dual, empty=empty)), lifted.relaxation)
-            self.linear = max(self.linear, proved.bound)
-            self.linear_seconds = time.process_time() - start
-            if empty or self.over:
+            solution = self._bound_linear(lifted)
+            if solution is None or self.over:
                 break
             if number == 0:
                 self._attain([lifted.point(solution)])
-            if self.over or self._dear(self.linear_seconds) or not self._narrow(lifted):
+            if self.over or self.agenda.dear or not self._narrow(lifted):
                 break
-        assert lifted is not None
+            lifted = self._lifted(lifted)
         return lifted.relaxation
 
-    def _dear(self, seconds: float) -> bool:
-        """Whether tightening by such linear programs costs more than the next relaxation."""
-        count = 2.0 * min(len(self.ground.variables), _NARROW)
-        others = [self._seconds(r) for r in self.recipes if r.shape != "linear"]
-        return count * seconds > 3.0 * min(others, default=np.inf)
+    def _lifted(self, warm: Lifted | None = None) -> Lifted:
+        """The linear relaxation on the box as it is now."""
+        cliques, active = self.ground.cliques["constraints"], self.ground.active
+        with self.task.stages.stage("presolve"):
+            return Lifted.of(self.task.problem, self.model.box, cliques, warm, active)
+
+    def _bound_linear(self, lifted: Lifted) -> LinearSolution | None:
+        """Take over what the linear relaxation proves; its solution where there is one."""
+        start = time.process_time()
+        with self.task.stages.stage("presolve"):
+            solution = lifted.minimise(self.task.clock.left)
+            self.ground.experience.learn(PROGRAM, 0.0, time.process_time() - start)
+            if solution.status not in ("solved", "infeasible"):
+                return None
+            empty = solution.status == "infeasible"
+            dual = lifted.objective_dual(solution)
+            proved = prove(self.task.replay(), self.model.box, dual, empty)
+        self._accept(Argued(proved, Node(argument=dual, empty=empty)), lifted.relaxation)
+        self.linear = max(self.linear, proved.bound)
+        return None if empty else solution
 
     def _narrow(self, lifted: Lifted) -> bool:
         """Tighten bounds by linear programs; whether another round may gain."""
-        box = self.model.box
-        open_ = [v for v in self.ground.variables if box.hi[v] > box.lo[v]][:_NARROW]
-        if not open_ or "narrow" in self.task.options.skip:
+        variables = self.ground.variables[:NARROW]
+        if not variables or "narrow" in self.task.options.skip:
             return False
         with self.task.stages.stage("presolve"):
-            replay = self.task.replay()
-            smaller, step, _ = tightened(replay, lifted, box, open_, self.task.clock.left)
-            if step is None:
-                return False
-            steps = [*self.model.proof.steps, step]
-            if not is_empty(smaller):
-                again, more = tighten(replay, smaller, _SWEEPS)
-                if shrinks(smaller, again):
-                    smaller = again
-                    steps.append(more)
-            self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=smaller)
-        if is_empty(smaller):
+            made = narrowed(self.task, self.model, lifted, variables)
+        if made.empty:
+            self._bound_linear(lifted)  # the same program proves it
+        self.model = made.model
+        if is_empty(self.model.box):
             self._accept(Argued(Proved(np.inf, 0.0, ""), Node()), None)
-            return False
-        return bool(np.any((smaller.hi - smaller.lo)[open_] < _GAINED * (box.hi - box.lo)[open_]))
+        return made.gains
+
+    def _tighten(self) -> None:
+        """Rounds of tightening before a relaxation whose bound depends on the box."""
+        start, lifted = time.process_time(), None
+        for _ in range(_ROUNDS):
+            lifted = self._lifted(lifted)
+            if not self._narrow(lifted) or self.over:
+                break
+        self.ground.experience.learn(TIGHTENING, 0.0, time.process_time() - start)
 
     # ---- branch and bound ---------------------------------------------------------------------
 
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next rung would take."""
-        others = [s for s in map(self._seconds, self.recipes) if np.isfinite(s)]
-        slice_ = float(np.clip(min(others, default=_SLICE), 0.5, _SLICE))
+        slice_ = float(np.clip(self.agenda.shortest, 0.5, _SLICE))
         if self.search is None:
             argued = self.best
             self.search = Search(
@@ -371,18 +359,21 @@ class Auto:
         upper = self.task.upper
         base = self.linear if np.isfinite(self.linear) else self.first
         best, most = None, 0.0
+        narrow = len(self.ground.variables) <= NARROW and self.agenda.narrow
+        seen = self.ground.experience.seconds
+        program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
         for recipe, bound, seconds in self.tried:
             gap = upper - base
             closed = (bound - base) / gap if np.isfinite(gap) and gap > 0 else float(bound > base)
             # a share s needs about log(1 / (1 - s)) fewer levels of cuts
             worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
-            if closed > 0.1 and worth > most and worth > _LEVEL / self.linear_seconds:
+            if closed > 0.1 and worth > most and worth > _LEVEL / program:
                 best, most = recipe, worth
         return Plan(
             self.ground.cliques,
             self.ground.variables,
             recipe=best,
-            narrow=len(self.ground.variables) <= _NARROW and "narrow" not in self.task.options.skip,
+            narrow=narrow,
         )
 
     def _attain_in_search(self, task: Task, starts: list[NDArray]) -> Task:

@@ -1,7 +1,7 @@
 """Many objectives over one feasible set: what one proves helps the others.
 
 The box is made once by arguments that hold for all objectives: propagation, then linear
-programs for the variables that matter. Then each objective in turn climbs one rung, until
+programs for the variables that matter. Then each objective in turn climbs some rungs, until
 every gap is closed or nothing is left to try. A proved bound of a single variable shrinks
 the shared box (its certificate is quoted, not repeated), and the next rungs are built on
 it; an attained point is tried on all objectives. Cut-offs stay with their objective.
@@ -43,6 +43,7 @@ _ROUNDS = 4
 _NARROW = 24  # variables whose bounds linear programs tighten for all objectives
 _WINDOW = 40  # constraints that linear programs start with where windows are enough
 _GAINED = 0.8
+_TURN = 5  # rungs that an objective climbs before it is the next one's turn
 _ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
 
 
@@ -138,13 +139,16 @@ class Family:
         self._carry(self.points)
 
     def _climb(self, index: int) -> None:
-        """Let one objective climb one rung on the shared box as it is now."""
+        """Let one objective climb some rungs on the shared box as it is now.
+
+        What the first ones learn of the rungs saves the others detours.
+        """
         auto = self.autos[index]
         if auto.over or self.clock.over:
             return
         known = len(self.points)
         auto.restart(self.model)
-        auto.run(1)
+        auto.run(_TURN)
         if auto.task.best is not None and auto.task.best not in self.points:
             self.points.append(auto.task.best)
         self._carry(self.points[known:])

@@ -31,6 +31,7 @@ from .shapes import Products
 __all__ = ["best_attained", "local_search", "starting_points"]
 
 _DENSE_LIMIT = 300
+_FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
 _SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e8
 _NEWTON_STEPS = 30
@@ -314,11 +315,12 @@ def _candidates(
     bilinear = problem.degree <= 2 and bool(problem.constraints)
     if bilinear and method is None:
         tried.append(local_search(problem, start, "sequential", end))
-    large = bilinear and problem.dimension > _DENSE_LIMIT  # then the others are slow
+    star = bilinear and Products.of(problem).has_star  # made for linear programs
+    large = problem.dimension > (_FEW if star else _DENSE_LIMIT)  # then the others are slow
     if bilinear and method is None and problem.dimension <= _SMALL:
         tried.append(sequential_search(problem.sharpened, start))  # nothing held
     failed = len(tried) < 2 or problem.violation(tried[1]) > tolerance
-    if problem.dimension <= _SMALL or (failed and not large):
+    if problem.dimension <= _SMALL or (failed and not (bilinear and large)):
         tried.append(local_search(problem, start, method, end))
     branch = _decide(problem, start)
     if branch is not problem:

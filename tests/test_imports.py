@@ -28,8 +28,8 @@ solvers.cliquetree.interior solvers.cliquetree solvers
 certificate certificate.identity certificate.linear certificate.box certificate.certificate
 certificate.dual
 extraction sequential refinement unbounded options task catalogue sizing boxes incumbents
-result polyhedron exact_simplex polytope rungs lifting branch
-ground auto ladder family solve
+result polyhedron exact_simplex polytope rungs lifting narrowing branch
+ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs problems plots
 parameter_table parameters sparsepop_output sparsepop_report sparsepop cli

@@ -1,0 +1,114 @@
+"""Which rung next: what is left of the catalogue, by expected gain per second.
+
+A rung whose bound depends on the box may be climbed on a box that linear programs have
+tightened first. With seconds t of tightening, s of the relaxation and a chance p that it
+closes the gap without, that is expected to cost t + s against s + (1 - p) (t + s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .catalogue import Recipe
+from .ground import Ground
+from .presolve.scaling import Scaled
+
+__all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda"]
+
+PROGRAM = "linear program"  # names under which experience keeps their seconds
+TIGHTENING = "tightening"
+NARROW = 12  # variables whose bounds linear programs tighten at the root
+_TIGHTENED = ("star", "split", "mixed")
+
+
+@dataclass(eq=False)
+class Agenda:
+    """The rungs that one objective may still climb.
+
+    Parameters
+    ----------
+    ground : Ground
+        Its recipes, and the experience with them.
+    scaled : callable
+        The scaled problem on the box as it is now; for estimates.
+    narrow : bool
+        Whether boxes may be tightened by linear programs.
+    share : float
+        Share of the progress that the last rung makes as a rule.
+    """
+
+    ground: Ground
+    scaled: Callable[[], Scaled]
+    narrow: bool = True
+    share: float = 0.0
+    recipes: list[Recipe] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.recipes = list(self.ground.recipes)
+
+    def best(self, left: float | None) -> tuple[Recipe | None, float]:
+        """The recipe worth most in a second, and that worth, among those that end in time."""
+        best, most = None, 0.0
+        for recipe in map(self._prepared, self.recipes):
+            seconds = self.seconds(recipe)
+            if not np.isfinite(seconds) or (left is not None and seconds > 2.0 * left):
+                continue
+            rate = self.ground.experience.rate(recipe, self.share, seconds)
+            if rate > most:
+                best, most = recipe, rate
+        return best, most
+
+    def climbed(self, recipe: Recipe) -> None:
+        """Leave out a rung and those below it; on a tightened box it may be climbed again."""
+        again = [recipe.tightened] if self._may_tighten(recipe) else []
+        self.recipes = [*again, *(r for r in self.recipes if r.share > recipe.share)]
+        self.share = recipe.share
+
+    def again(self, recipes: Iterable[Recipe]) -> None:
+        """Put rungs back that may do more on a smaller box."""
+        self.recipes = [*recipes, *self.recipes]
+        self.share = 0.0
+
+    def seconds(self, recipe: Recipe) -> float:
+        """Expected seconds: as seen before, else estimated at the pace of the other rungs."""
+        seen, known = self.ground.experience, self.ground.estimates
+        if recipe.name in seen.seconds:
+            return seen.seconds[recipe.name]
+        if recipe.plain is not None:
+            return self._tightening + self.seconds(recipe.plain)
+        if recipe.name not in known:
+            known[recipe.name] = recipe.seconds(self.scaled(), self.ground.cliques)
+        return seen.pace * known[recipe.name]
+
+    @property
+    def shortest(self) -> float:
+        """Expected seconds of the fastest relaxation that is not linear, +inf if none is left."""
+        return min((self.seconds(r) for r in self.recipes if r.shape != "linear"), default=np.inf)
+
+    @property
+    def dear(self) -> bool:
+        """Whether tightening by linear programs costs more than the next relaxation."""
+        return self._tightening > 3.0 * self.shortest
+
+    @property
+    def _tightening(self) -> float:
+        """Expected seconds of a few rounds of tightening."""
+        seen = self.ground.experience.seconds
+        first = 2.0 * min(len(self.ground.variables), NARROW) * seen.get(PROGRAM, np.inf)
+        return seen.get(TIGHTENING, first)
+
+    def _may_tighten(self, recipe: Recipe) -> bool:
+        below = recipe.shape in _TIGHTENED and recipe.plain is None
+        return self.narrow and below and bool(self.ground.variables)
+
+    def _prepared(self, recipe: Recipe) -> Recipe:
+        """On a tightened box, where that costs less than failing without is expected to."""
+        if not self._may_tighten(recipe):
+            return recipe
+        alone = self.seconds(recipe)
+        both = self._tightening + alone
+        fails = 1.0 - self.ground.experience.closes(recipe.name)
+        return recipe.tightened if both < alone + fails * both else recipe
