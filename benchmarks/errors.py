@@ -1,8 +1,22 @@
-"""What is wrong with the input of a measurement."""
+"""What is wrong with the input of a measurement, and how defects of what is measured show."""
 
 from __future__ import annotations
 
-__all__ = ["BenchmarkError"]
+import sparsepop_py as sp
+
+__all__ = ["DEFECTS", "BenchmarkError"]
+
+DEFECTS = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    sp.SparsePOPError,
+)
 
 
 class BenchmarkError(ValueError):

@@ -14,6 +14,7 @@ import numpy as np
 import sparsepop_py as sp
 
 from . import peers
+from .errors import DEFECTS
 from .probes import Watch, watched
 from .records import PHASES, Row
 from .registry import Case, Family, Task
@@ -94,7 +95,7 @@ def own_rows(
         with watched() as watch:
             try:
                 results = solve(task)
-            except Exception as error:  # a crash is a row, and the other cases go on
+            except DEFECTS as error:  # a crash is a row, and the other cases go on
                 failure = f"{type(error).__name__}: {error}"
         common = _head(family, case, task, repeat, tolerance) | {
             "solver": "sparsepop_py",
@@ -227,7 +228,7 @@ def _scip_row(
             for objective, gap in zip(task.objectives, gaps, strict=True):
                 budget = peers.Budget(limit, gap, relative)
                 answers.append(peers.scip(task.problem, objective, budget))
-        except Exception as error:  # what a peer cannot read or solve is a row
+        except (*DEFECTS, OSError) as error:  # what a peer cannot read or solve is a row
             return Row(**common, status=f"error: {type(error).__name__}: {error}")
     words = [a.status for a in answers]
     done = [a.status in ("infeasible", "unbounded") for a in answers]

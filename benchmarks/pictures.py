@@ -28,8 +28,7 @@ def draw_report(rows: Sequence[Row], folder: Path) -> list[Path]:
     SolverNotFound
         If matplotlib is missing.
     """
-    require_matplotlib()
-    folder.mkdir(parents=True, exist_ok=True)
+    _prepare(folder)
     made = []
     families: dict[str, list[Row]] = {}
     for row in rows:
@@ -44,6 +43,11 @@ def draw_report(rows: Sequence[Row], folder: Path) -> list[Path]:
                 if draw(name, groups, path):
                     made.append(path)
     return made
+
+
+def _prepare(folder: Path) -> None:
+    require_matplotlib()
+    folder.mkdir(parents=True, exist_ok=True)
 
 
 def _figure(width: float = 7.0, height: float = 5.0, columns: int = 1) -> tuple[Any, Any]:
@@ -135,8 +139,7 @@ def draw_orders(rows: Sequence[Row], folder: Path) -> list[Path]:
     SolverNotFound
         If matplotlib is missing.
     """
-    require_matplotlib()
-    folder.mkdir(parents=True, exist_ok=True)
+    _prepare(folder)
     made = []
     for problem in dict.fromkeys(row.problem for row in rows):
         each = [row for row in rows if row.problem == problem]

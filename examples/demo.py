@@ -12,15 +12,12 @@ import math
 import time
 from pathlib import Path
 
-import matplotlib
+import identify_hairdryer
+import matplotlib.pyplot as plt
 
 import setid
 import sparsepop_py as sp
 from sparsepop_py.display import rounded
-
-matplotlib.use("Agg")
-import identify_hairdryer  # noqa: E402
-import matplotlib.pyplot as plt  # noqa: E402
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = "{:<16}{:>3}  {:<5}  {:>5}  {:<9}{:>15}{:>16}{:>9}{:>8}  {:>8}"
@@ -32,6 +29,7 @@ HEAD = COLUMNS.format(
 
 def main() -> None:
     """Solve every problem, print the table, draw."""
+    plt.switch_backend("Agg")  # pictures go to files
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="for pictures")
     output = parser.parse_args().output

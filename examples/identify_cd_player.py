@@ -9,19 +9,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
 
 RECORD = Path(__file__).resolve().parent / "data" / "cd_player_arm.csv"
 
 
 def main() -> None:
     """Consistency level by order, intervals, validation."""
+    plt.switch_backend("Agg")  # pictures go to files
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="for pictures")
     output = parser.parse_args().output

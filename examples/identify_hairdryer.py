@@ -9,13 +9,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
 
 RECORD = Path(__file__).resolve().parent / "data" / "hairdryer.csv"
 MODEL = setid.TransferFunction(na=2, nb=2, nk=3, offset=True)
@@ -23,6 +20,7 @@ MODEL = setid.TransferFunction(na=2, nb=2, nk=3, offset=True)
 
 def main() -> None:
     """Consistency, intervals, bands, validation."""
+    plt.switch_backend("Agg")  # pictures go to files
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path, default=Path("demo_output"), help="for pictures")
     output = parser.parse_args().output

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -119,12 +120,15 @@ def read_mat_columns(
         If a variable is missing or not a real matrix.
     """
     try:
-        found = scipy.io.loadmat(os.fspath(path))
-    except NotImplementedError:
-        raise DataError(
-            f"{path}: found a MATLAB 7.3 file, expected version 7 or older (save with '-v7')"
-        ) from None
-    except (ValueError, TypeError) as cause:
+        with open(path, "rb") as file:
+            major, _ = scipy.io.matlab.matfile_version(file)
+            if major > 1:
+                raise DataError(
+                    f"{path}: found a MATLAB 7.3 file, expected version 7 or older "
+                    "(save with '-v7')"
+                )
+            found = scipy.io.loadmat(file)
+    except (ValueError, TypeError, scipy.io.matlab.MatReadError, zlib.error) as cause:
         raise DataError(f"{path}: {cause}, expected a MATLAB file of version 7 or older") from None
     arrays = []
     for name in names:

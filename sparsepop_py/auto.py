@@ -198,7 +198,7 @@ class Auto:
             seconds=seconds,
             largest_block=max(relaxation.block_sizes, default=0) if relaxation else 0,
             moments=relaxation.moments.shape[0] if relaxation else 0,
-            nodes=self.search.seen if self.search is not None else 0,
+            nodes=self.search.seen if self.search is not None else self.seen,
         )
 
     def _relax(self, recipe: Recipe) -> Relaxation | None:

@@ -7,6 +7,7 @@ perceptually uniform map cividis.
 from __future__ import annotations
 
 import os
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,25 +31,28 @@ _ATTAINED, _CANDIDATE, _EQUATION, _BOUND = "#D55E00", "#56B4E9", "#CC79A7", "#00
 _GREY = "#BBBBBB"
 
 
-def require_matplotlib() -> None:
-    """Raise where matplotlib is missing.
+def require_matplotlib() -> ModuleType:
+    """matplotlib.pyplot.
 
     Raises
     ------
     SolverNotFound
-        Saying how to install it.
+        If matplotlib is missing; the message says how to install it.
     """
     try:
-        import matplotlib  # noqa: F401
+        from matplotlib import pyplot
     except ImportError as error:
         raise SolverNotFound(
             "plot: matplotlib is missing; install it with: pip install 'sparsepop-py[plot]'"
         ) from error
+    return pyplot
 
 
-def _new_axes() -> Axes:
-    from matplotlib import pyplot
-
+def _one_axis(ax: Axes | None) -> Axes:
+    """The given axes, or those of a new figure."""
+    pyplot = require_matplotlib()
+    if ax is not None:
+        return ax
     return pyplot.subplots(figsize=(7.0, 5.2), layout="constrained")[1]
 
 
@@ -70,9 +74,7 @@ def plot_history(result: Result, ax: Axes | None = None) -> Axes:
     SolverNotFound
         If matplotlib is not installed.
     """
-    require_matplotlib()
-    if ax is None:
-        ax = _new_axes()
+    ax = _one_axis(ax)
     seconds = np.cumsum([rung.seconds for rung in result.history])
     gaps = np.array([rung.upper_bound - rung.lower_bound for rung in result.history])
     shown = np.where(np.isfinite(gaps), np.maximum(gaps, 1e-16), np.nan)
@@ -115,9 +117,7 @@ def plot_result(result: Result, ax: Axes | None = None) -> Axes:
     >>> plot_result(result).get_xlabel()  # doctest: +SKIP
     'x1'
     """
-    require_matplotlib()
-    if ax is None:
-        ax = _new_axes()
+    ax = _one_axis(ax)
     if result.problem.dimension == 1:
         _curve(result, ax)
     elif result.problem.dimension == 2:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from . import monomials
 from .chordal import Members, Method, chordal_extension, clique_tree, incidence, join
 from .errors import ProblemError
+from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
 
@@ -127,13 +128,11 @@ def csp_graph(
     [[0, 1, 0], [1, 0, 1], [0, 1, 0]]
     """
     n = problem.dimension
-    groups = [_joined(problem, joined)]
-    for polynomial in (problem.objective, *objectives):
+    for polynomial in objectives:
         if polynomial.dimension != n:
             raise ProblemError(f"objectives: found {polynomial.dimension} variables, expected {n}")
-        term, variable, _ = monomials.runs(polynomial.words)
-        groups.append(incidence(term, variable, (polynomial.terms, n)))
-    return join(sps.csr_array(sps.vstack(groups)))
+    terms = _terms([p.words for p in (problem.objective, *objectives)], n)
+    return join(sps.csr_array(sps.vstack([_joined(problem, terms, joined), terms])))
 
 
 def find_cliques(
@@ -227,17 +226,27 @@ def _constraint_incidence(problem: Problem) -> sps.csr_array:
     return groups
 
 
-def _joined(problem: Problem, joined: Joined) -> sps.csr_array:
-    """Groups of variables that the constraints make adjacent, one a row."""
-    groups = _constraint_incidence(problem)
+def _terms(tables: Sequence[Words], n: int) -> sps.csr_array:
+    """Which variables occur in which monomial, one monomial a row."""
+    found = []
+    for words in tables:
+        term, variable, _ = monomials.runs(words)
+        found.append(incidence(term, variable, (words.shape[0], n)))
+    return sps.csr_array(sps.vstack(found))
+
+
+def _joined(problem: Problem, others: sps.csr_array, joined: Joined) -> sps.csr_array:
+    """Groups of variables that the constraints make adjacent, one a row.
+
+    ``others`` are the monomials of the objectives, which make partners too.
+    """
     if joined == "constraints":
-        return groups
-    system = problem.rows
-    term, variable, _ = monomials.runs(system.words)
-    terms = incidence(term, variable, (system.row.size, problem.dimension))
+        return _constraint_incidence(problem)
+    terms = _terms([problem.rows.words], problem.dimension)
     if joined == "monomials":
         return terms
-    met = sps.csr_array((groups @ sps.csr_array(terms.T @ terms)) > 0)
+    every = sps.vstack([terms, others])
+    met = sps.csr_array(_constraint_incidence(problem) @ sps.csr_array(every.T @ every) > 0)
     row, variable = met.nonzero()
     return incidence(row, variable, met.shape)
 

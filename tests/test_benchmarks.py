@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
 import math
 import os
@@ -25,9 +24,7 @@ from benchmarks.report import exponent, groups_of, report
 from benchmarks.settings import options_from, switches, variants
 
 PROBLEMS = Path(__file__).resolve().parent.parent / "examples" / "problems"
-MATPLOTLIB = importlib.util.find_spec("matplotlib") is not None
 needs_scip = pytest.mark.skipif(not peers.scip_is_installed(), reason="pyscipopt is missing")
-needs_matplotlib = pytest.mark.skipif(not MATPLOTLIB, reason="matplotlib is missing")
 
 
 def tiny(name="tiny", size=None, seed=0):
@@ -150,12 +147,10 @@ def test_run_writes_lines_that_report_reads(tmp_path, capsys):
     packages = {"python", "numpy", "scipy", "clarabel", "highspy", "pyscipopt", "sparsepop_py"}
     assert set(fields["versions"]) == packages
     folder = tmp_path / "report"
-    flags = [] if MATPLOTLIB else ["--no-plots"]
-    assert main(["report", str(lines), "--output", str(folder), *flags]) == 0
+    assert main(["report", str(lines), "--output", str(folder)]) == 0
     text = (folder / "report.md").read_text()
     assert "## examples" in text and "| quartic | 2 | 1 | sparsepop_py |" in text
-    if MATPLOTLIB:
-        assert (folder / "examples_phases.png").read_bytes()[:4] == b"\x89PNG"
+    assert (folder / "examples_phases.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_growth_builds_without_solving(tmp_path):
@@ -204,7 +199,6 @@ def test_the_report_compares_with_a_peer():
 # ---- orders -----------------------------------------------------------------------------
 
 
-@needs_matplotlib
 def test_orders_of_a_file(tmp_path, capsys):
     file = str(PROBLEMS / "quartic.gms")
     command = ["orders", file, "--orders", "1", "2", "--sparse", "both", "--output", str(tmp_path)]

@@ -13,13 +13,16 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
+from sparsepop_py.auto import Auto
 from sparsepop_py.branch import Plan, Search
 from sparsepop_py.catalogue import catalogue
 from sparsepop_py.certificate.box import BoxProof
 from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained
 from sparsepop_py.progress import Stages
 from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Model
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.task import Clock, Task
 
@@ -245,3 +248,18 @@ def test_an_executor_in_the_ladder(only_branch):
         result = check(problem, sp.solve(problem, options))
     assert result.status is Status.OPTIMAL
     assert result.lower_bound <= least_on_a_grid(problem, 25)
+
+
+def test_parts_of_a_dropped_tree_stay_counted(only_branch):
+    problem = bilinear()
+    task = Task(problem, Options(effort="auto", node_limit=3), Stages(), Clock(None))
+    ground = Ground.of(problem, (problem.objective,), task.options)
+    box = Interval(problem.lower, problem.upper)
+    auto = Auto(task, Model(BoxProof(), box), [], ground)
+    auto.run()
+    assert [rung.nodes for rung in auto.history] == [0, 3]
+    auto.task = replace(auto.task, unit=1e-3)  # a smaller gap: its cut-off is a higher one
+    auto.recipes = list(ground.recipes)
+    auto.run(1)
+    assert [rung.name for rung in auto.history] == ["linear", "branch", "linear"]
+    assert auto.history[-1].nodes == 3

@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import pathlib
 
-import matplotlib
 import pytest
 
 from sparsepop_py import plots
 from sparsepop_py.cli import EXIT_INPUT, EXIT_MISSING, EXIT_OPEN, EXIT_PROVED, main
 from sparsepop_py.errors import SolverNotFound
-
-matplotlib.use("Agg")
 
 HEAD = "Variables x1,x2,objvar; Equations e1,e2;\n"
 BOX = "x1.lo = 0; x1.up = 1; x2.lo = 0; x2.up = 1;\n"

@@ -199,9 +199,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
 def test_readme_code(number: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
     exec(compile(BLOCKS[number], f"README.md block {number}", "exec"), {})
     printed = capsys.readouterr().out
     for promise in re.findall(r"print\(.*#\s+(\w+)$", BLOCKS[number], re.M):

@@ -7,17 +7,14 @@ import pathlib
 from collections.abc import Iterator
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from matplotlib.axes import Axes
 
-matplotlib.use("Agg")
-from matplotlib import pyplot  # noqa: E402
-from matplotlib.axes import Axes  # noqa: E402
-
-import sparsepop_py as sp  # noqa: E402
-from sparsepop_py.errors import SolverNotFound  # noqa: E402
-from sparsepop_py.plots import plot_result, save_plot  # noqa: E402
+import sparsepop_py as sp
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.plots import plot_result, save_plot
 
 
 @pytest.fixture(autouse=True)

@@ -385,3 +385,14 @@ def test_partner_cliques_hold_each_row_with_its_partners(seed):
     assert any({2, 4} | met[2] | met[4] <= set(c) for c in cliques.members)
     for row, home in zip(problem.constraints, cliques.home.tolist(), strict=True):
         assert set(row.polynomial.support.tolist()) <= set(cliques.members[home])
+
+
+def test_partners_may_stem_from_an_objective_alone():
+    x, y, z = sp.variables(3)
+    row = y + z >= 0.5  # y meets x in the objective only
+    for problem, others in (
+        (Problem(x * y, [row], -1, 1), ()),
+        (Problem(z, [row], -1, 1), [x * y]),
+    ):
+        cliques = find_cliques(problem, objectives=others, joined="partners")
+        assert cliques.members == ((0, 1, 2),)

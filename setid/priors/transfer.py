@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import comb, inf
@@ -197,7 +198,7 @@ class DCGain(Plain):
 
 
 @dataclass(frozen=True, slots=True)
-class _RootIn(Plain):
+class _RootIn(Plain, ABC):
     """A real root in an interval, by synthetic division with the root as an unknown."""
 
     low: float
@@ -215,8 +216,9 @@ class _RootIn(Plain):
     def _label(self) -> str:
         return f"{self._word}[{self.output},{self.input}]@{self.low:g}..{self.high:g}"
 
+    @abstractmethod
     def _names(self, model: Structure) -> tuple[str | None, ...]:
-        raise NotImplementedError
+        """Coefficients from the leading one on; None for the number one."""
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
         """The root, and the inner coefficients of the quotient."""

@@ -30,7 +30,6 @@ def test_identify(record: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_identify_writes_json_and_a_picture(record: str, tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib").use("Agg")
     out, picture = tmp_path / "out.json", tmp_path / "out.png"
     arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--stable"]
     assert main([*arguments, "--json", str(out), "--plot", str(picture)]) == cli.EXIT_PROVED
@@ -110,7 +109,6 @@ def test_wrong_input(
 
 
 def test_a_wrong_suffix_of_a_picture(record: str, capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("matplotlib").use("Agg")
     arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--plot", "out.nothing"]
     assert main(arguments) == cli.EXIT_INPUT
     assert "--plot" in capsys.readouterr().err

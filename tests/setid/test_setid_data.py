@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import scipy.io
@@ -145,16 +146,19 @@ def test_matlab_files(tmp_path: Path) -> None:
         setid.IOData.from_mat(path, u="x")
     with pytest.raises(setid.DataError, match="name: found ndarray"):
         setid.IOData.from_mat(path, u="name")
+    newer = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"  # its header
+    (tmp_path / "new.mat").write_bytes(newer.ljust(512, b"\0"))
+    with pytest.raises(setid.DataError, match="found a MATLAB 7.3 file, .*-v7"):
+        setid.IOData.from_mat(tmp_path / "new.mat")
+    (tmp_path / "nothing.mat").write_bytes(b"")
+    with pytest.raises(setid.DataError, match="expected a MATLAB file"):
+        setid.IOData.from_mat(tmp_path / "nothing.mat")
     (tmp_path / "no.mat").write_text("not a MATLAB file at all, but long enough to be read" * 9)
     with pytest.raises(setid.DataError, match="expected a MATLAB file"):
         setid.IOData.from_mat(tmp_path / "no.mat")
 
 
 def test_pictures() -> None:
-    matplotlib = pytest.importorskip("matplotlib")
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     data = setid.IOData(np.arange(8).reshape(4, 2), [1, np.nan, 2, 3], starts=[0, 2])
     axes = data.plot()
     assert [axis.get_ylabel() for axis in axes] == ["y1", "u1", "u2"]

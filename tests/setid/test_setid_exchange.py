@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 
+import control
 import numpy as np
 import pytest
 from identification_cases import PLANT
@@ -14,8 +15,6 @@ import sparsepop_py as sp
 from setid.exchange import coefficients, to_control
 from setid.members import members, nominal
 from setid.responses import frequency_response
-
-control = pytest.importorskip("control")
 
 
 @pytest.fixture(scope="module")

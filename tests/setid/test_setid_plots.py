@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 from collections.abc import Iterator
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from identified_cases import empty, first_order, identified, second_order
@@ -17,14 +18,11 @@ from setid.projections import project
 from setid.residuals import residuals
 from setid.validation import compare, simulate_band
 
-matplotlib = pytest.importorskip("matplotlib")
-
 
 @pytest.fixture(autouse=True)
 def closed() -> Iterator[None]:
-    matplotlib.use("Agg")
     yield
-    matplotlib.pyplot.close("all")
+    plt.close("all")
 
 
 @pytest.fixture(scope="module")
