@@ -9,7 +9,6 @@ Whatever improves the attained value lowers the cut-off, and with it the box.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda
 from .boxes import shrinks
 from .branch import Plan, Search, first_moments
-from .catalogue import Recipe, expected_seconds
-from .certificate.box import BoxProof, tighten
+from .catalogue import Recipe, expected_seconds, hashed
+from .certificate.box import BoxProof, Step, tighten
 from .certificate.certificate import Node, Proved, prove
 from .ground import Ground
 from .incumbents import attained, extracted
@@ -30,6 +29,7 @@ from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
 from .relaxation import Relaxation
 from .result import Rung
+from .rounding import Interval
 from .rungs import Argued, Bound, Model, argue, better, bound_of, level
 from .task import Task
 
@@ -64,7 +64,6 @@ class Auto:
     model: Model
     near: list[NDArray[np.float64]]
     ground: Ground
-    repair: Callable[[NDArray], NDArray] | None = None
     history: list[Rung] = field(default_factory=list)
     outcome: Bound = field(init=False)
     search: Search | None = None
@@ -73,6 +72,7 @@ class Auto:
     best: Argued = field(init=False)
     rate: float | None = None
     linear: float = -np.inf
+    solved: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         replay = self.task.replay()
@@ -168,6 +168,8 @@ class Auto:
             name = recipe.name
             relaxation = self._relax(recipe)
             self.agenda.climbed(recipe)
+            if relaxation is None:
+                return
         seconds = time.process_time() - start
         progress = self._progress(before)
         self.ground.experience.learn(name, progress, seconds)
@@ -202,16 +204,20 @@ class Auto:
         )
 
     def _relax(self, recipe: Recipe) -> Relaxation | None:
-        """Solve one relaxation of the whole box."""
+        """Solve one relaxation of the whole box; None if another recipe has made the same."""
         if recipe.shape == "linear":
             return self._linear()
         if recipe.plain is not None:
-            self._tighten()
+            linear = self._tighten()
             if self.over:
-                return None
+                return linear
         with self.task.stages.stage("relax"):
             scaled = self._scaled()
             relaxation = recipe.build(scaled, self.ground.cliques)
+        same = hashed(relaxation, self.model.box)
+        if same in self.solved:
+            return None
+        self.solved.add(same)
         start = time.process_time()
         expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
         argued = argue(self.task, self.model.box, scaled, relaxation)
@@ -240,23 +246,27 @@ class Auto:
         """Local searches; a better point lowers the cut-off and shrinks the box."""
         if not starts or self.over:
             return
-        if self.repair is not None:
-            starts = [*(np.asarray(self.repair(x), float) for x in starts), *starts]
-        task, near = attained(self.task, starts)
-        self.near = self.near + near
-        if task.upper < self.task.upper:
-            self.task = task
+        upper = self.task.upper
+        if self._attain_in_search(self.task, starts).upper < upper:
             self._shrink()
+
+    def _attain_in_search(self, task: Task, starts: list[NDArray]) -> Task:
+        self.task, near = attained(task, starts)
+        self.near = self.near + near
+        return self.task
 
     def _shrink(self) -> None:
         """Propagate with the new cut-off."""
         with self.task.stages.stage("presolve"):
             replay = self.task.replay()
             box, step = tighten(replay, self.model.box, _SWEEPS)
-            if not shrinks(self.model.box, box):
-                return
-            proof = BoxProof((*self.model.proof.steps, step))
-            self.model = replace(self.model, proof=proof, box=box)
+            if shrinks(self.model.box, box):
+                self._take(box, step)
+
+    def _take(self, box: Interval, *steps: Step) -> None:
+        """Go on with a smaller box."""
+        proof = BoxProof((*self.model.proof.steps, *steps))
+        self.model = replace(self.model, proof=proof, box=box)
         if is_empty(box):
             self._accept(Argued(Proved(np.inf, 0.0, ""), Node()), None)
 
@@ -309,14 +319,15 @@ class Auto:
             self._accept(Argued(Proved(np.inf, 0.0, ""), Node()), None)
         return made.gains
 
-    def _tighten(self) -> None:
+    def _tighten(self) -> Relaxation:
         """Rounds of tightening before a relaxation whose bound depends on the box."""
-        start, lifted = time.process_time(), None
+        start, lifted = time.process_time(), self._lifted()
         for _ in range(_ROUNDS):
-            lifted = self._lifted(lifted)
             if not self._narrow(lifted) or self.over:
                 break
+            lifted = self._lifted(lifted)
         self.ground.experience.learn(TIGHTENING, 0.0, time.process_time() - start)
+        return lifted.relaxation
 
     # ---- branch and bound ---------------------------------------------------------------------
 
@@ -375,11 +386,6 @@ class Auto:
             recipe=best,
             narrow=narrow,
         )
-
-    def _attain_in_search(self, task: Task, starts: list[NDArray]) -> Task:
-        self.task, near = attained(task, starts)
-        self.near = self.near + near
-        return self.task
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

@@ -297,7 +297,7 @@ class Search:
         if executor is None:
             return [explore(self.task, self.plan, part.box, self.level) for part in parts]
         options = replace(self.task.options, executor=None)  # so that the task can travel
-        lone = replace(self.task, stages=Stages(), options=options)
+        lone = replace(self.task, stages=Stages(), options=options, repair=None)
         jobs = [executor.submit(explore, lone, self.plan, p.box, self.level) for p in parts]
         return [job.result() for job in jobs]
 

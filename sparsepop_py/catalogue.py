@@ -20,11 +20,20 @@ from .polynomial import Polynomial
 from .presolve.scaling import Scaled
 from .problem import Problem
 from .relaxation import Relaxation, least_order, relax
+from .rounding import Interval
 from .shapes import Products, Shape
 from .sparsity import Cliques, Joined, Method, find_cliques
 from .terms import Terms
 
-__all__ = ["Experience", "Families", "Recipe", "catalogue", "expected_seconds", "families"]
+__all__ = [
+    "Experience",
+    "Families",
+    "Recipe",
+    "catalogue",
+    "expected_seconds",
+    "families",
+    "hashed",
+]
 
 Families = dict[Joined, Cliques]
 
@@ -248,6 +257,13 @@ def expected_seconds(sizes: dict[int, float], rows: float) -> float:
         return 2e-3 + 1.5e-6 * rows**1.4
     step = float(np.sum(counts * 1.2e-7 * entries**2 / (1.0 + entries / 600.0)))
     return _ITERATIONS * (step + 1e-6 * rows)
+
+
+def hashed(relaxation: Relaxation, box: Interval) -> int:
+    """Equal for equal relaxations on one box: chordal terms, say, need not make one smaller."""
+    rows = relaxation.entries
+    arrays = (box.lo, box.hi, relaxation.moments, rows.indptr, rows.indices, rows.data)
+    return hash(tuple(array.tobytes() for array in arrays))
 
 
 def _full_sizes(recipe: Recipe, problem: Problem, cliques: Cliques) -> dict[int, float]:

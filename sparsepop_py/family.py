@@ -124,8 +124,9 @@ class Family:
         self.ground.active = self.active
         for objective in self.objectives:
             problem = self.problem.with_objective(objective)
-            task = Task(problem, self.options, Stages(self.options.progress), self.clock)
-            self.autos.append(Auto(task, self.model, [], self.ground, repair=self.repair))
+            stages = Stages(self.options.progress)
+            task = Task(problem, self.options, stages, self.clock, repair=self.repair)
+            self.autos.append(Auto(task, self.model, [], self.ground))
 
     def _first_points(self) -> None:
         """Local searches from the starts; what they find is tried on all objectives."""
@@ -239,7 +240,7 @@ def shared_model(
         Constraints that were enough for these linear programs; None: all.
     """
     with stages.stage("presolve"):
-        proof, box = find_box(problem.with_objective(objectives[0]), None, options)
+        proof, box = find_box(problem, None, options)
         model = Model(proof, box)
         idle = options.effort != "auto" or "narrow" in options.skip
         if idle or not finite(box) or is_empty(box):

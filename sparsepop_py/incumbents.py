@@ -38,7 +38,16 @@ def attain(
     if options.refine == "none" or not starts:
         return None, []
     method = "ipopt" if options.refine == "ipopt" else None
+    starts = _with_repaired(task, starts)
     return best_attained(problem, starts, options.tolerance, method, task.clock.end)
+
+
+def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:
+    """All starts behind their repaired forms, as far as these differ."""
+    if task.repair is None:
+        return starts
+    better = [np.asarray(task.repair(x), float) for x in starts]
+    return [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)] + starts
 
 
 def attained(task: Task, starts: list[NDArray]) -> tuple[Task, list[NDArray]]:

@@ -135,6 +135,7 @@ def solve_each(
     _check(problem, objectives, options)
     if not objectives:
         return []
+    problem = problem.with_objective(objectives[0])  # its own joins no variables
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
     told = _Told(on_progress)
     clock = Clock(options.time_limit)
@@ -163,7 +164,7 @@ def solve_each(
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not climbs else {})
-        task = Task(problem.with_objective(objective), options, own, clock)
+        task = Task(problem.with_objective(objective), options, own, clock, repair=repair)
         climbs.append(_climb_one(task, starts, model))
         told(number, climbs[-1])
     return [_result(climbed) for climbed in _with_widths(climbs, objectives, options)]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .certificate.box import Replay
 from .feasibility import ProvedPoint
@@ -56,6 +58,8 @@ class Task:
     best : ProvedPoint or None
     unit : float or None
         What the gap is relative to; None: as ``options.gap_kind`` says.
+    repair : callable or None
+        Given a candidate vector (n,), a better one to start a local search from.
     """
 
     problem: Problem
@@ -64,6 +68,7 @@ class Task:
     clock: Clock
     best: ProvedPoint | None = None
     unit: float | None = None
+    repair: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
     @property
     def upper(self) -> float:

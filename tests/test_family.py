@@ -11,6 +11,7 @@ from solved import INF, check, region
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
+from sparsepop_py.refinement import best_attained
 
 AUTO = Options(effort="auto")
 WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width")
@@ -268,3 +269,48 @@ def test_a_certificate_of_one_objective_does_not_serve_another():
     assert not results[0].certificate.verify(other).ok
     smaller = Problem(x[0], problem.constraints, problem.lower, problem.upper - 1e-9)
     assert not results[0].certificate.verify(smaller).ok
+
+
+@pytest.mark.parametrize("effort", ["plain", "presolve", "auto"])
+def test_the_objective_of_the_problem_itself_is_ignored(effort):
+    x = sp.variables(5)
+    rows = [x[i] * x[i + 1] <= 0.5 for i in range(4)]
+    coupled = sp.Problem(sp.total(x) ** 6, rows, -1, 1)  # joins all variables, to degree 6
+    plain = sp.Problem(0.0 * x[0], rows, -1, 1)
+    objectives = both_signs(x[:1])
+    options = sp.Options(effort=effort, node_limit=0)
+    for one, other in zip(
+        *(sp.solve_each(p, objectives, options) for p in (coupled, plain)), strict=True
+    ):
+        assert one.lower_bound == other.lower_bound
+        assert one.problem.fingerprint == other.problem.fingerprint
+        assert [(r.name, r.moments) for r in one.history] == [
+            (r.name, r.moments) for r in other.history
+        ]
+        if effort != "auto":
+            assert one.relaxation.order == other.relaxation.order == 1
+            assert one.relaxation.block_sizes == other.relaxation.block_sizes
+
+
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_what_is_repaired_is_searched_from_once(effort, monkeypatch):
+    searched, repaired = [], []
+
+    def best(problem, starts, *rest):
+        searched.append([tuple(x) for x in starts])
+        return best_attained(problem, starts, *rest)
+
+    def repair(x):
+        repaired.append(tuple(x))
+        return x
+
+    monkeypatch.setattr("sparsepop_py.incumbents.best_attained", best)
+    x, y = sp.variables(2)
+    endless = {"presolve": np.inf, "auto": 1.0}[effort]
+    problem = sp.Problem(x, [x * y >= 0.25, x + y <= 1], [0, -endless], endless)
+    options = sp.Options(effort=effort)
+    sp.solve_each(problem, both_signs([x]), options, start=[0.5, 0.5], repair=repair)
+    assert (0.5, 0.5) in repaired
+    assert set(repaired) == {start for starts in searched for start in starts}
+    for starts in searched:
+        assert len(set(starts)) == len(starts)

@@ -344,6 +344,19 @@ def test_progress_is_told_between_the_bounds(effort):
     assert results[0].lower_bound <= least_of_bilinear()
 
 
+def test_what_terms_leave_as_it_is_is_solved_once(monkeypatch):
+    monkeypatch.setattr(
+        "sparsepop_py.ground.catalogue",
+        lambda *args: tuple(r for r in CATALOGUE(*args) if r.order == 4),
+    )
+    x, y, z = sp.variables(3)  # so coupled that chordal terms of order 4 are all terms
+    problem = Problem(x**4 * y + y * z**3 - x * z, [x**2 + y**2 <= 1, y * z <= 0.3], -1, 1)
+    options = Options(effort="auto", gap=0.0, node_limit=0)
+    result = check(problem, sp.solve(problem, options))
+    sizes = [(rung.largest_block, rung.moments) for rung in result.history]
+    assert len(sizes) == len(set(sizes)) > 0
+
+
 @pytest.mark.parametrize("value", [None, 1e9, np.nan])
 def test_repaired_vectors_are_only_starting_points(value):
     problem, seen = star(), []

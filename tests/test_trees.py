@@ -1,4 +1,4 @@
-"""Certificates with parts: what a tree proves, what damaged trees do not, and the shared memo."""
+"""Certificates with parts: what a tree proves, and what damaged trees do not."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
 from sparsepop_py import generators
-from sparsepop_py.certificate.box import BoxProof, Known, Propagation, Replay, Tightening
+from sparsepop_py.certificate.box import BoxProof, Propagation, Replay, Tightening
 from sparsepop_py.certificate.certificate import Certificate, Node, halves
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.lifting import Lifted, tightened
@@ -41,7 +41,7 @@ def lifted_part(problem, box, level, deep, rng):
         return node
     lifted = Lifted.of(problem, box, find_cliques(problem))
     if rng.integers(2):
-        box, step, _ = tightened(replay, lifted, box, range(problem.dimension))
+        box, step = tightened(replay, lifted, box, range(problem.dimension))
         node = replace(node, box=BoxProof((*steps, *([step] if step else []))))
     if deep and not is_empty(box):
         v = int(rng.integers(problem.dimension))
@@ -277,111 +277,3 @@ def test_damage_to_the_tree_of_a_pooling_problem_is_harmless(pooled):
     for level in (-701.0, -699.0, 0.0):
         assert replace(certificate, cutoff=level).verify(problem).bound <= min(-700.0, level)
     assert not replace(certificate, cutoff=None).verify(problem).ok
-
-
-# ---- quoted bounds and the memo ---------------------------------------------------------------
-
-
-def known_set(least=0.5, dimension=2):
-    """min x + y over x >= least in [-1, 1]^2 is least - 1; and a certificate of x >= least."""
-    x, y = sp.variables(dimension)
-    problem = sp.Problem(x + y, [x >= least], lower=-1, upper=1)
-    about = problem.with_objective(x)
-    root = Node(BoxProof((Propagation(3, False),)))
-    return problem, Certificate(about.fingerprint, least - 1e-9, root)
-
-
-def quoting(problem, *bounds):
-    return Certificate(problem.fingerprint, -2.0, Node(BoxProof((Known(bounds),))))
-
-
-def test_a_quoted_bound_shrinks_the_box():
-    problem, proof = known_set()
-    assert quoting(problem, (0, 1, proof)).verify(problem).bound == pytest.approx(-0.5, abs=1e-8)
-    assert "1 bounds of other objectives" in str(quoting(problem, (0, 1, proof)))
-
-
-@pytest.mark.parametrize("bound", [0.5 + 1e-9, 0.9, 2.0, 1e300, INF, np.nan, -INF])
-def test_a_quoted_bound_that_is_false_or_no_number_is_ignored(bound):
-    problem, proof = known_set()
-    verdict = quoting(problem, (0, 1, replace(proof, bound=bound))).verify(problem)
-    assert verdict.bound == pytest.approx(-2.0, abs=1e-12)
-    level = replace(proof, bound=bound, cutoff=0.25)  # its steps do not use the level
-    assert quoting(problem, (0, 1, level)).verify(problem).bound <= -0.5
-
-
-def test_a_quoted_bound_cannot_exceed_its_own_level():
-    problem, proof = known_set()
-    root = Node(BoxProof((Propagation(3, True),)))
-    for level in (0.25, 0.0, -2.0):
-        quoted = replace(proof, root=root, cutoff=level)
-        assert quoting(problem, (0, 1, quoted)).verify(problem).bound == pytest.approx(-2.0)
-        low = replace(quoted, bound=level)
-        expected = max(level, -1.0) - 1.0
-        assert quoting(problem, (0, 1, low)).verify(problem).bound == pytest.approx(expected)
-
-
-@pytest.mark.parametrize("variable", [-1, 2, 0.0, 0.5, True, None, np.array([0])])
-def test_a_quoted_bound_of_no_variable_is_ignored(variable):
-    problem, proof = known_set()
-    assert quoting(problem, (variable, 1, proof)).verify(problem).bound <= -2.0
-
-
-def test_one_proof_does_not_speak_for_other_variables_or_sides():
-    """x >= 1/2 is proved; y >= 1/2, -x >= 1/2 and -y >= 1/2 are false."""
-    problem, proof = known_set()
-    everything = [(v, side, proof) for v in (0, 1) for side in (1, -1)]
-    verdict = quoting(problem, *everything).verify(problem)
-    assert verdict.bound == pytest.approx(-0.5, abs=1e-8)
-    assert verdict.bound <= -0.5
-
-
-def test_the_memo_of_one_feasible_set_says_nothing_about_another():
-    problem, proof = known_set()
-    wider, _ = known_set(0.0)
-    for first, second in ((problem, wider), (wider, problem)):
-        memo = {}
-        for each, expected in ((first, None), (second, None), (first, None)):
-            expected = -0.5 if each is problem else -2.0
-            verdict = quoting(each, (0, 1, proof)).verify(each, memo)
-            assert verdict.bound == pytest.approx(expected, abs=1e-8)
-            assert verdict.bound <= expected
-    # objectives over the same set do share it
-    memo = {}
-    quoting(problem, (0, 1, proof)).verify(problem, memo)
-    filled = dict(memo)
-    x, y = sp.variables(2)
-    other = problem.with_objective(x - y)
-    assert quoting(other, (0, 1, proof)).verify(other, memo).bound == pytest.approx(-0.5, abs=1e-8)
-    about = [key for key in memo if id(proof) in key]
-    assert about == [key for key in filled if id(proof) in key] and about
-
-
-def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
-    x, y = sp.variables(2)
-    rows = ([x + y >= 1.5, x * y <= 0.75], [x + y >= 0.5, x * y <= 0.75])
-    narrow, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
-    box = Interval(narrow.lower, narrow.upper)
-    lifted = Lifted.of(narrow, box, find_cliques(narrow))
-    _, step, _ = tightened(Replay(narrow, None), lifted, box, [0, 1])
-    root, memo = Node(BoxProof((step,))), {}
-    for problem, true in ((narrow, 0.5), (wide, 0.0), (narrow, 0.5)):
-        found = Certificate(problem.fingerprint, 0.0, root).verify(problem, memo).bound
-        assert found <= true
-        assert found == pytest.approx(true, abs=1e-6)
-
-
-def test_a_memo_keeps_its_arguments_alive():
-    """Otherwise a later proof could be found at the place in memory of an earlier one."""
-    problem, _ = known_set()
-    memo = {}
-    for k in range(200):
-        true = k % 2 == 0
-        _, proof = known_set()
-        proof = proof if true else replace(proof, root=Node())
-        verdict = quoting(problem, (0, 1, proof)).verify(problem, memo)
-        expected = -0.5 if true else -2.0
-        assert verdict.bound == pytest.approx(expected, abs=1e-8)
-        del proof
-    about = [key for key in memo if isinstance(key[-1], tuple)]
-    assert len(about) == 200

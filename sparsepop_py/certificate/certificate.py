@@ -17,7 +17,8 @@ claim weak.) Without any cut-off, parts that are all empty prove that nothing is
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,6 +85,21 @@ class Node:
             yield node
             stack.extend(node.children)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """All parts in one list: pickling a deep tree must not recurse."""
+        rows = [(n.box, n.argument, n.empty, n.cut, len(n.children)) for n in self]
+        return _tree, (rows,)
+
+
+def _tree(rows: list[tuple[Any, ...]]) -> Node:
+    """The tree whose parts stand in the list in the order of iteration."""
+    made: list[Node] = []
+    for box, argument, empty, cut, count in reversed(rows):
+        children = tuple(made[len(made) - count :])  # the last part was iterated over first
+        del made[len(made) - count :]
+        made.append(Node(box, argument, empty, cut, children))
+    return made[0]
+
 
 def halves(box: Interval, cut: tuple[int, float]) -> tuple[Interval, Interval]:
     """The two parts of a box; together they cover it, whatever the place of the cut is."""
@@ -121,7 +137,7 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
     return Proved(value, correction, reason)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Certificate:
     """A proved lower bound of the objective, or a proof that no point is feasible.
 
@@ -214,29 +230,37 @@ class Certificate:
         return bound, correction, reason
 
     def _settle(self, replay: Replay) -> None:
-        """Check the quoted certificates, those that they quote first: chains of them are long."""
-        stack: list[tuple[tuple[int, int] | None, Certificate, bool]] = [(None, self, False)]
-        seen: set[tuple[int, tuple[int, int] | None]] = set()
-        while stack:
-            about, certificate, ready = stack.pop()
-            if ready:
-                if about is not None:
-                    replay.holds(*about, certificate)
-                continue
-            if (id(certificate), about) in seen:
-                continue
-            seen.add((id(certificate), about))
-            stack.append((about, certificate, True))
-            for variable, side, proof in certificate.quotes:
-                sensible = is_index(variable, replay.problem.dimension) and side in (1, -1)
-                if isinstance(proof, Certificate) and sensible:
-                    stack.append(((variable, side), proof, False))
+        """Check the quoted certificates one after the other: chains of them are long."""
+        for variable, side, proof in self._chain():
+            replay.holds(variable, side, proof)
 
-    @property
-    def quotes(self) -> list[tuple[int, int, Any]]:
+    def _chain(self) -> list[tuple[Any, Any, Certificate]]:
+        """All that is quoted, also by what is quoted: each after those that it quotes."""
+        found: list[tuple[Any, Any, Certificate]] = []
+        seen: set[int] = set()
+        stack = [(*quote, False) for quote in self.quotes]
+        while stack:
+            variable, side, proof, ready = stack.pop()
+            if ready:
+                found.append((variable, side, proof))
+            elif isinstance(proof, Certificate) and id(proof) not in seen:
+                seen.add(id(proof))
+                stack.append((variable, side, proof, True))
+                stack += [(*quote, False) for quote in proof.quotes]
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What is quoted goes first, so that pickling a long chain does not recurse."""
+        quoted = [proof for _, _, proof in self._chain()]
+        values = [getattr(self, each.name) for each in fields(self)]
+        return _after, (quoted, *values)
+
+    @cached_property
+    def quotes(self) -> tuple[tuple[int, int, Any], ...]:
         """Variable, side and certificate of each bound that is quoted."""
         steps = [step for node in self.root for step in node.box.steps]
-        return [quote for step in steps if isinstance(step, Known) for quote in step.bounds]
+        known = [step for step in steps if isinstance(step, Known)]
+        return tuple(quote for step in known for quote in step.bounds)
 
     @property
     def box(self) -> BoxProof:
@@ -263,6 +287,9 @@ class Certificate:
         """Whether some step relies on the level."""
         return any(node.box.uses_cutoff for node in self.root)
 
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
     def __str__(self) -> str:
         claim = "no feasible point" if self.bound == np.inf else f"objective >= {self.bound:.12g}"
         steps = sum(len(node.box.steps) for node in self.root)
@@ -275,6 +302,11 @@ class Certificate:
         if others:
             parts.append(f"{others} bounds of other objectives")
         return "certificate: " + ", ".join(parts)
+
+
+def _after(quoted: list[Certificate], *values: Any) -> Certificate:
+    """A certificate, once those that it quotes are there."""
+    return Certificate(*values)
 
 
 def _numbers(node: Node) -> int:
