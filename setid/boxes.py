@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
+from .bounds import Bounds, Box, gained
 from .checks import frozen
 from .regression import Regression
 
@@ -29,7 +30,6 @@ __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows", "parameter_
 Reals = NDArray[np.float64]
 _LEAVES = 1024  # most parts of a sign tree
 _ROUNDS = 4
-_GAINED = 0.9  # another round follows where a width fell below this share
 _UNIT = 2.0**-53
 
 
@@ -123,7 +123,7 @@ class SignTree:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class ParameterBox:
+class ParameterBox(Bounds):
     """A box that holds every consistent parameter vector, with its proof.
 
     Parameters
@@ -137,22 +137,8 @@ class ParameterBox:
         What made it smaller, in this order.
     """
 
-    names: tuple[str, ...]
-    lower: Reals
-    upper: Reals
     start: Reals
     steps: tuple[LeftInverse | SignTree, ...]
-
-    @property
-    def empty(self) -> bool:
-        """Whether it is proved that no parameter vector is consistent."""
-        return bool(np.any(self.lower > self.upper))
-
-    @property
-    def open(self) -> tuple[str, ...]:
-        """Names of parameters that are not bounded on both sides."""
-        found = np.isinf(self.lower) | np.isinf(self.upper)
-        return tuple(np.array(self.names)[found & (self.lower <= self.upper)].tolist())
 
     def verify(self, regression: Regression, start: Reals) -> bool:
         """Replay all steps from the rows of the data, without any solver.
@@ -238,16 +224,10 @@ def parameter_box(rows: Regression, start: Reals | None = None) -> ParameterBox:
         before, whole = box, len(steps) < 2 and bool(np.all(np.isfinite(box)))
         tree, box = _grow(rows, box, [0 if whole else _LEAVES])
         steps.append(tree)
-        with np.errstate(invalid="ignore"):
-            old, new = before[1] - before[0], box[1] - box[0]
-            moved = (new < _GAINED * old) | (np.isinf(old) & np.isfinite(new))
-        if not np.any(moved) and not whole:
+        if not whole and not gained(before, box):
             break
     lower, upper = frozen(box[0].copy()), frozen(box[1].copy())
     return ParameterBox(rows.names, lower, upper, frozen(first.copy()), tuple(steps))
-
-
-Box = tuple[Reals, Reals]
 
 
 def _intersect(one: Box, other: Box) -> Box:

@@ -10,7 +10,6 @@ then narrows all 2 p ends together.
 
 from __future__ import annotations
 
-import inspect
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
@@ -194,8 +193,7 @@ def _empty(
 ) -> Identification:
     status = IntervalStatus.EMPTY
     items = [ParameterInterval(n, (inf, -inf), None, status) for n in formulation.parameters]
-    if not np.any(np.stack(formulation.noise.bounds(formulation.data)[0:1]) > 0):
-        parts["notes"] = (*parts.get("notes", ()), *_exactness(formulation))
+    parts["notes"] = (*parts.get("notes", ()), *_exactness(formulation))
     return _result(formulation, settings, timings, items, box=box, **parts)
 
 
@@ -299,16 +297,17 @@ def _solved(
 ) -> tuple[sp.Result, ...]:
     """All ends over one feasible set."""
     progress = Progress(formulation.parameters, settings.tol, settings.progress)
-    extra: dict[str, Any] = {
-        "repair": repair(formulation, problem),
-        "on_progress": progress.told,
-    }
-    known = inspect.signature(sp.solve_each).parameters
-    extra = {key: value for key, value in extra.items() if key in known and value is not None}
     start = first_point(formulation, problem)
     try:
-        asked = objectives(formulation)
-        return tuple(sp.solve_each(problem, asked, settings.for_engine(), start=start, **extra))
+        found = sp.solve_each(
+            problem,
+            objectives(formulation),
+            settings.for_engine(),
+            start=start,
+            repair=repair(formulation, problem),
+            on_progress=progress.told,
+        )
+        return tuple(found)
     finally:
         progress.close()
 

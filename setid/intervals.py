@@ -25,10 +25,11 @@ from .exchange import ControlModels, to_control
 from .formulation import Formulation
 from .lifted import LiftedBox
 from .members import Central, central, feasible, projection_estimate
+from .noise import Noise
 from .options import Options
 from .projections import Projection, project
 from .reports import binding, summary, table
-from .validation import Comparison, OutputBand, compare, predict, simulate_band
+from .validation import Comparison, Mode, OutputBand, compare, predict, simulate_band
 from .verification import Verification, consistent, verify
 
 if TYPE_CHECKING:
@@ -278,49 +279,69 @@ class Identification:
 
         return plot_intervals(self, ax)
 
-    def bode(self, omega: ArrayLike | None = None, kind: Kind = "proved") -> NDArray[Any] | Axes:
+    def bode(
+        self,
+        omega: ArrayLike | None = None,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+    ) -> NDArray[Any] | Axes:
         """Draw the band of gain and phase; see :func:`setid.frequency_band`."""
-        from .plots import plot_frequency_band
+        return frequency_band(self, omega, kind, output, input).plot("bode")
 
-        return plot_frequency_band(frequency_band(self, omega, kind), "bode")
-
-    def nyquist(self, omega: ArrayLike | None = None, kind: Kind = "proved") -> NDArray[Any] | Axes:
+    def nyquist(
+        self,
+        omega: ArrayLike | None = None,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+    ) -> NDArray[Any] | Axes:
         """Draw the band of the frequency response; see :func:`setid.frequency_band`."""
-        from .plots import plot_frequency_band
+        return frequency_band(self, omega, kind, output, input).plot("nyquist")
 
-        return plot_frequency_band(frequency_band(self, omega, kind), "nyquist")
-
-    def nichols(self, omega: ArrayLike | None = None, kind: Kind = "proved") -> NDArray[Any] | Axes:
+    def nichols(
+        self,
+        omega: ArrayLike | None = None,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+    ) -> NDArray[Any] | Axes:
         """Draw gain over phase; see :func:`setid.frequency_band`."""
-        from .plots import plot_frequency_band
+        return frequency_band(self, omega, kind, output, input).plot("nichols")
 
-        return plot_frequency_band(frequency_band(self, omega, kind), "nichols")
-
-    def step(self, length: int = 50, kind: Kind = "proved") -> Axes:
+    def step(
+        self, length: int = 50, kind: Kind = "proved", output: int = 1, input: int = 1
+    ) -> Axes:
         """Draw the band of step responses; see :func:`setid.step_band`."""
-        from .plots import plot_step_band
+        return step_band(self, length, kind, output, input).plot()
 
-        return plot_step_band(step_band(self, length, kind))
-
-    def fps(self, first: str, second: str) -> Projection:
+    def fps(self, first: str, second: str, directions: int = 16) -> Projection:
         """The feasible parameter set over two parameters; see :func:`setid.project`."""
-        return project(self, first, second)
+        return project(self, first, second, directions)
 
-    def simulate(self, data: IOData | None = None) -> OutputBand:
+    def simulate(
+        self, data: IOData | None = None, kind: Kind | None = None, noise: Noise | None = None
+    ) -> OutputBand:
         """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`."""
-        return simulate_band(self, data)
+        return simulate_band(self, data, kind, noise)
 
-    def predict(self, data: IOData | None = None) -> OutputBand:
+    def predict(self, data: IOData | None = None, noise: Noise | None = None) -> OutputBand:
         """One-step predictions with bands; see :func:`setid.predict`."""
-        return predict(self, data)
+        return predict(self, data, noise)
 
-    def compare(self, validation: IOData | None = None) -> Comparison:
+    def compare(
+        self,
+        validation: IOData | None = None,
+        mode: Mode = "simulation",
+        kind: Kind | None = None,
+        noise: Noise | None = None,
+    ) -> Comparison:
         """Fit to a record and the guaranteed band; see :func:`setid.compare`."""
-        return compare(self, validation)
+        return compare(self, validation, mode, kind, noise)
 
-    def to_control(self, omega: ArrayLike | None = None) -> ControlModels:
+    def to_control(self, omega: ArrayLike | None = None, kind: Kind = "sampled") -> ControlModels:
         """Models of python-control; see :func:`setid.to_control`."""
-        return to_control(self, omega)
+        return to_control(self, omega, kind)
 
     def __repr__(self) -> str:
         lines = [repr(interval) for interval in self.intervals.values()]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
+from .bounds import Bounds, gained
 from .boxes import ParameterBox, parameter_box
 from .checks import frozen
 from .formulation import Formulation
@@ -24,7 +25,6 @@ __all__ = ["LiftedBox", "lifted_box", "lifted_rows"]
 Reals = NDArray[np.float64]
 Monomial = tuple[int, ...]
 _ROUNDS = 3
-_GAINED = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -71,7 +71,7 @@ def _product(ends: Reals) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LiftedBox:
+class LiftedBox(Bounds):
     """A box of theta by rounds of boxes of its monomials; as :class:`ParameterBox` otherwise.
 
     Parameters
@@ -81,21 +81,7 @@ class LiftedBox:
     rounds : tuple of ParameterBox
     """
 
-    names: tuple[str, ...]
-    lower: Reals
-    upper: Reals
     rounds: tuple[ParameterBox, ...]
-
-    @property
-    def empty(self) -> bool:
-        """Whether it is proved that no parameter vector is consistent."""
-        return bool(np.any(self.lower > self.upper))
-
-    @property
-    def open(self) -> tuple[str, ...]:
-        """Names of parameters that are not bounded on both sides."""
-        found = np.isinf(self.lower) | np.isinf(self.upper)
-        return tuple(np.array(self.names)[found & (self.lower <= self.upper)].tolist())
 
     def verify(self, rows: LiftedRows, start: Reals) -> bool:
         """Replay all rounds from the rows of the data, without any solver."""
@@ -125,9 +111,7 @@ def lifted_box(rows: LiftedRows, start: Reals) -> LiftedBox:
         found = parameter_box(rows.regression, rows.start(box))
         rounds.append(found)
         before, box = box, rows.shrunk(box, found)
-        with np.errstate(invalid="ignore"):
-            old, new = before[1] - before[0], box[1] - box[0]
-        if found.empty or not np.any((new < _GAINED * old) | (np.isinf(old) & np.isfinite(new))):
+        if found.empty or not gained(before, box):
             break
     return LiftedBox(rows.parameters, frozen(box[0].copy()), frozen(box[1].copy()), tuple(rounds))
 

@@ -241,14 +241,16 @@ def feasible(result: Identification) -> Reals:
     Returns
     -------
     (p,) float
-        The mean of the attained vectors where that is consistent, else the mixture of them
-        that needs the least noise.
+        The mean of the attained vectors where that is consistent, else the one of them that
+        needs the least noise; where no linear program can tell, that nearest to the mean.
     """
     known = members(result, count=0)
     middle = known.mean(axis=0)
     if is_member(result.formulation, middle):
         return np.asarray(middle, np.float64)
-    levels = [noise_level(result.formulation, theta) for theta in known]
+    levels = np.array([noise_level(result.formulation, theta) for theta in known])
+    if np.all(np.isnan(levels)):  # no linear program can tell: those that attain are proved
+        levels = np.linalg.norm(known - middle, axis=1)
     return np.asarray(known[int(np.nanargmin(levels))], np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of identification results: the door to matplotlib beside that for records.
+"""Pictures of identification results.
 
 Proved sets are filled in blue, what is attained or sampled is orange. Every legend says
 which it is. Functions return axes and change nothing but them.
@@ -7,15 +7,13 @@ which it is. Functions return axes and change nothing but them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-
 from .errors import SetidError
+from .record_plots import over_time, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,23 +37,6 @@ __all__ = [
 
 _PROVED, _ATTAINED, _DATA = "#0072B2", "#D55E00", "black"  # Okabe and Ito
 _COLOUR = {"proved": _PROVED, "sampled": _ATTAINED}
-
-
-def require_matplotlib() -> ModuleType:
-    """matplotlib.pyplot.
-
-    Raises
-    ------
-    SolverNotFound
-        If matplotlib is missing; the message says how to install it.
-    """
-    try:
-        import matplotlib.pyplot as plt
-    except ImportError as error:
-        raise sp.SolverNotFound(
-            "plot: matplotlib is missing; install it with: pip install 'sparsepop-py[plot]'"
-        ) from error
-    return plt
 
 
 def _one_axis(ax: Axes | None, size: tuple[float, float] = (7.0, 4.5)) -> Axes:
@@ -242,25 +223,18 @@ def plot_output_band(band: OutputBand) -> NDArray[Any]:
     -------
     (ny,) array of matplotlib Axes
     """
-    plt = require_matplotlib()
     data = band.data
-    size = (8.0, 2.4 * data.outputs + 0.8)
-    _, grid = plt.subplots(
-        data.outputs, 1, sharex=True, squeeze=False, figsize=size, layout="constrained"
-    )
-    time = np.asarray((np.arange(data.samples) + data.record) * data.Ts, np.float64)
+    axes, time = over_time(data, data.outputs, 2.4)
     colour = _COLOUR[band.kind]
-    for i, ax in enumerate(grid[:, 0]):
+    for i, ax in enumerate(axes):
         wide = band.reading_low[:, i], band.reading_high[:, i]
         _fill(ax, time, *wide, colour, f"readings ({band.kind})", 0.15)
         _fill(ax, time, band.low[:, i], band.high[:, i], colour, f"models ({band.kind})", 0.35)
         ax.plot(time, band.nominal[:, i], color=colour, lw=1, label="nominal")
         ax.plot(time, data.y[:, i], ".", color=_DATA, ms=3, label="reading")
         ax.set_ylabel(f"y{i + 1}")
-        ax.grid(alpha=0.3)
-    grid[0, 0].legend(loc="best", ncols=4, fontsize="small")
-    grid[-1, 0].set_xlabel("time")
-    return np.asarray(grid[:, 0])
+    axes[0].legend(loc="best", ncols=4, fontsize="small")
+    return axes
 
 
 def plot_comparison(comparison: Comparison) -> NDArray[Any]:

@@ -23,12 +23,12 @@ priors priors.base priors.stability priors.coefficients priors.transfer
 missing printing assembly linear completion formulation
 estimators simulate responses supports enclosures members bands exchange projections
 residuals validation
-options boxes lifted reports verification intervals progress
+options bounds boxes lifted reports verification intervals progress
 starts identify noise_factor consistency select
 plots cli
 """.split()
 
-DOORS = {"matplotlib": {"record_plots", "plots"}, "control": {"exchange"}}
+DOORS = {"matplotlib": {"record_plots"}, "control": {"exchange"}}
 SCIPY_DOORS = {"scipy.io": {"reading"}, "scipy.optimize": {"linear"}}
 ANYWHERE = {"numpy", "scipy", "sparsepop_py"}
 DELEGATED = {"record_plots", "plots"}  # imported inside functions, by the one line of ``.plot()``
