@@ -158,6 +158,9 @@ def _one_record(
 ) -> Reals:
     """low, high, driven_low, driven_high as (4, N)."""
     count, first = v.size, start.size
+    begun = np.nextafter(v[:first] - start, -np.inf), np.nextafter(v[:first] + start, np.inf)
+    if count == first:  # a record that is over before any equation is complete
+        return np.stack([*begun, *begun])
     h = _impulse_response(row, theta, count - first)
     leak = _leak(row, cover, h)
     regressors = _regressors(row, v, u, theta.size)[first:]
@@ -168,7 +171,7 @@ def _one_record(
     push += _start_push(row, cover, start, count - first)
     errors = noise[1][first:]
     result = np.empty((4, count))
-    result[:2, :first] = result[2:, :first] = np.stack([v[:first] - start, v[:first] + start])
+    result[:2, :first] = result[2:, :first] = np.stack(begun)
     for place, drive in ((0, push), (2, push + errors)):
         around = _convolve_up(np.abs(h), drive)
         spread = _with_leak(ranges, around, leak)

@@ -32,6 +32,7 @@ __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_ba
 
 Reals = NDArray[np.float64]
 Mode = Literal["simulation", "prediction"]
+_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,8 +263,10 @@ def predict(
         ranges[:, 0] - width,
         ranges[:, 1] + width,
     )
-    for target, values in zip(found, columns, strict=True):
-        target[place] = values - known
+    sides = (0.0, -1.0, 1.0, -1.0, 1.0)  # outwards, by more than is rounded here
+    size = np.abs(rows.target) + np.abs(record.y[place]) + width
+    for target, values, side in zip(found, columns, sides, strict=True):
+        target[place] = values - known + side * 4.0 * _EPS * (np.abs(values) + size)
     return OutputBand("proved", "prediction", record, *(frozen(x) for x in found))
 
 

@@ -6,6 +6,18 @@ from fractions import Fraction
 from itertools import product
 
 
+def value_at(polynomial, point, number=Fraction):
+    """Value at a point, in rationals or numbers of another kind; coefficients are exact doubles."""
+    result = number(0)
+    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
+        term = number(float(coefficient))
+        for letter in word.tolist():
+            if letter:
+                term *= number(point[letter - 1])
+        result += term
+    return result
+
+
 def times(p, q):
     result = {}
     for (a, u), (b, v) in product(p.items(), q.items()):

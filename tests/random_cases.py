@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+from exact_polynomials import value_at
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
@@ -50,17 +51,6 @@ def on_grid(polynomial, points):
     return result
 
 
-def exact(polynomial, point):
-    result = Fraction(0)
-    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
-        term = Fraction(float(coefficient))
-        for letter in word.tolist():
-            if letter:
-                term *= Fraction(float(point[letter - 1]))
-        result += term
-    return result
-
-
 def random_case(seed, *, constrained=True):
     """A box, a planted grid point that satisfies every constraint, and the whole grid."""
     rng = np.random.default_rng(seed)
@@ -73,7 +63,7 @@ def random_case(seed, *, constrained=True):
     rows = []
     for _ in range(int(rng.integers(0, 4)) if constrained else 0):
         g = some_polynomial(rng, x, int(rng.integers(1, 5)))
-        at = float(exact(g, planted))
+        at = float(value_at(g, planted))
         kind = rng.integers(0, 5)
         if kind <= 2:
             rows.append(g >= at - float(rng.integers(0, 5)) / 4)
@@ -95,8 +85,8 @@ def random_case(seed, *, constrained=True):
     assert np.any(np.all(points == planted, axis=1))
     # the arithmetic was exact: once more in rationals, at the best point
     best = points[int(np.argmin(case.values))]
-    assert exact(problem.objective, best) == Fraction(case.least)
+    assert value_at(problem.objective, best) == Fraction(case.least)
     for row in rows:
-        value = exact(row.polynomial, best)
+        value = value_at(row.polynomial, best)
         assert value == 0 if row.kind is sp.Kind.ZERO else value >= 0
     return case

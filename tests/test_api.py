@@ -11,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from docstrings import documented, parameters
 
 import setid
 import sparsepop_py as sp
@@ -26,22 +27,6 @@ def all_modules() -> list[ModuleType]:
         for info in pkgutil.walk_packages(package.__path__, package.__name__ + ".")
     ]
     return [sp, setid, *map(importlib.import_module, names)]
-
-
-def documented(text: str) -> set[str]:
-    """Names in the Parameters section of a NumPy docstring."""
-    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-{3,}$|\Z)", text, re.M | re.S)
-    lines = section.group(1).splitlines() if section else []
-    heads = [line.split(" : ")[0] for line in lines if line and not line[0].isspace()]
-    return {name.strip().lstrip("*") for head in heads for name in head.split(",")}
-
-
-def parameters(thing: object) -> set[str]:
-    return {
-        name
-        for name in inspect.signature(thing).parameters  # type: ignore[arg-type]
-        if name not in ("self", "cls") and not name.startswith("_")
-    }
 
 
 @pytest.mark.parametrize("name", sp.__all__)
@@ -95,7 +80,7 @@ def test_type_hints_are_shipped() -> None:
 def test_files_name_no_path_of_one_machine() -> None:
     absolute = re.compile(r"(?<![\w.:/])/(?:home|root|work|Users|mnt|srv)/\w")
     folders = ("sparsepop_py", "setid", "tests", "examples", "docs", "benchmarks", ".ci")
-    files = [p for p in ROOT.iterdir() if p.is_file() and not p.is_symlink()]
+    files = [p for p in ROOT.iterdir() if p.is_file() and not p.is_symlink() and p.name != ".git"]
     files += [p for folder in folders for p in (ROOT / folder).rglob("*") if p.is_file()]
     for path in files:
         if path.suffix in TEXT:

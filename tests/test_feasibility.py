@@ -8,24 +8,13 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
+from exact_polynomials import value_at
 
 import sparsepop_py as sp
 from sparsepop_py.feasibility import prove_feasible, prove_point
 from sparsepop_py.krawczyk import zero_near
 
 # ---- independent checks -----------------------------------------------------------------------
-
-
-def value_at(polynomial, point, number):
-    """Value at a point of Fractions or mpf; the coefficients are exact doubles."""
-    result = number(0)
-    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
-        term = number(float(coefficient))
-        for letter in word.tolist():
-            if letter:
-                term *= point[letter - 1]
-        result += term
-    return result
 
 
 def gauss(matrix, right):

@@ -14,6 +14,7 @@ from known_certificates import (
     disc,
     empty,
     hill,
+    known_results,
     lattice,
     with_multipliers,
     with_root,
@@ -27,14 +28,9 @@ from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def results():
-    orders = {hill: 3, lattice: 2}
-    found = {}
-    for make in KNOWN:
-        problem = make()
-        found[make] = sp.solve(problem, sp.Options(order=orders.get(make, 2)))
-    return found
+    return known_results()
 
 
 # ---- forged arguments -------------------------------------------------------------------------

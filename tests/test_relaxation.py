@@ -21,13 +21,6 @@ from sparsepop_py.sparsity import find_cliques
 INF = np.inf
 
 
-def value(problem, order, **options):
-    relaxation = relax(problem, order, **options)
-    solution = solve_conic(assemble(relaxation, problem.objective))
-    assert solution.status == "solved"
-    return solution.dual
-
-
 # ---- Dirac measures ----------------------------------------------------------------------
 
 

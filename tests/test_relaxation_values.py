@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from relaxed import value
 
 import sparsepop_py as sp
 from sparsepop_py import Kind, Problem, assemble, relax, solve_conic
@@ -13,13 +14,6 @@ from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.sparsity import find_cliques
 
 INF = np.inf
-
-
-def value(problem, order, **options):
-    relaxation = relax(problem, order, **options)
-    solution = solve_conic(assemble(relaxation, problem.objective))
-    assert solution.status == "solved"
-    return solution.dual
 
 
 # ---- values ------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from struct_cases import struct
 
 import sparsepop_py as sp
 from sparsepop_py.errors import FormatError, ParameterWarning, ProblemError
@@ -17,20 +18,6 @@ from sparsepop_py.result import Status
 from sparsepop_py.sparsepop import sparsePOP
 
 QUIET = {"printLevel": 0}
-
-
-def struct(supports: Any, coef: Any, cone: int = 1, **changes: Any) -> dict[str, Any]:
-    table = np.array(supports, float)
-    fields = {
-        "typeCone": cone,
-        "sizeCone": 1,
-        "dimVar": table.shape[1],
-        "degree": int(table.sum(axis=1).max()),
-        "noTerms": table.shape[0],
-        "supports": table,
-        "coef": np.array(coef, float).reshape(-1, 1),
-    }
-    return fields | changes
 
 
 def call(objective: Any, rows: Any, lower: Any, upper: Any, **param: Any) -> tuple[float, Any, Any]:

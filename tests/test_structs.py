@@ -14,24 +14,11 @@ import scipy.io
 import scipy.sparse as sps
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from struct_cases import struct
 
 import sparsepop_py as sp
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.structs import from_structs, to_structs
-
-
-def struct(supports: Any, coef: Any, cone: int = 1, **changes: Any) -> dict[str, Any]:
-    table = np.array(supports, float)
-    fields = {
-        "typeCone": cone,
-        "sizeCone": 1,
-        "dimVar": table.shape[1],
-        "degree": int(table.sum(axis=1).max()),
-        "noTerms": table.shape[0],
-        "supports": table,
-        "coef": np.array(coef, float).reshape(-1, 1),
-    }
-    return {key: value for key, value in (fields | changes).items() if value is not None}
 
 
 def example() -> tuple[Any, Any, Any, Any]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from relaxed import LOSSLESS, METHODS, dense, solved, value
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, generators, monomials, relax, solve_conic
@@ -21,24 +22,6 @@ from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.rounding import Interval
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.terms import term_sparse
-
-METHODS = ("components", "chordal", "sign")
-LOSSLESS = ("components", "sign")
-
-
-def solved(problem, order, **options):
-    relaxation = relax(problem, order, **options)
-    solution = solve_conic(assemble(relaxation, problem.objective))
-    assert solution.status in ("solved", "almost")
-    return relaxation, solution
-
-
-def value(problem, order, **options):
-    return solved(problem, order, **options)[1].dual
-
-
-def dense(problem):
-    return find_cliques(problem, sparse=False)
 
 
 def split(problem, order, method, steps=None, cliques=None, lean=False):

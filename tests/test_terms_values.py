@@ -1,29 +1,10 @@
 """Values of relaxations with term sparsity: published ones, and test problems."""
 
 import pytest
+from relaxed import LOSSLESS, METHODS, dense, solved, value
 
 import sparsepop_py as sp
-from sparsepop_py import Problem, assemble, problems, relax, solve_conic
-from sparsepop_py.sparsity import find_cliques
-
-METHODS = ("components", "chordal", "sign")
-LOSSLESS = ("components", "sign")
-
-
-def solved(problem, order, **options):
-    relaxation = relax(problem, order, **options)
-    solution = solve_conic(assemble(relaxation, problem.objective))
-    assert solution.status in ("solved", "almost")
-    return relaxation, solution
-
-
-def value(problem, order, **options):
-    return solved(problem, order, **options)[1].dual
-
-
-def dense(problem):
-    return find_cliques(problem, sparse=False)
-
+from sparsepop_py import Problem, problems
 
 # ---- published values --------------------------------------------------------------------
 

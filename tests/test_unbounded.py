@@ -6,21 +6,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from exact_polynomials import value_at
 
 import sparsepop_py as sp
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.unbounded import falling_ray
-
-
-def value_at(polynomial, point):
-    result = Fraction(0)
-    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
-        term = Fraction(float(coefficient))
-        for letter in word.tolist():
-            if letter:
-                term *= point[letter - 1]
-        result += term
-    return result
 
 
 def follow(problem, start, ray):

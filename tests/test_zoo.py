@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact_polynomials import value_at
 from scipy import optimize
 
 import sparsepop_py as sp
@@ -50,17 +51,6 @@ def solved(name, order):
 
 def scale(entry):
     return max(1.0, abs(entry["optimum"]))
-
-
-def exact(polynomial, point):
-    """Value in rational arithmetic."""
-    total = Fraction(0)
-    for word, coefficient in zip(polynomial.words, polynomial.coefficients, strict=True):
-        term = Fraction(float(coefficient))
-        for letter in word.tolist():
-            term *= point[letter - 1] if letter else 1
-        total += term
-    return total
 
 
 # ---- the texts, read by Python instead of by the package --------------------------------------
@@ -167,9 +157,9 @@ def test_the_attained_value_is_attained(name, order):
     if attained.proof == "exact" and attained.radius == 0.0:
         point = [Fraction(v) for v in attained.x.tolist()]
         for constraint in problem.constraints:
-            value = exact(constraint.polynomial, point)
+            value = value_at(constraint.polynomial, point)
             assert value == 0 if constraint.kind is sp.Kind.ZERO else value >= 0
-        assert exact(problem.objective, point) <= Fraction(attained.value)
+        assert value_at(problem.objective, point) <= Fraction(attained.value)
 
 
 @cases

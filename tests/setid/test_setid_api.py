@@ -3,25 +3,12 @@
 from __future__ import annotations
 
 import inspect
-import re
 from enum import Enum
 
 import pytest
+from docstrings import documented, parameters
 
 import setid
-
-
-def documented(text: str) -> set[str]:
-    """Names in the Parameters section of a NumPy docstring."""
-    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\S[^\n]*\n-{3,}$|\Z)", text, re.M | re.S)
-    lines = section.group(1).splitlines() if section else []
-    heads = [line.split(" : ")[0] for line in lines if line and not line[0].isspace()]
-    return {name.strip().lstrip("*") for head in heads for name in head.split(",")}
-
-
-def parameters(thing: object) -> set[str]:
-    names = inspect.signature(thing).parameters  # type: ignore[arg-type]
-    return {n for n in names if n not in ("self", "cls") and not n.startswith("_")}
 
 
 def test_the_list_of_public_names_is_sorted_and_unique() -> None:

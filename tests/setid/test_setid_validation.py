@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from identification_cases import PLANT, laboratory_two_second
@@ -129,3 +131,40 @@ def test_bad_arguments(result: setid.Identification) -> None:
         compare(empty(result.formulation))
     with pytest.raises(setid.SetidError, match="theta"):
         residuals(result, np.zeros(2))
+
+
+@pytest.mark.parametrize("length", [1, 2])
+def test_records_may_be_over_before_an_equation_is_complete(
+    result: setid.Identification, length: int
+) -> None:
+    rng = np.random.default_rng(length)
+    data = setid.IOData(rng.uniform(-1, 1, 12), rng.uniform(-9, 9, 12), starts=[0, length])
+    alone = setid.IOData(data.u[length:], data.y[length:])
+    noise = setid.Noise(output=0.3, equation=0.5)
+    both, rest = simulate_band(result, data, noise=noise), simulate_band(result, alone, noise=noise)
+    np.testing.assert_array_equal(both.low[length:], rest.low)
+    np.testing.assert_array_equal(both.high[length:], rest.high)
+
+
+def test_starts_are_rounded_outwards(result: setid.Identification) -> None:
+    data = setid.IOData(np.zeros(40), np.random.default_rng(0).uniform(-9, 9, 40))
+    for seed in range(20):
+        bound = float(np.random.default_rng(seed).uniform(0.01, 3))
+        band = simulate_band(result, data, noise=setid.Noise(output=bound, equation=0.5))
+        for y, low, high in zip(data.y[:2, 0], band.low[:2, 0], band.high[:2, 0], strict=True):
+            assert Fraction(low) <= Fraction(y) - Fraction(bound)
+            assert Fraction(high) >= Fraction(y) + Fraction(bound)
+
+
+def test_proved_predictions_are_rounded_outwards() -> None:
+    rng = np.random.default_rng(3)
+    data = setid.IOData(rng.uniform(-3, 3, 200), rng.uniform(-9, 9, 200))
+    noise = setid.Noise(equation=1e-3)
+    formulation = setid.formulate(data, setid.TransferFunction(na=0, nb=1), noise)
+    low, high = 1000.1, 1000.3
+    band = predict(identified(formulation, [(low, high)]))
+    for k, u in enumerate(data.u[:, 0]):
+        ends = [Fraction(b) * Fraction(u) for b in (low, high)]
+        assert Fraction(band.low[k, 0]) <= min(ends) and Fraction(band.high[k, 0]) >= max(ends)
+        assert Fraction(band.reading_low[k, 0]) <= min(ends) - Fraction(1e-3)
+        assert Fraction(band.reading_high[k, 0]) >= max(ends) + Fraction(1e-3)
