@@ -120,16 +120,14 @@ def read_mat_columns(
         If a variable is missing or not a real matrix.
     """
     try:
-        with open(path, "rb") as file:
-            major, _ = scipy.io.matlab.matfile_version(file)
-            if major > 1:
-                raise DataError(
-                    f"{path}: found a MATLAB 7.3 file, expected version 7 or older "
-                    "(save with '-v7')"
-                )
-            found = scipy.io.loadmat(file)
+        version = scipy.io.matlab.matfile_version(os.fspath(path))
+        found = {} if version[0] > 1 else scipy.io.loadmat(os.fspath(path))
     except (ValueError, TypeError, scipy.io.matlab.MatReadError, zlib.error) as cause:
         raise DataError(f"{path}: {cause}, expected a MATLAB file of version 7 or older") from None
+    if version[0] > 1:
+        raise DataError(
+            f"{path}: found a MATLAB 7.3 file, expected version 7 or older (save with '-v7')"
+        )
     arrays = []
     for name in names:
         if name not in found or name.startswith("__"):
