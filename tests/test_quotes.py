@@ -100,7 +100,7 @@ def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
     narrow, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
     box = Interval(narrow.lower, narrow.upper)
     lifted = Lifted.of(narrow, box, find_cliques(narrow))
-    _, step = tightened(Replay(narrow, None), lifted, box, [0, 1])
+    _, step, _ = tightened(Replay(narrow, None), lifted, box, [0, 1])
     root, memo = Node(BoxProof((step,))), {}
     for problem, true in ((narrow, 0.5), (wide, 0.0), (narrow, 0.5)):
         found = Certificate(problem.fingerprint, 0.0, root).verify(problem, memo).bound

@@ -41,7 +41,7 @@ def lifted_part(problem, box, level, deep, rng):
         return node
     lifted = Lifted.of(problem, box, find_cliques(problem))
     if rng.integers(2):
-        box, step = tightened(replay, lifted, box, range(problem.dimension))
+        box, step, _ = tightened(replay, lifted, box, range(problem.dimension))
         node = replace(node, box=BoxProof((*steps, *([step] if step else []))))
     if deep and not is_empty(box):
         v = int(rng.integers(problem.dimension))
