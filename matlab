@@ -1,0 +1,1 @@
+sparsepop_py/matlab

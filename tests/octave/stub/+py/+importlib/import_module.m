@@ -1,0 +1,2 @@
+function import_module(name)
+setenv('STUB_MODULE', name)

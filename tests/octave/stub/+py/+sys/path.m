@@ -1,0 +1,2 @@
+function folders = path()
+folders = {};
