@@ -1,13 +1,14 @@
 # make demo   solve the example problems, print a table, write pictures to demo_output/
 # make test   style, types, fast tests, doctests and examples
-# Both make their own environment in .venv; PYTHON=... chooses the interpreter.
+# make test-octave   scripts that call sparsePOP from GNU Octave, skipped where it is missing
+# All make their own environment in .venv; PYTHON=... chooses the interpreter.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test test-slow clean
+.PHONY: demo test test-slow test-octave clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -20,6 +21,9 @@ test: $(VENV)/.with-dev
 
 test-slow: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m slow
+
+test-octave: $(VENV)/.with-dev
+	$(BIN)/python -m pytest tests/test_octave.py tests/test_door.py
 
 # An editable installation with one extra; made again only when pyproject.toml changes.
 $(VENV)/.with-%: pyproject.toml

@@ -79,7 +79,7 @@ def answer(path: str | os.PathLike[str]) -> None:
     >>> scipy.io.savemat("question.mat", {"arguments": arguments, "folder": os.getcwd()})
     >>> answer("question.mat")
     >>> outputs = scipy.io.loadmat("question.mat", simplify_cells=True)["outputs"]
-    >>> outputs[2]["status"], outputs[2]["xVect"].round(6)
+    >>> outputs[2]["status"], round(outputs[2]["xVect"], 6)
     ('OPTIMAL', 1.0)
     """
     path = Path(path).resolve()

@@ -17,7 +17,7 @@ import setid
 import sparsepop_py as sp
 
 ROOT = Path(__file__).resolve().parent.parent
-TEXT = {".py", ".md", ".toml", ".gms", ".cff", ".yml", ".txt", ".csv", ""}
+TEXT = {".py", ".md", ".toml", ".gms", ".cff", ".m", ".yml", ".txt", ".csv", ""}
 
 
 def all_modules() -> list[ModuleType]:

@@ -32,7 +32,7 @@ result polyhedron exact_simplex polytope rungs lifting narrowing branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs problems plots
-parameter_table parameters sparsepop_output sparsepop_report sparsepop cli
+parameter_table parameters sparsepop_output sparsepop_report sparsepop door cli
 """.split()
 
 DOORS = {

@@ -7,15 +7,18 @@ so that the child process is shared as it is in practice.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sparsepop_py import door
 
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "matlab.md"
 SCRIPTS = Path(__file__).resolve().parent / "octave"
 OCTAVE = shutil.which("octave-cli")
 pytestmark = pytest.mark.skipif(
@@ -79,3 +82,16 @@ def test_an_interpreter_without_the_package_is_named() -> None:
     printed = octave("setenv('SPARSEPOP_PYTHON', '/bin/false'); sparsePOP('quartics(1, -1)')")
     assert "/bin/false ended without an answer" in printed
     assert "SPARSEPOP_PYTHON" in printed
+
+
+def test_the_example_of_the_documentation() -> None:
+    """Inside the disc the objective has a saddle at 0 alone, so its minimum is on the circle."""
+    example = re.search(r"^```matlab\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.S | re.M)
+    assert example
+    printed = octave("\n" + example.group(1))
+    found = re.search(r"OPTIMAL: (\S+) <= minimum <= (\S+)", printed)
+    assert found, printed
+    angle = np.linspace(0, np.pi, 100001)
+    x, y = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+    minimum = (x**4 - 3 * x * y + y**2).min()
+    assert [float(end) for end in found.groups()] == pytest.approx([minimum] * 2, abs=3e-6)

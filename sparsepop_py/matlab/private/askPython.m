@@ -85,7 +85,7 @@ end
 
 function child = start(python)
 child = struct('way', chosenWay(), 'asked', getenv('SPARSEPOP_DOOR'), 'python', python);
-serve = {'-c', ['import os, sys; os.dup2(1, 2); sys.path[0] = sys.argv[1]; ' ...
+serve = {'-X', 'utf8', '-c', ['import os, sys; os.dup2(1, 2); sys.path[0] = sys.argv[1]; ' ...
                 'from sparsepop_py import door; door.serve()'], packageRoot()};
 switch child.way
     case 'py'
@@ -195,10 +195,10 @@ while true
     alive = isAlive(child);  % asked first, so that last words are still read
     line = nextLine(child);
     if ischar(line)
+        fprintf('%s', line(1:find([line, theEnd] == theEnd, 1) - 1));
         if any(line == theEnd)
             return
         end
-        fprintf('%s', line);
         wait = 0.001;
     elseif ~alive
         error('sparsePOP:python', ['%s ended without an answer. It has to be Python 3.11 or ' ...
