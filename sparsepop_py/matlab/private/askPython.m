@@ -28,6 +28,7 @@ end
 working = true;
 guard = onCleanup(@() askPython('settle'));
 exchange(child, file);
+child.served = true;
 working = false;
 end
 
@@ -84,7 +85,8 @@ end
 % ---- start, check, stop -------------------------------------------------------------------
 
 function child = start(python)
-child = struct('way', chosenWay(), 'asked', getenv('SPARSEPOP_DOOR'), 'python', python);
+child = struct('way', chosenWay(), 'asked', getenv('SPARSEPOP_DOOR'), 'python', python, ...
+               'served', false);
 serve = {'-X', 'utf8', '-c', ['import os, sys; os.dup2(1, 2); sys.path[0] = sys.argv[1]; ' ...
                 'from sparsepop_py import door; door.serve()'], packageRoot()};
 switch child.way
@@ -102,7 +104,8 @@ switch child.way
         child = startJava(child, [{python}, serve]);
     case 'pipe'
         [child.in, child.out, child.pid] = popen2(python, serve);
-        child.name = fopen(child.in);
+        child.pipes = [child.in, child.out];
+        child.names = {fopen(child.in), fopen(child.out)};
 end
 end
 
@@ -150,8 +153,7 @@ switch child.way
     case 'java'
         alive = child.process.isAlive();
     case 'pipe'
-        alive = is_valid_file_id(child.in) && strcmp(fopen(child.in), child.name) ...
-            && waitpid(child.pid, WNOHANG()) == 0;  % "fclose all" in scripts closes pipes
+        alive = all(areOpen(child)) && waitpid(child.pid, WNOHANG()) == 0;
 end
 end
 
@@ -163,16 +165,18 @@ switch child.way
     case 'java'
         child.process.destroy();
     case 'pipe'
-        if isAlive(child)
+        if waitpid(child.pid, WNOHANG()) == 0
             kill(child.pid, 9);
             waitpid(child.pid);
         end
-        for pipe = [child.in, child.out]
-            if is_valid_file_id(pipe)
-                fclose(pipe);
-            end
-        end
+        arrayfun(@fclose, child.pipes(areOpen(child)));
 end
+end
+
+function open = areOpen(child)
+% "fclose all" in scripts closes pipes, and their numbers may be those of other files then.
+open = arrayfun(@(pipe, name) is_valid_file_id(pipe) && strcmp(fopen(pipe), name{1}), ...
+                child.pipes, child.names);
 end
 
 % ---- question and answer ------------------------------------------------------------------
@@ -201,14 +205,22 @@ while true
         end
         wait = 0.001;
     elseif ~alive
-        error('sparsePOP:python', ['%s ended without an answer. It has to be Python 3.11 or ' ...
-              'newer with the package sparsepop_py; the environment variable ' ...
-              'SPARSEPOP_PYTHON names another one.'], child.python);
+        endedEarly(child);
     else
         pause(wait);
         wait = min(1.1 * wait, 0.05);
     end
 end
+end
+
+function endedEarly(child)
+if child.served
+    error('sparsePOP:python', ['Python ended without an answer; it may have run out of ' ...
+          'memory. The next call starts it again.']);
+end
+error('sparsePOP:python', ['%s ended without an answer. It has to be Python 3.11 or newer ' ...
+      'with the package sparsepop_py; the environment variable SPARSEPOP_PYTHON names ' ...
+      'another one.'], child.python);
 end
 
 function line = nextLine(child)
