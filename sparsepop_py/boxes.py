@@ -1,4 +1,4 @@
-"""Finding a box: propagation, the cut-off, and sublevel identities when these leave gaps.
+"""Finding a box: propagation, left inverses, the cut-off, and sublevel identities for the rest.
 
 Each step is the same object that the certificate replays later.
 """
@@ -10,8 +10,9 @@ from math import comb
 
 import numpy as np
 
-from .certificate.box import BoxProof, Propagation, Replay, Sublevel, sublevel_box, tighten
+from .certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
 from .certificate.dual import identity_of, margin
+from .certificate.inverse import left_inverse
 from .conic import assemble
 from .feasibility import ProvedPoint
 from .options import Options
@@ -76,7 +77,12 @@ def find_box(
         level = cutoff.value
     replay = Replay(problem, level)
     box, step = tighten(replay, box)
-    steps: list[Propagation | Sublevel] = [step]
+    steps: list[Step] = [step]
+    if "inverse" not in options.skip and not finite(box) and not is_empty(box):
+        inverse = left_inverse(problem, box)
+        if inverse is not None:
+            box, step = tighten(replay, inverse.shrink(problem, box))
+            steps += [inverse, step]
     if cutoff is not None and not done and not finite(box) and not is_empty(box):
         found = _sublevel(problem, cutoff, box, options)
         if found is not None:

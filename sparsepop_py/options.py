@@ -24,6 +24,7 @@ SKIPPED = (
     "partners",
     "chordal",
     "components",
+    "inverse",
     "narrow",
     "quote",
     "cutoff",
@@ -78,8 +79,9 @@ class Options:
         Parts of effort ``"auto"`` to leave out, for comparisons: rungs by shape
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
         (``"monomials"``, ``"partners"``) or by terms (``"chordal"``, ``"components"``);
-        ``"narrow"`` (bounds tightened by linear programs), ``"quote"`` (bounds of one
-        objective used for others), ``"cutoff"``, ``"branch"``.
+        ``"inverse"`` (first bounds from linear rows), ``"narrow"`` (bounds tightened by
+        linear programs), ``"quote"`` (bounds of one objective used for others),
+        ``"cutoff"``, ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.

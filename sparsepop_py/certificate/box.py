@@ -23,6 +23,7 @@ from ..problem import Problem
 from ..rounding import Interval, up
 from ..system import PolynomialSystem
 from .identity import Identity, are_indices
+from .inverse import LeftInverse
 from .linear import LinearDual
 
 __all__ = [
@@ -123,7 +124,7 @@ class Known:
         return False
 
 
-Step = Propagation | Sublevel | Tightening | Known
+Step = Propagation | Sublevel | LeftInverse | Tightening | Known
 
 
 @dataclass(eq=False)
@@ -174,6 +175,8 @@ class Replay:
             return box
         if isinstance(step, Sublevel):
             return sublevel_box(self.problem, self.level, step, box)
+        if isinstance(step, LeftInverse):
+            return step.shrink(self.problem, box)
         if isinstance(step, Tightening):
             return self._tightened(step, box)
         return self._told(step, box)
@@ -305,8 +308,6 @@ class BoxProof:
             if is_empty(box):
                 break
             box = replay.step(step, box)
-            if is_empty(box):
-                break
         return box
 
 
