@@ -139,7 +139,7 @@ def left_inverse(problem: Problem, box: Interval) -> LeftInverse | None:
         coupling, drive = _coupling_and_drive(matrix, rest, inverse, centre)
         if not np.max(np.abs(np.linalg.eigvals(coupling))) < _RADIUS:
             continue
-        radius = np.linalg.solve(np.eye(p) - coupling, drive) * 1.01 + 1e-12
+        radius = np.asarray(np.linalg.solve(np.eye(p) - coupling, drive) * 1.01 + 1e-12, float)
         found = LeftInverse(rows, variables, inverse, centre, radius)
         if np.all(np.isfinite(found.shrink(problem, box).lo[variables])):
             return found
