@@ -11,7 +11,7 @@ from pathlib import Path
 
 import sparsepop_py as sp
 
-from . import identification, random_problems
+from . import identification, networks, random_problems
 from .errors import BenchmarkError
 from .registry import Case, Family, Registry, Selection, Task
 
@@ -83,35 +83,16 @@ def _number(text: str | None) -> float | None:
 
 
 def _pooling(selection: Selection) -> Iterator[Case]:
-    """Haverly's three pooling problems and the bilinear and bilevel ones of the other families."""
+    """Pooling and separation networks, and the bilinear and bilevel problems of other families."""
     for number, (price, cap, profit) in enumerate(
         [(16.0, 100.0, 400.0), (16.0, 600.0, 600.0), (13.0, 100.0, 750.0)], 1
     ):
-        yield Case(f"haverly{number}", partial(_haverly, price, cap, profit))
+        yield Case(f"haverly{number}", partial(networks.haverly, price, cap, profit))
+    yield Case("ex5_2_5", networks.pooling)
+    yield Case("ex5_3_2", networks.separation)
     for path in (EXAMPLES / "pooling.gms", EXAMPLES / "complementarity.gms"):
         yield Case(path.stem, partial(_from_gms, path))
     yield from (case for case in _zoo(selection) if case.name.startswith(_BILEVEL))
-
-
-def _haverly(price: float, cap: float, profit: float) -> Task:
-    """Two crudes share a pool of sulphur content p, a third goes straight into two products.
-
-    C. A. Haverly, Studies of the behavior of recursion for the pooling problem, ACM SIGMAP
-    Bulletin 25 (1978) 19-28; optimal profits 400, 600 and 750.
-    """
-    names = ["a", "b", "px", "py", "cx", "cy", "p"]
-    a, b, px, py, cx, cy, p = sp.variables(7, names)
-    cost = 6 * a + price * b + 10 * (cx + cy) - 9 * (px + cx) - 15 * (py + cy)
-    rows = [
-        a + b == px + py,
-        3 * a + b == p * (px + py),
-        p * px + 2 * cx <= 2.5 * (px + cx),
-        p * py + 2 * cy <= 1.5 * (py + cy),
-        px + cx <= cap,
-        py + cy <= 200,
-    ]
-    upper = [cap + 200, cap + 200, cap, 200, cap, 200, 3]
-    return Task.of(sp.Problem(cost, rows, [0.0] * 6 + [1.0], upper), -profit)
 
 
 def _quartics(selection: Selection) -> Iterator[Case]:
