@@ -33,6 +33,7 @@ from .identify import identify
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .layout import Layout
 from .members import Central, central, feasible, members, projection_estimate
+from .models.continuous import ContinuousTransferFunction
 from .models.lti import TransferFunction
 from .models.narx import PolynomialNARX
 from .noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
@@ -61,6 +62,7 @@ __all__ = [
     "Central",
     "Comparison",
     "Consistency",
+    "ContinuousTransferFunction",
     "ControlModels",
     "DCGain",
     "DataError",

@@ -23,6 +23,7 @@ from .noise import Noise
 from .priors.base import Facts, Prior
 from .regression import Regression, build_regression, usable_samples
 from .signals import Signal, internal_range, measured, unknown
+from .smoothing import smoothed
 
 __all__ = ["Built", "Rows", "build"]
 
@@ -65,6 +66,7 @@ class Built(NamedTuple):
     layout: Layout
     rows: Rows
     regression: Regression | None
+    smoothed: Regression | None
     equations: tuple[Equation, ...]
     dropped: int
 
@@ -106,11 +108,13 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     problem = sp.Problem(
         layout.polynomial(0), [row.constraint for row in rows], lower, upper, layout.names
     )
+    regression = build_regression(data, model, signals, usable, bounds.equation)
     return Built(
         problem,
         layout,
         _rows(rows),
-        build_regression(data, model, signals, usable, bounds.equation),
+        regression,
+        smoothed(regression, data, model, bounds),
         tuple(equations),
         sum(item.dropped for item in plans),
     )

@@ -17,7 +17,7 @@ from .data import IOData
 from .enclosures import enclose
 from .errors import ModelError, SetidError
 from .members import members, nominal
-from .responses import frequency_response, frequency_weights, grid
+from .responses import frequency_response, frequency_weights, grid, transfer_of
 from .simulate import simulate
 from .supports import Cover, cover_of, supports
 
@@ -127,7 +127,7 @@ def frequency_band(
     result : Identification
         Of a linear structure.
     omega : array_like (F,), optional
-        rad per unit of time, at most pi / Ts.
+        rad per unit of time, at most pi / Ts (any in continuous time).
     kind : {"proved", "sampled"}
     output, input : int
         Channels, from 1.
@@ -161,7 +161,8 @@ def frequency_band(
     True
     """
     data, model = result.formulation.data, result.formulation.model
-    frequencies = grid(omega, data.Ts)
+    continuous = transfer_of(model, output, input).continuous
+    frequencies = grid(omega, data.Ts, continuous=continuous)
     theta = nominal(result)
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)
     if kind == "proved":

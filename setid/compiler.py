@@ -162,6 +162,9 @@ def assemble(
 ) -> Assembled:
     """Multiply out the rows of one equation.
 
+    Known samples that multiply the same parameters are added up in the order of terms, as
+    in :mod:`setid.regression`: both speak of the same doubles.
+
     Parameters
     ----------
     item : Planned
@@ -171,17 +174,22 @@ def assemble(
     first : (N,) int
         Row at which the record of each sample begins.
     """
-    columns = [
-        column
-        for term in item.equation.terms
-        for column in _expanded(term, item.rows, signals, parameters, first)
-    ]
+    known: dict[tuple[str, ...], tuple[Reals, list[Integers]]] = {}
+    columns = []
+    for term in item.equation.terms:
+        for coefficient, letters in _expanded(term, item.rows, signals, parameters, first):
+            if len(letters) > len(term.parameters):
+                columns.append((coefficient, letters))
+                continue
+            before = known.get(term.parameters, (np.zeros(item.rows.size), letters))[0]
+            known[term.parameters] = before + coefficient, letters
+    columns += known.values()
     degree = max([1, *(len(letters) for _, letters in columns)])
     constant = np.zeros(item.rows.size)
     values, words = [], []
     for coefficient, letters in columns:
         if not letters:
-            constant = constant + coefficient
+            constant = coefficient
             continue
         word = np.zeros((item.rows.size, degree), np.int64)
         for place, letter in enumerate(letters):

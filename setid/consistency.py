@@ -252,15 +252,15 @@ def _held_up(
     formulation: Formulation, refuted: tuple[float, ParameterBox] | None
 ) -> tuple[tuple[int, int], ...]:
     """Samples in the proof at the largest factor that boxes refute."""
-    if refuted is None or formulation.regression is None:
+    if refuted is None or formulation.smoothed is None:
         return ()
-    return tuple(refuted[1].driving(formulation.regression))
+    return tuple(refuted[1].driving(formulation.smoothed))
 
 
 def _box(formulation: Formulation) -> ParameterBox:
-    assert formulation.regression is not None
+    assert formulation.smoothed is not None
     p, problem = len(formulation.parameters), formulation.problem
-    return parameter_box(formulation.regression, np.array([problem.lower[:p], problem.upper[:p]]))
+    return parameter_box(formulation.smoothed, np.array([problem.lower[:p], problem.upper[:p]]))
 
 
 def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
@@ -328,7 +328,7 @@ def _again(found: Consistency, factor: float) -> tuple[Regression | None, NDArra
     noise = scaled_noise(found.noise.bounds(given.data), factor)
     fresh = formulate(given.data, given.model, noise, given.priors)
     p = len(given.parameters)
-    return fresh.regression, np.array([fresh.problem.lower[:p], fresh.problem.upper[:p]])
+    return fresh.smoothed, np.array([fresh.problem.lower[:p], fresh.problem.upper[:p]])
 
 
 def _result_fails(found: Consistency) -> str:

@@ -8,13 +8,15 @@ with a small E, so that
     d = h * r(theta) - E(theta) * d.
 
 The first part is affine in theta: its range over the feasible set is proved by linear
-programs. The second is bounded sample by sample by what came before. Whatever was rounded
+programs. The second is bounded sample by sample by what came before (and, where D begins
+with parameters, by what d may be now). Whatever was rounded
 in v and h is part of r and E, so that the result is a proof.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 from .checks import frozen
 from .data import IOData
 from .errors import ModelError, SetidError
-from .models.equations import Equation, Structure, channel_of
+from .models.equations import Equation, Lagged, Structure, channel_of
 from .responses import run
 from .supports import Cover, supports
 
@@ -52,12 +54,33 @@ class Enclosure:
     driven_high: Reals
 
 
+class _Affine(NamedTuple):
+    """A coefficient constant + weights'theta."""
+
+    constant: float
+    weights: Reals
+
+    def largest(self, cover: Cover) -> float:
+        """Its largest absolute value over the box, up to rounding."""
+        middle = self.constant + self.weights @ cover.centre
+        return float(abs(middle) + np.abs(self.weights) @ cover.spread)
+
+    def size(self, cover: Cover) -> float:
+        """Sum of the absolute values in it, for rounding errors."""
+        return float(abs(self.constant) + np.abs(self.weights) @ cover.magnitude)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Row:
-    """One equation as lags: y(k) + sum a y(k-i) + sum b s(k-j) == e."""
+    """One equation as lags: sum over i >= 0 of D_i y(k-i) + sum b s(k-j) == e."""
 
-    feedback: dict[int, tuple[int, float]]  # lag -> parameter, coefficient
+    feedback: dict[int, _Affine]  # by lag; that of lag 0 is there
     others: list[tuple[int, float, str, int]]  # parameter, coefficient, signal or "", lag
+
+    @property
+    def terms(self) -> int:
+        """Number of products in a coefficient of the feedback, for rounding errors."""
+        return sum(1 + int(np.count_nonzero(a.weights)) for a in self.feedback.values())
 
 
 def enclose(
@@ -126,22 +149,25 @@ def enclose(
 
 def _row_of(equation: Equation, model: Structure) -> _Row:
     place = {name: column for column, name in enumerate(model.parameters)}
-    feedback: dict[int, tuple[int, float]] = {}
+    feedback: dict[int, _Affine] = {}
     others = []
-    for term in equation.terms[1:]:
-        if len(term.signals) > 1 or len(term.parameters) != 1:
+    for term in equation.terms:
+        signal = term.signals[0] if term.signals else Lagged("")
+        own = signal.signal == equation.defines
+        if len(term.signals) > 1 or len(term.parameters) > 1 or not (own or term.parameters):
             raise ModelError("model: found products, expected a linear structure for proved bands")
-        column = place[term.parameters[0]]
-        if not term.signals:
-            others.append((column, term.coefficient, "", 0))
+        if own:
+            before = feedback.get(signal.lag, _Affine(0.0, np.zeros(len(place))))
+            constant, weights = before.constant, before.weights.copy()
+            if term.parameters:
+                weights[place[term.parameters[0]]] += term.coefficient
+            else:
+                constant += term.coefficient
+            feedback[signal.lag] = _Affine(constant, weights)
             continue
-        signal, lag = term.signals[0].signal, term.signals[0].lag
-        if signal == equation.defines:
-            if lag in feedback:
-                raise ModelError("model: found a lag twice, expected linear lags once each")
-            feedback[lag] = (column, term.coefficient)
-        elif channel_of(signal) is not None and signal.startswith("u"):
-            others.append((column, term.coefficient, signal, lag))
+        column = place[term.parameters[0]]
+        if not signal.signal or (signal.signal[0] == "u" and channel_of(signal.signal)):
+            others.append((column, term.coefficient, signal.signal, signal.lag))
         else:
             raise ModelError("model: found coupled outputs, expected one denominator an output")
     return _Row(feedback, others)
@@ -163,8 +189,8 @@ def _one_record(
         return np.stack([*begun, *begun])
     h = _impulse_response(row, theta, count - first)
     leak = _leak(row, cover, h)
-    regressors = _regressors(row, v, u, theta.size)[first:]
-    constant, weights, doubt = _filtered(h, v[first:], regressors, cover)
+    own, regressors, size = _residual(row, v, u, cover)
+    constant, weights, doubt = _filtered(h, own[first:], regressors[first:], size[first:])
     ranges = -supports(cover, weights)[:, ::-1] - constant[:, None]
     ranges += np.stack([-doubt, doubt], axis=1)
     push = _input_push(row, cover, noise[0], count)[first:]
@@ -183,49 +209,60 @@ def _one_record(
 
 def _impulse_response(row: _Row, theta: Reals, count: int) -> Reals:
     h = np.zeros(max(count, 1))
-    h[0] = 1.0
+    lead = row.feedback[0].constant + row.feedback[0].weights @ theta
+    h[0] = 1.0 / lead  # simulation has refused zero
     for k in range(1, count):
-        for lag, (column, coefficient) in row.feedback.items():
-            if lag <= k:
-                h[k] -= coefficient * theta[column] * h[k - lag]
+        for lag, factor in row.feedback.items():
+            if 0 < lag <= k:
+                h[k] -= (factor.constant + factor.weights @ theta) * h[k - lag] / lead
     return h
 
 
 def _leak(row: _Row, cover: Cover, h: Reals) -> Reals:
     """Bounds of abs(E): of h * D(theta) - 1 over the box, shape of h."""
-    middle, spread, size = h.copy(), np.zeros(h.size), np.abs(h)
-    for lag, (column, coefficient) in row.feedback.items():
+    middle, spread, size = np.zeros(h.size), np.zeros(h.size), np.zeros(h.size)
+    for lag, factor in row.feedback.items():
         shifted = np.concatenate([np.zeros(lag), h[: h.size - lag]])[: h.size]
-        middle += coefficient * cover.centre[column] * shifted
-        spread += abs(coefficient) * cover.spread[column] * np.abs(shifted)
-        size += abs(coefficient) * cover.magnitude[column] * np.abs(shifted)
-    leak = np.abs(middle) + spread + 4 * (len(row.feedback) + 4) * _EPS * size
-    leak[0] = 0.0  # h[0] is exactly 1 and feedback has lags of at least 1
+        middle += (factor.constant + factor.weights @ cover.centre) * shifted
+        spread += (np.abs(factor.weights) @ cover.spread) * np.abs(shifted)
+        size += factor.size(cover) * np.abs(shifted)
+    middle[0] -= 1.0
+    leak = np.abs(middle) + spread + 4 * (row.terms + 4) * _EPS * size
+    if not np.any(row.feedback[0].weights):
+        leak[0] = 0.0  # h[0] is exactly 1 and the other lags are at least 1
     return leak
 
 
-def _regressors(row: _Row, v: Reals, u: Reals, p: int) -> Reals:
-    """What multiplies theta in the residual of v, shape (N, p); zeros before the record."""
-    found = np.zeros((v.size, p))
-    for lag, (column, coefficient) in row.feedback.items():
-        found[lag:, column] += coefficient * v[: v.size - lag]
+def _residual(row: _Row, v: Reals, u: Reals, cover: Cover) -> tuple[Reals, Reals, Reals]:
+    """The residual of v as own (N,) + regressors (N, p) theta, and the size of its terms (N,).
+
+    Zeros before the record.
+    """
+    own, found = np.zeros(v.size), np.zeros((v.size, cover.centre.size))
+    size = np.zeros(v.size)
+    for lag, factor in row.feedback.items():
+        past = v[: v.size - lag]
+        own[lag:] += factor.constant * past
+        found[lag:] += past[:, None] * factor.weights
+        size[lag:] += np.abs(past) * factor.size(cover)
     for column, coefficient, signal, lag in row.others:
+        values = np.ones(v.size - lag)
         if signal:
             channel = channel_of(signal)
             assert channel is not None
-            found[lag:, column] += coefficient * u[: v.size - lag, channel[1]]
-        else:
-            found[:, column] += coefficient
-    return found
+            values = u[: v.size - lag, channel[1]]
+        found[lag:, column] += coefficient * values
+        size[lag:] += abs(coefficient) * np.abs(values) * cover.magnitude[column]
+    return own, found, size
 
 
-def _filtered(h: Reals, v: Reals, regressors: Reals, cover: Cover) -> tuple[Reals, Reals, Reals]:
-    """Sequences h*v (N,) and h*regressors (N, p), and a bound of their rounding (N,)."""
-    count = v.size
-    constant = np.convolve(h, v)[:count]
+def _filtered(h: Reals, own: Reals, regressors: Reals, size: Reals) -> tuple[Reals, Reals, Reals]:
+    """Sequences h*own (N,) and h*regressors (N, p), and a bound of their rounding (N,)."""
+    count = own.size
+    constant = np.convolve(h, own)[:count]
     weights = np.stack([np.convolve(h, column)[:count] for column in regressors.T], axis=1)
-    size = np.convolve(np.abs(h), np.abs(v) + np.abs(regressors) @ cover.magnitude)[:count]
-    return constant, weights, 4 * (count + regressors.shape[1] + 8) * _EPS * size
+    doubt = np.convolve(np.abs(h), size)[:count]
+    return constant, weights, 4 * (count + 4 * regressors.shape[1] + 16) * _EPS * doubt
 
 
 def _input_push(row: _Row, cover: Cover, bound: Reals, count: int) -> Reals:
@@ -242,11 +279,12 @@ def _input_push(row: _Row, cover: Cover, bound: Reals, count: int) -> Reals:
 def _start_push(row: _Row, cover: Cover, start: Reals, count: int) -> Reals:
     """Effect of noise in the first outputs on the residuals after them, shape (N - first,)."""
     push = np.zeros(count)
-    for lag, (column, coefficient) in row.feedback.items():
+    for lag, factor in row.feedback.items():
+        largest = factor.largest(cover) + 4 * (row.terms + 4) * _EPS * factor.size(cover)
         for k in range(min(lag, count)):
             place = start.size + k - lag
             if 0 <= place < start.size:
-                push[k] += abs(coefficient) * cover.magnitude[column] * start[place]
+                push[k] += largest * start[place]
     return push
 
 
@@ -260,10 +298,13 @@ def _with_leak(ranges: Reals, around: Reals, leak: Reals) -> Reals:
     """Width beside the affine range: around[k] + sum_m leak[m] abs(d[k-m]), rounded up."""
     affine = np.abs(ranges).max(axis=1)
     spread, size = np.empty(around.size), np.empty(around.size)
-    grow = 1.0 + 4 * (around.size + 4) * _EPS
+    grow = 1.0 + 4 * (around.size + 8) * _EPS
+    rest = 1.0 - leak[0]  # of abs(d[k]) <= affine + around + carried + leak[0] abs(d[k])
+    if not rest > 0.0:
+        return np.full(around.size, np.inf)
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(around.size):
             carried = leak[1 : k + 1] @ size[:k][::-1]
-            spread[k] = (around[k] + carried) * grow
+            spread[k] = (around[k] + carried + leak[0] * affine[k]) / rest * grow
             size[k] = (affine[k] + spread[k]) * grow
     return np.where(np.isnan(spread), np.inf, spread)

@@ -38,7 +38,7 @@ class ControlModels:
     Parameters
     ----------
     nominal : control.TransferFunction
-        Discrete, all channels.
+        All channels; discrete, or continuous where the structure is.
     vertices : tuple of control.TransferFunction
         Models of attained parameter vectors.
     weight : control.TransferFunction or None
@@ -99,7 +99,9 @@ def to_control(
     control = _control()
     formulation = result.formulation
     model, Ts, theta = formulation.model, formulation.data.Ts, nominal(result)
-    frequencies = grid(omega, Ts)
+    continuous = model.transfer(1, 1).continuous
+    frequencies = grid(omega, Ts, continuous=continuous)
+    base = 0 if continuous else Ts  # python-control's timebase
     radius = np.zeros(frequencies.size)
     single = model.inputs == model.outputs == 1
     label = "sampled"
@@ -121,10 +123,11 @@ def to_control(
         raise SetidError(f"kind: found {kind!r}, expected 'sampled' or 'proved'")
     weight = None
     if single and np.all(np.isfinite(radius)):
-        weight = control.TransferFunction(*_covering_weight(frequencies, radius, Ts), Ts)
+        shape = _continuous_weight if continuous else _covering_weight
+        weight = control.TransferFunction(*shape(frequencies, radius, Ts), base)
     return ControlModels(
-        _transfer(control, model, theta, Ts),
-        tuple(_transfer(control, model, t, Ts) for t in attained_members(result)),
+        _transfer(control, model, theta, base),
+        tuple(_transfer(control, model, t, base) for t in attained_members(result)),
         weight,
         frozen(frequencies),
         frozen(np.asarray(radius, float)),
@@ -146,7 +149,7 @@ def _control() -> ModuleType:
 def coefficients(
     model: Structure, theta: Reals, output: int = 1, input: int = 1
 ) -> tuple[list[float], list[float]]:
-    """Numerator and denominator in falling powers of z, of equal length.
+    """Numerator and denominator in falling powers of z, or of s, of equal length.
 
     Parameters
     ----------
@@ -187,14 +190,28 @@ def _transfer(control: ModuleType, model: Structure, theta: Reals, Ts: float) ->
 
 def _covering_weight(omega: Reals, radius: Reals, Ts: float) -> tuple[list[float], list[float]]:
     """Gain (1 + c q^-1) / (1 + d q^-1), stable, with the least excess over the radius in dB."""
-    z = np.exp(-1j * omega * Ts)
+    corners = np.concatenate([-1.0 + np.geomspace(1e-4, 1.0, 25), 1.0 - np.geomspace(0.05, 1, 8)])
+    gain, c, d = _least_excess(np.exp(-1j * omega * Ts), radius, np.unique(corners).tolist())
+    return [gain, gain * c], [1.0, d]
+
+
+def _continuous_weight(omega: Reals, radius: Reals, Ts: float) -> tuple[list[float], list[float]]:
+    """The same for gain (s + c) / (s + d), with c and d at frequencies of the grid and around."""
+    corners = np.geomspace(omega.min() / 10.0, omega.max() * 10.0, 33)
+    gain, c, d = _least_excess(1.0 / (1j * omega), radius, corners.tolist())
+    return [gain, gain * c], [1.0, d]
+
+
+def _least_excess(
+    step: NDArray[np.complexfloating], radius: Reals, corners: list[float]
+) -> tuple[float, float, float]:
+    """gain, c, d of gain (1 + c step) / (1 + d step)."""
     floor = max(float(radius.max()), np.finfo(float).tiny) * 1e-6
     wanted = np.maximum(radius, floor)
-    corners = np.concatenate([-1.0 + np.geomspace(1e-4, 1.0, 25), 1.0 - np.geomspace(0.05, 1, 8)])
     best: tuple[float, float, float, float] | None = None
-    for c in np.unique(corners).tolist():
-        for d in np.unique(corners).tolist():
-            shape = np.abs((1.0 + c * z) / (1.0 + d * z))
+    for c in corners:
+        for d in corners:
+            shape = np.abs((1.0 + c * step) / (1.0 + d * step))
             if not np.all(shape > 0):
                 continue
             gain = float((wanted / shape).max()) * (1.0 + 1e-9)
@@ -202,5 +219,4 @@ def _covering_weight(omega: Reals, radius: Reals, Ts: float) -> tuple[list[float
             if best is None or excess < best[0]:
                 best = excess, gain, c, d
     assert best is not None
-    _, gain, c, d = best
-    return [gain, gain * c], [1.0, d]
+    return best[1:]

@@ -16,8 +16,9 @@ import sparsepop_py as sp
 from .assembly import Rows, build
 from .completion import Witness, complete_point, least_noise
 from .data import IOData
-from .errors import DataError, NoiseError, PriorError, SetidError, SetidWarning
+from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from .layout import Layout
+from .models.continuous import ContinuousTransferFunction, at_rate
 from .models.equations import Equation, Structure
 from .noise import Noise
 from .printing import equation_text
@@ -25,7 +26,7 @@ from .priors.base import Prior
 from .priors.coefficients import Given
 from .regression import Regression, check_channels
 
-__all__ = ["Formulation", "formulate"]
+__all__ = ["Formulation", "formulate", "settled"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -44,8 +45,12 @@ class Formulation:
     regression : Regression or None
         Rows in theta alone that follow from the data and the noise bounds; None where the
         structure is not linear in its parameters.
+    smoothed : Regression or None
+        The same rows, and where they are differences over time also their sums through
+        low-pass filters (:mod:`setid.smoothing`): what boxes of the parameters rest on.
     data, model, noise, priors
-        What was given.
+        What was given; a continuous-time model at the sampling interval of the data, and
+        the noise with its discretisation error.
     dropped : int
         Equations left out because a missing sample without a range occurs in them.
     assumptions : tuple of str
@@ -67,6 +72,7 @@ class Formulation:
     layout: Layout
     rows: Rows
     regression: Regression | None
+    smoothed: Regression | None
     data: IOData
     model: Structure
     noise: Noise
@@ -251,6 +257,7 @@ def formulate(
     check_channels(data, model)
     if not isinstance(noise, Noise):
         raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
+    model, noise = settled(data, model, noise)
     wanted = _as_priors(priors, model)
     idle = np.flatnonzero(np.all(np.nan_to_num(data.u) == 0.0, axis=0))
     if idle.size:
@@ -270,6 +277,7 @@ def formulate(
         layout=built.layout,
         rows=built.rows,
         regression=built.regression,
+        smoothed=built.smoothed,
         data=data,
         model=model,
         noise=noise,
@@ -278,6 +286,19 @@ def formulate(
         assumptions=_assumptions(data, model, noise, wanted, built.dropped),
         _equations=built.equations,
     )
+
+
+def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, Noise]:
+    """A structure at the sampling interval of the data, and the noise with its ``delta``."""
+    model = at_rate(model, data.Ts)
+    if not isinstance(model, ContinuousTransferFunction):
+        return model, noise
+    if model.delta == "estimate":
+        raise ModelError(
+            "delta: found 'estimate', expected a number; setid.identify estimates it, and "
+            "setid.estimate_delta(data, model, noise) does so alone"
+        )
+    return model, noise.covering(model.delta)
 
 
 def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
@@ -305,6 +326,8 @@ def _assumptions(
 ) -> tuple[str, ...]:
     texts = [*data.assumptions, *noise.assumptions]
     texts.append(f"the system is a {model!r}")
+    if isinstance(model, ContinuousTransferFunction):
+        texts.append(model.assumption)
     texts.append("each noise sample lies within its bound")
     if model.initial == "zero":
         texts.append("all signals are zero before the record")

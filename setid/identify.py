@@ -145,9 +145,9 @@ def _bounded(
     formulation: Formulation, start: NDArray[np.float64]
 ) -> tuple[Box | None, tuple[tuple[int, int], ...]]:
     """The box of the parameters, and the samples that prove it empty if it is."""
-    if formulation.regression is not None:
-        box = parameter_box(formulation.regression, start)
-        return box, tuple(box.driving(formulation.regression)) if box.empty else ()
+    if formulation.smoothed is not None:
+        box = parameter_box(formulation.smoothed, start)
+        return box, tuple(box.driving(formulation.smoothed)) if box.empty else ()
     rows = lifted_rows(formulation)
     if rows is None:
         return None, ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +93,7 @@ class Noise:
     relative: bool
     constraints: tuple[NoiseConstraint, ...]
     assumptions: tuple[str, ...]
+    model_error: float
 
     def __init__(
         self,
@@ -120,9 +122,29 @@ class Noise:
                 for key, value in given.items()
                 if isinstance(value, EstimatedBound)
             ),
+            "model_error": 0.0,
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
+
+    def covering(self, delta: float) -> Noise:
+        """The same noise on outputs that differ from the model's by at most ``delta``.
+
+        Parameters
+        ----------
+        delta : float
+            Added to the bound of every output sample (whatever was added before is not).
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([1, 2], [2, 4])
+        >>> setid.Noise(output=0.25).covering(0.5).bounds(data)[0].ravel()
+        array([0.75, 0.75])
+        """
+        found = copy(self)
+        object.__setattr__(found, "model_error", float(delta))
+        return found
 
     def bounds(
         self, data: IOData
@@ -147,6 +169,8 @@ class Noise:
         input = _spread(self.input, "input", data.samples, data.inputs)
         if self.relative:
             output, input = output * np.abs(data.y), input * np.abs(data.u)
+        if self.model_error:
+            output = np.nextafter(output + self.model_error, np.inf)
         output = np.where(np.isnan(data.y), 0.0, output)
         input = np.where(np.isnan(data.u), 0.0, input)
         return output, input, _spread(self.equation, "equation", data.samples, data.outputs)

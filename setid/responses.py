@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from .data import IOData
 from .errors import ModelError, SetidError
 from .models.equations import Structure, Transfer
-from .simulate import simulate
+from .simulate import leading, simulate, weight
 
 __all__ = ["frequency_response", "frequency_weights", "grid", "run", "transfer_of"]
 
@@ -30,8 +30,17 @@ def transfer_of(model: Structure, output: int, input: int) -> Transfer:
     return model.transfer(output, input)
 
 
-def grid(omega: ArrayLike | None, Ts: float, points: int = 60) -> Reals:
+def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool = False) -> Reals:
     """Angular frequencies in rad per unit of time, up to the Nyquist frequency.
+
+    Parameters
+    ----------
+    omega : array_like (F,) or None
+        Checked where given; a grid of ``points`` otherwise.
+    Ts : float
+    points : int
+    continuous : bool
+        Models in continuous time, which also respond beyond the Nyquist frequency.
 
     Raises
     ------
@@ -42,7 +51,9 @@ def grid(omega: ArrayLike | None, Ts: float, points: int = 60) -> Reals:
     if omega is None:
         return np.geomspace(top / 500.0, top, points)
     values = np.atleast_1d(np.asarray(omega, float))
-    if values.ndim != 1 or not np.all((values > 0) & (values <= top * (1 + 1e-12))):
+    if values.ndim != 1 or not np.all((values > 0) & np.isfinite(values)):
+        raise SetidError("omega: expected finite frequencies > 0")
+    if not continuous and np.any(values > top * (1 + 1e-12)):
         raise SetidError(f"omega: expected frequencies in (0, pi / Ts] = (0, {top:g}]")
     return values
 
@@ -61,10 +72,17 @@ def frequency_weights(
     numerator = np.zeros((omega.size, len(place)), complex)
     denominator = np.zeros_like(numerator)
     for lag, name in enumerate(transfer.numerator, transfer.delay):
-        numerator[:, place[name]] = np.exp(-1j * omega * Ts * lag)
+        numerator[:, place[name]] = _step(transfer, omega, Ts, lag)
     for lag, name in enumerate(transfer.denominator, 1):
-        denominator[:, place[name]] = np.exp(-1j * omega * Ts * lag)
+        denominator[:, place[name]] = _step(transfer, omega, Ts, lag)
     return numerator, denominator
+
+
+def _step(transfer: Transfer, omega: Reals, Ts: float, lag: int) -> Complexes:
+    """q^-lag at exp(j omega Ts), or s^-lag at j omega in continuous time."""
+    if transfer.continuous:
+        return np.asarray((1j * omega) ** -lag, np.complex128)
+    return np.asarray(np.exp(-1j * omega * Ts * lag), np.complex128)
 
 
 def frequency_response(
@@ -75,7 +93,7 @@ def frequency_response(
     output: int = 1,
     input: int = 1,
 ) -> Complexes:
-    """G(exp(j omega Ts)) for one or many parameter vectors.
+    """G(exp(j omega Ts)), or G(j omega) in continuous time, for one or many parameter vectors.
 
     Parameters
     ----------
@@ -152,7 +170,8 @@ def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
     result = y.copy()
     if np.any(np.isnan(y[:first])):
         raise SetidError("data: found missing outputs at the beginning, expected a start value")
-    place = {name: value for name, value in zip(model.parameters, theta.tolist(), strict=True)}
+    place = dict(zip(model.parameters, theta.tolist(), strict=True))
+    leads = {equation.defines: leading(equation, place) for equation in equations}
     signals: Mapping[str, Any] = {
         **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},
         **{f"y{i + 1}": result[:, i] for i in range(y.shape[1])},
@@ -161,12 +180,10 @@ def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
         for k in range(first, len(y)):
             for equation in equations:
                 value = 0.0
-                for term in equation.terms[1:]:
-                    factor = -term.coefficient
-                    for name in term.parameters:
-                        factor *= place[name]
+                for term in equation.explicit:
+                    factor = -weight(term, place)
                     for lagged in term.signals:
                         factor *= signals[lagged.signal][k - lagged.lag]
                     value += factor
-                signals[equation.defines][k] = value
+                signals[equation.defines][k] = value / leads[equation.defines]
     return result

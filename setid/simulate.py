@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from .checks import frozen, real_array
 from .data import IOData
 from .errors import DataError, ModelError, NoiseError, SetidError
-from .models.equations import Equation, Structure, channel_of
+from .models.equations import Equation, Structure, Term, channel_of
 from .noise import Noise
 
-__all__ = ["Simulated", "simulate", "simulate_record"]
+__all__ = ["Simulated", "leading", "simulate", "simulate_record", "weight"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -175,34 +175,53 @@ def _simulate(
     }
     for equation in equations:
         signals[equation.defines] = [0.0] * (pad + samples)
-    steps: list[tuple[list[float], list[float], list[Any]]] = []
+    steps: list[tuple[list[float], float, list[float], list[Any]]] = []
     for equation in equations:
         driven = equation.error and equation.output is not None
         drive = errors[:, equation.output].tolist() if driven else [0.0] * samples
         terms = [
-            (
-                -t.coefficient * float(np.prod([theta[name] for name in t.parameters])),
-                [(signals[s.signal], s.lag) for s in t.signals],
-            )
-            for t in equation.terms[1:]
+            (-weight(t, theta), [(signals[s.signal], s.lag) for s in t.signals])
+            for t in equation.explicit
         ]
-        steps.append((signals[equation.defines], drive, terms))
+        steps.append((signals[equation.defines], leading(equation, theta), drive, terms))
     for k in range(samples):
-        for target, drive, terms in steps:
+        for target, lead, drive, terms in steps:
             value = drive[k]
-            for weight, factors in terms:
+            for product, factors in terms:
                 for samples_of, lag in factors:
-                    weight *= samples_of[pad + k - lag]
-                value += weight
-            target[pad + k] = value
+                    product *= samples_of[pad + k - lag]
+                value += product
+            target[pad + k] = value / lead
     return {name: np.array(values[pad:]) for name, values in signals.items()}
+
+
+def weight(term: Term, theta: Mapping[str, float]) -> float:
+    """What multiplies the signals of a term."""
+    return term.coefficient * float(np.prod([theta[name] for name in term.parameters]))
+
+
+def leading(equation: Equation, theta: Mapping[str, float]) -> float:
+    """What multiplies the defined sample: 1, and more where the equation is implicit.
+
+    Raises
+    ------
+    ModelError
+        If it is zero, so that the equation does not give the sample.
+    """
+    value = 1.0 + sum(weight(term, theta) for term in equation.implicit)
+    if value == 0.0:
+        raise ModelError(
+            f"theta: found a factor of zero before {equation.defines} at the same sample, "
+            "expected parameters with which the equation gives it"
+        )
+    return value
 
 
 def _check_causal(equations: Sequence[Equation], given: set[str]) -> None:
     """Each equation needs at lag 0 only what was defined before it."""
     known = set(given)
     for equation in equations:
-        now = {s.signal for t in equation.terms[1:] for s in t.signals if s.lag == 0}
+        now = {s.signal for t in equation.explicit for s in t.signals if s.lag == 0}
         if not now <= known:
             raise ModelError(
                 f"model: the equation of {equation.defines} needs {sorted(now - known)} at the "

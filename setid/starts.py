@@ -22,7 +22,7 @@ def _candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[n
     found = []
     with np.errstate(invalid="ignore"):
         middle = 0.5 * problem.lower[:p] + 0.5 * problem.upper[:p]
-    rows = formulation.regression
+    rows = formulation.smoothed
     if rows is not None:
         fit = np.linalg.lstsq(rows.regressors, -rows.target, rcond=None)[0]
         found.append(np.clip(fit, problem.lower[:p], problem.upper[:p]))

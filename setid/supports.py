@@ -119,7 +119,7 @@ def cover_of(result: Identification) -> Cover:
     formulation = result.formulation
     lower, upper = outer_box(result)
     matrix, right, all_linear = _linear_constraints(formulation)
-    if not all_linear and formulation.regression is not None:
+    if not all_linear and formulation.smoothed is not None:
         more, width = _regression_rows(formulation, lower, upper)
         matrix, right = np.concatenate([matrix, more]), np.concatenate([right, width])
     matrix, right = _binding(matrix, right, lower, upper)
@@ -204,7 +204,7 @@ def _linear_constraints(formulation: Formulation) -> tuple[Reals, Reals, bool]:
 
 def _regression_rows(formulation: Formulation, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
     """Rows of the regression, abs(theta) replaced by its chord over the box."""
-    rows = formulation.regression
+    rows = formulation.smoothed
     assert rows is not None
     slope, level = _chords(lower, upper)
     usable = ~np.any(np.isinf(level) & (rows.radii > 0), axis=1)

@@ -245,6 +245,11 @@ def predict(
     """
     record, _ = _record(result, data, noise)
     model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
+    if any(equation.implicit for equation in model.regression()):
+        raise SetidError(
+            "model: rows of a continuous-time structure hold the sample itself beside its "
+            "parameters and predict nothing one step ahead; simulate instead"
+        )
     rows = formulate(record, model, noise or result.formulation.noise).regression
     if rows is None:
         raise SetidError(
@@ -321,7 +326,8 @@ def _record(
         raise DataError(
             f"data: found Ts = {record.Ts:g}, expected {formulation.data.Ts:g} as identified"
         )
-    return record, (noise or formulation.noise).bounds(record)
+    noise = (noise or formulation.noise).covering(formulation.noise.model_error)
+    return record, noise.bounds(record)
 
 
 def _noise_width(cover: Cover, radius: Reals, radii: Reals) -> Reals:

@@ -94,7 +94,7 @@ def verify(result: Identification, data: IOData | None = None) -> Verification:
 
 def _box_follows(box: Box, again: Formulation, start: NDArray[np.float64]) -> bool:
     if isinstance(box, ParameterBox):
-        return again.regression is not None and box.verify(again.regression, start)
+        return again.smoothed is not None and box.verify(again.smoothed, start)
     rows = lifted_rows(again)
     return rows is not None and box.verify(rows, start)
 

@@ -77,15 +77,21 @@ class Equation:
     ----------
     defines : str
         The signal that the equation gives; it occurs at lag 0 in the first term, with
-        coefficient 1 and no parameter, and at lag 0 nowhere else.
+        coefficient 1 and no parameter. At lag 0 it may occur again only with parameters
+        alone (``implicit``): then the equation is solved for it.
     terms : tuple of Term
     error : bool
         Whether an equation error belongs to it (difference equations of an output).
+    differences : int
+        How many differences over time its rows take of the defined signal. They magnify
+        noise, so that the rows are also looked at through low-pass filters of this order
+        (see :mod:`setid.smoothing`); 0 for none.
     """
 
     defines: str
     terms: tuple[Term, ...]
     error: bool = False
+    differences: int = 0
 
     def __post_init__(self) -> None:
         if self.terms[:1] != (Term(1.0, (), (Lagged(self.defines),)),):
@@ -103,6 +109,17 @@ class Equation:
     def lag(self) -> int:
         """Largest lag: how many samples must precede a row."""
         return max((s.lag for t in self.terms for s in t.signals), default=0)
+
+    @property
+    def implicit(self) -> tuple[Term, ...]:
+        """Terms beyond the first that multiply the defined sample by parameters alone."""
+        return tuple(t for t in self.terms[1:] if t.signals == (Lagged(self.defines),))
+
+    @property
+    def explicit(self) -> tuple[Term, ...]:
+        """Terms that are known before the defined sample is."""
+        now = (Lagged(self.defines),)
+        return tuple(t for t in self.terms if t.signals != now)
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -124,12 +141,15 @@ class Equation:
 class Transfer:
     """Names of the coefficients of one transfer function.
 
-    ``(sum_j numerator[j] q^-(delay + j)) / (1 + sum_i denominator[i] q^-(i + 1))``.
+    ``(sum_j numerator[j] w^(delay + j)) / (1 + sum_i denominator[i] w^(i + 1))`` with
+    w = q^-1, or w = 1/s in continuous time: there the coefficients fall from b_m to b_0 and
+    from a_(n-1) to a_0, and the delay is n - m.
     """
 
     numerator: tuple[str, ...]
     denominator: tuple[str, ...]
     delay: int
+    continuous: bool = False
 
 
 @runtime_checkable

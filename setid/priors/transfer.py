@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import comb, inf
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..checks import number
 from ..errors import PriorError
 from ..models.equations import Structure, Transfer
 from .base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
+from .hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
 from .stability import disc_rows, disc_unknowns, unknown_values
 
 __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
@@ -22,14 +24,15 @@ __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
 @dataclass(frozen=True, slots=True)
 class Stable(Plain):
-    """All poles in the closed disc of radius 1 - margin.
+    """All poles in the closed disc of radius 1 - margin; in continuous time left of -margin.
 
-    With margin 0 this is the closure of stability. See :mod:`setid.priors.stability` for the rows.
+    With margin 0 this is the closure of stability. See :mod:`setid.priors.stability` for the
+    rows, and :mod:`setid.priors.hurwitz` for those of continuous time.
 
     Parameters
     ----------
     margin : float
-        In [0, 1).
+        In [0, 1); in continuous time any number >= 0, in rad per unit of time.
 
     Examples
     --------
@@ -46,19 +49,25 @@ class Stable(Plain):
     margin: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= number(self.margin, "Stable.margin", PriorError) < 1.0:
+        if not 0.0 <= number(self.margin, "Stable.margin", PriorError) < inf:
             raise PriorError(f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1")
 
     @property
     def radius(self) -> float:
-        """Largest absolute value of a pole."""
+        """Largest absolute value of a pole, in discrete time."""
+        if self.margin >= 1.0:
+            raise PriorError(f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1")
         return 1.0 - self.margin
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """abs(a_i) <= binomial(n, i) radius^i."""
-        found = {}
+        """abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i."""
+        found: dict[str, Interval] = {}
         for names in self.stable(model):
             for i, name in enumerate(names, 1):
+                if _continuous(model):
+                    least = comb(len(names), i) * self.margin**i
+                    found[name] = (float(np.nextafter(least, 0.0)), inf)
+                    continue
                 size = comb(len(names), i) * self.radius**i
                 size = float(np.nextafter(size, inf)) if self.margin else float(size)
                 found[name] = (-size, size)
@@ -76,15 +85,16 @@ class Stable(Plain):
         """Reflection coefficients and coefficients of lower degrees."""
         found: dict[str, Interval] = {}
         for label, names in self._labelled(model):
-            found |= disc_unknowns(len(names), True, label)
+            found |= _region(model).unknowns(len(names), True, label)
         return found
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Rows of :func:`setid.priors.stability.disc_rows`."""
+        """Rows of the closed disc, or of the closed half plane."""
         rows = []
         for label, names in self._labelled(model):
             if len(names) > 1:  # for one pole the bounds say it all
-                found = disc_rows(None, [x[name] for name in names], self.radius, x, label)
+                coefficients = [x[name] for name in names]
+                found = _region(model).rows(None, coefficients, self._size(model), x, label)
                 rows += named(found, label)
         return rows
 
@@ -93,13 +103,18 @@ class Stable(Plain):
         found: dict[str, float] = {}
         for label, names in self._labelled(model):
             values = [theta[name] for name in names]
-            found |= unknown_values(1.0, values, self.radius, True, label)
+            found |= _region(model).values(1.0, values, self._size(model), True, label)
         return found
+
+    def _size(self, model: Structure) -> float:
+        return self.margin if _continuous(model) else self.radius
 
 
 @dataclass(frozen=True, slots=True)
 class MinimumPhase(Plain):
     """All zeros of one transfer function in the closed unit disc (delays aside).
+
+    In continuous time they are in the closed left half plane.
 
     Parameters
     ----------
@@ -124,12 +139,17 @@ class MinimumPhase(Plain):
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
         """Ratios to the leading coefficient and their recursion, for three zeros and more."""
-        return disc_unknowns(len(self._names(model)) - 1, False, self._label())
+        return _region(model).unknowns(len(self._names(model)) - 1, False, self._label())
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Rows of :func:`setid.priors.stability.disc_rows`."""
+        """Rows of the closed disc, or of the closed half plane."""
         lead, *rest = self._names(model)
         low, high = facts.of(lead)
+        if _continuous(model) and len(rest) > 3 and low <= 0.0 <= high:
+            raise PriorError(
+                f"MinimumPhase: found {lead} in [{low:g}, {high:g}], expected an interval without "
+                "zero for more than three zeros in continuous time: Box or Known give it"
+            )
         if low < 0.0 < high or low == high == 0.0:
             raise PriorError(
                 f"MinimumPhase: found {lead} in [{low:g}, {high:g}], expected its sign to be known "
@@ -137,18 +157,21 @@ class MinimumPhase(Plain):
                 "and the closure of the set for both signs is not described by its rows"
             )
         sign = 1.0 if low >= 0.0 else -1.0
-        found = disc_rows(x[lead] * sign, [x[name] * sign for name in rest], 1.0, x, self._label())
+        size = 0.0 if _continuous(model) else 1.0
+        others = [x[name] * sign for name in rest]
+        found = _region(model).rows(x[lead] * sign, others, size, x, self._label())
         return named(found, self._label())
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
         """Reflection coefficients of the numerator."""
         lead, *rest = (theta[name] for name in self._names(model))
-        return unknown_values(lead, rest, 1.0, False, self._label())
+        size = 0.0 if _continuous(model) else 1.0
+        return _region(model).values(lead, rest, size, False, self._label())
 
 
 @dataclass(frozen=True, slots=True)
 class DCGain(Plain):
-    """Static gain N(1) / D(1) of one transfer function.
+    """Static gain of one transfer function: N(1) / D(1), or b_0 / a_0 in continuous time.
 
     Parameters
     ----------
@@ -160,8 +183,9 @@ class DCGain(Plain):
 
     Notes
     -----
-    With N = sum b and D = 1 + sum a: ``(N - low D)(high D - N) >= 0``, and the linear rows
-    ``low D <= N <= high D`` where :class:`Stable` makes D >= 0.
+    With N = sum b and D = 1 + sum a (or N = b_0 and D = a_0):
+    ``(N - low D)(high D - N) >= 0``, and the linear rows ``low D <= N <= high D`` where
+    :class:`Stable` makes D >= 0.
 
     Examples
     --------
@@ -309,7 +333,29 @@ class ZeroIn(_RootIn):
         return model.transfer(self.output, self.input).numerator
 
 
+class _Region(NamedTuple):
+    """Where roots may lie: rows, further unknowns and their values."""
+
+    rows: Callable[..., list[sp.Constraint]]
+    unknowns: Callable[[int, bool, str], dict[str, Interval]]
+    values: Callable[..., dict[str, float]]
+
+
+_DISC = _Region(disc_rows, disc_unknowns, unknown_values)
+_HALF_PLANE = _Region(half_plane_rows, half_plane_unknowns, half_plane_values)
+
+
+def _continuous(model: Structure) -> bool:
+    return model.transfer(1, 1).continuous
+
+
+def _region(model: Structure) -> _Region:
+    return _HALF_PLANE if _continuous(model) else _DISC
+
+
 def _sums(transfer: Transfer, x: Symbols) -> tuple[sp.Polynomial, sp.Polynomial]:
-    """Numerator and denominator at q = 1."""
+    """Numerator and denominator at q = 1, or at s = 0."""
+    if transfer.continuous:
+        return x[transfer.numerator[-1]], x[transfer.denominator[-1]]
     numerator = sp.total(x[name] for name in transfer.numerator)
     return numerator, sp.total([numerator * 0.0, 1.0, *(x[n] for n in transfer.denominator)])

@@ -1,0 +1,336 @@
+"""Continuous-time structures: physical coefficients in rows of sampled signals.
+
+With z = q^-1 the integral of a signal over time is approximated by
+
+    1/s  ->  (g0 + g1 z) / (1 - z),      g0 + g1 = Ts,
+
+and the equation D(s) y = N(s) u, multiplied by s^-n (1 - z)^n, becomes the row
+
+    sum_i a_i (1 - z)^i (g0 + g1 z)^(n-i) y == sum_i b_i (1 - z)^i (g0 + g1 z)^(n-i) u,
+
+a_n = 1: affine in the coefficients a_i and b_i, so that rows are bilinear in coefficients and
+noise. A row divided by (2 / Ts)^n would be that of textbooks; in this scale the leading
+difference (1 - z)^n y has coefficients of size 1 whatever Ts is.
+
+Tustin: g0 = g1 = Ts / 2, the trapezoidal rule.
+
+Lambda: for lam = 1 / (1 + tau s) the equation multiplied by (tau lam)^n is static in the
+filtered signals lam^j y and lam^j u, because s = (1 - lam) / (tau lam). A signal that is
+linear between samples is filtered exactly by ``lam = (c0 + c1 z) / (1 - exp(-Ts/tau) z)``
+with e = (1 - exp(-Ts/tau)) tau / Ts, c0 = 1 - e, c1 = e - exp(-Ts/tau). The
+denominators of the filters cancel, which leaves the row above with g0 = tau c0 / e and
+g1 = Ts - g0. For tau -> infinity it is Tustin's.
+
+Inputs that are held constant between samples are integrated exactly by Ts z / (1 - z):
+one factor g0 + g1 z of each numerator term is then Ts z.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from math import expm1
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.polynomial import polynomial as lags
+from numpy.typing import ArrayLike, NDArray
+
+from ..checks import natural, number
+from ..errors import ModelError
+from .equations import Equation, Initial, Lagged, Structure, Term, Transfer
+from .lti import TransferFunction
+
+__all__ = ["ContinuousTransferFunction", "Hold", "Method", "at_rate"]
+
+Method = Literal["tustin", "lambda", "indirect"]
+Hold = Literal["linear", "constant"]
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class ContinuousTransferFunction:
+    """G(s) = (b_m s^m + ... + b_0) / (s^n + a_(n-1) s^(n-1) + ... + a_0), sampled.
+
+    The parameters are the physical coefficients, named by their power of s, in falling
+    order: ``a1``, ``a0``, ``b1``, ``b0``.
+
+    Parameters
+    ----------
+    n : int
+        Order, at least 1.
+    m : int
+        Degree of the numerator, at most n.
+    method : {"tustin", "lambda", "indirect"}
+        How the derivatives are replaced; see the notes.
+    delta : float or "estimate"
+        Bound on the discretisation error: the recursion's output differs from the sampled
+        output by at most this, in units of the output. It widens the bound of the output
+        noise. With ``"estimate"`` :func:`setid.identify` takes the least one that is
+        consistent with the data (:func:`setid.estimate_delta`). Either way it is an
+        assumption, and results list it; 0 assumes that there is no such error.
+    tau : float, optional
+        Time constant of the filter of the lambda method, in the unit of Ts.
+    hold : {"linear", "constant"}
+        Inputs between samples. ``"constant"`` (digital outputs with a hold) asks for m < n.
+    Ts : float, optional
+        Sampling interval; that of the data when left out.
+    initial : {"free", "zero"}
+        As for :class:`TransferFunction`.
+
+    Raises
+    ------
+    ModelError
+        If a value does not fit.
+
+    Notes
+    -----
+    ``"tustin"`` is exact where all signals inside the chain of integrators are linear
+    between samples; its error falls with Ts^2 for inputs that ``hold`` describes.
+    ``"lambda"`` is exact where input and output are linear (the input: as ``hold`` says)
+    between samples, and for an exponential response of time constant tau.
+    ``"indirect"`` states the discrete model instead: parameters are then ``a1``, ``b1``
+    of a :class:`TransferFunction`, and :func:`setid.to_continuous` converts members.
+
+    References
+    ----------
+    H. Unbehauen, G. P. Rao, "Continuous-time approaches to system identification - a
+    survey", Automatica 26 (1990) 23-35.
+    R. Johansson, "Identification of continuous-time models", IEEE Trans. Signal Processing
+    42 (1994) 887-897 (the operator lambda).
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.ContinuousTransferFunction(2, 1, Ts=0.1)
+    >>> model.parameters
+    ('a1', 'a0', 'b1', 'b0')
+    >>> numerator, denominator = model.discrete([3, 2, 1, 4])  # (s + 4) / (s^2 + 3 s + 2)
+    >>> numerator.round(6), denominator.round(6)
+    (array([ 0.051948,  0.017316, -0.034632]), array([ 1.      , -1.722944,  0.74026 ]))
+    """
+
+    n: int
+    m: int
+    method: Method
+    delta: float | Literal["estimate"]
+    tau: float | None
+    hold: Hold
+    Ts: float | None
+    initial: Initial
+
+    def __init__(
+        self,
+        n: int,
+        m: int,
+        method: Method = "tustin",
+        delta: float | Literal["estimate"] = 0.0,
+        tau: float | None = None,
+        hold: Hold = "linear",
+        Ts: float | None = None,
+        initial: Initial = "free",
+    ) -> None:
+        order = natural(n, "n", ModelError, least=1)
+        degree = natural(m, "m", ModelError)
+        for field, value, known in (
+            ("method", method, get_args(Method)),
+            ("hold", hold, get_args(Hold)),
+            ("initial", initial, get_args(Initial)),
+        ):
+            if value not in known:
+                raise ModelError(f"{field}: found {value!r}, expected one of {', '.join(known)}")
+        if degree > order - (hold == "constant" and method != "indirect"):
+            raise ModelError(
+                f"m: found {degree}, expected at most n = {order}, and less with hold='constant': "
+                "an input that jumps at samples then acts on the output at once"
+            )
+        if (tau is not None) != (method == "lambda"):
+            raise ModelError(
+                f"tau: found {tau!r}, expected the time constant of the filter with "
+                "method='lambda', and none otherwise"
+            )
+        if method == "indirect" and delta != 0.0:
+            raise ModelError(
+                f"delta: found {delta!r}, expected 0 with method='indirect': the discrete model "
+                "has no discretisation error"
+            )
+        fields: dict[str, Any] = {
+            "n": order,
+            "m": degree,
+            "method": method,
+            "delta": delta if delta == "estimate" else _size(delta, "delta", least=0.0),
+            "tau": None if tau is None else _size(tau, "tau"),
+            "hold": hold,
+            "Ts": None if Ts is None else _size(Ts, "Ts"),
+            "initial": initial,
+        }
+        for key, value in fields.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def inputs(self) -> int:
+        """One input channel."""
+        return 1
+
+    @property
+    def outputs(self) -> int:
+        """One output channel."""
+        return 1
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the coefficients in falling order, denominator first."""
+        if self.method == "indirect":
+            return self.counterpart.parameters
+        return (*self._falling("a", self.n - 1), *self._falling("b", self.m))
+
+    def transfer(self, output: int = 1, input: int = 1) -> Transfer:
+        """Coefficient names of the transfer function."""
+        if self.method == "indirect" or (output, input) != (1, 1):
+            return self.counterpart.transfer(output, input)
+        names = self.parameters
+        return Transfer(names[self.n :], names[: self.n], self.n - self.m, continuous=True)
+
+    @property
+    def counterpart(self) -> TransferFunction:
+        """The discrete structure of the sampled system, with coefficients of its own.
+
+        Of order n, with n + 1 numerator coefficients, and without the first of them where a
+        held input cannot act at once (m < n).
+        """
+        delay = int(self.hold == "constant" and self.m < self.n)
+        return TransferFunction(self.n, self.n + 1 - delay, delay, initial=self.initial)
+
+    @property
+    def assumption(self) -> str:
+        """What is taken for granted of the signals between samples."""
+        held = "held constant" if self.hold == "constant" else "linear"
+        if self.method == "indirect":
+            return f"the sampled system is a {self.counterpart!r}"
+        how = "Tustin's rule" if self.method == "tustin" else f"lambda filters, tau = {self.tau:g}"
+        return (
+            f"between samples inputs are {held}; the recursion of {how} differs from the sampled "
+            f"output by at most delta = {self.delta if self.delta != 0.0 else 0}"
+        )
+
+    # ---- rows ---------------------------------------------------------------------------
+
+    def operator(self, power: int, signal: Literal["y", "u"] = "y") -> Reals:
+        """Lag coefficients of what stands for s^power in a row, (n + 1,) from lag 0.
+
+        Parameters
+        ----------
+        power : int
+            0..n.
+        signal : {"y", "u"}
+
+        Examples
+        --------
+        >>> import setid
+        >>> model = setid.ContinuousTransferFunction(2, 1, Ts=2.0)
+        >>> model.operator(1).tolist(), model.operator(0).tolist()
+        ([1.0, 0.0, -1.0], [1.0, 2.0, 1.0])
+        """
+        step = self._interval()
+        first = step / 2 if self.tau is None else _first_weight(step, self.tau)
+        integrals = [np.array([first, step - first])] * (self.n - power)
+        if signal == "u" and self.hold == "constant":
+            integrals[:1] = [np.array([0.0, step])]
+        found = np.ones(1)
+        for factor in [np.array([1.0, -1.0])] * power + integrals:
+            found = lags.polymul(found, factor)
+        return np.pad(found, (0, self.n + 1 - found.size))
+
+    def discrete(self, theta: ArrayLike) -> tuple[Reals, Reals]:
+        """Numerator and denominator of the recursion in powers of q^-1, (n + 1,) each.
+
+        Parameters
+        ----------
+        theta : (p,) array_like
+        """
+        values = np.asarray(theta, float)
+        if values.shape != (len(self.parameters),):
+            raise ModelError(f"theta: found shape {values.shape}, expected {self.parameters}")
+        bottom, top = self.operator(self.n), np.zeros(self.n + 1)
+        for power, a in zip(range(self.n - 1, -1, -1), values[: self.n], strict=True):
+            bottom = bottom + a * self.operator(power)
+        for power, b in zip(self._powers, values[self.n :], strict=True):
+            top = top + b * self.operator(power, "u")
+        return np.asarray(top / bottom[0]), np.asarray(bottom / bottom[0])
+
+    def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
+        """One row a sample, affine in the coefficients; noise does not change its form.
+
+        Parameters
+        ----------
+        noisy : collection of str
+            Not used here.
+        """
+        if self.method == "indirect":
+            return self.counterpart.equations(noisy)
+        terms = _terms("", 1.0, self.operator(self.n), "y1")
+        for name, i in zip(self._falling("a", self.n - 1), range(self.n - 1, -1, -1), strict=True):
+            terms += _terms(name, 1.0, self.operator(i), "y1")
+        for name, i in zip(self._falling("b", self.m), self._powers, strict=True):
+            terms += _terms(name, -1.0, self.operator(i, "u"), "u1")
+        return (Equation("y1", tuple(terms), error=True, differences=self.n),)
+
+    def regression(self) -> tuple[Equation, ...]:
+        """The same rows, which are linear in theta."""
+        return self.equations()
+
+    @property
+    def _powers(self) -> range:
+        """Powers of s in the numerator."""
+        return range(self.m, -1, -1)
+
+    def _falling(self, letter: str, top: int) -> tuple[str, ...]:
+        return tuple(f"{letter}{i}" for i in range(top, -1, -1))
+
+    def _interval(self) -> float:
+        if self.Ts is None:
+            raise ModelError(
+                "Ts: found None, expected the sampling interval (data bring it along; to simulate, "
+                "give ContinuousTransferFunction(..., Ts=...))"
+            )
+        return self.Ts
+
+
+def at_rate(model: Structure, Ts: float) -> Structure:
+    """The structure at the sampling interval of a record.
+
+    Raises
+    ------
+    ModelError
+        If a continuous-time structure was given another one.
+    """
+    if not isinstance(model, ContinuousTransferFunction) or model.Ts == Ts:
+        return model
+    if model.Ts is not None:
+        raise ModelError(f"Ts: found {model.Ts:g} in the model, expected {Ts:g} as in the data")
+    return replace(model, Ts=Ts)
+
+
+def _first_weight(step: float, tau: float) -> float:
+    """g0 of the lambda method: tau (1 - e) / e with e = (1 - exp(-x)) / x, x = step / tau."""
+    x = step / tau
+    if x < 1e-3:  # the difference below loses digits: its series
+        return step * (0.5 + x / 12.0 - x**3 / 720.0)
+    return step * (-1.0 / expm1(-x) - 1.0 / x)
+
+
+def _terms(name: str, sign: float, coefficients: Reals, signal: str) -> list[Term]:
+    """A parameter (or none) times a combination of lagged samples."""
+    return [
+        Term(sign * float(c), (name,) if name else (), (Lagged(signal, lag),))
+        for lag, c in enumerate(coefficients)
+        if c
+    ]
+
+
+def _size(given: Any, field: str, least: float | None = None) -> float:
+    value = number(given, field, ModelError)
+    if not np.isfinite(value) or value < 0 or (least is None and value == 0):
+        wanted = "> 0" if least is None else ">= 0"
+        raise ModelError(f"{field}: found {given!r}, expected a finite number {wanted}")
+    return value
