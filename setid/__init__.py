@@ -25,11 +25,13 @@ from .boxes import ParameterBox, parameter_box
 from .completion import Witness
 from .consistency import Consistency, consistency
 from .data import IOData
+from .discretisation import discretisation_error, estimate_delta
 from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from .estimators import Estimate, l1, least_squares, linf, recursive_least_squares
 from .exchange import ControlModels, to_control
 from .formulation import Formulation, formulate
 from .identify import identify
+from .indirect import ContinuousEstimate, to_continuous
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .layout import Layout
 from .members import Central, central, feasible, members, projection_estimate
@@ -62,6 +64,7 @@ __all__ = [
     "Central",
     "Comparison",
     "Consistency",
+    "ContinuousEstimate",
     "ContinuousTransferFunction",
     "ControlModels",
     "DCGain",
@@ -107,6 +110,8 @@ __all__ = [
     "central",
     "compare",
     "consistency",
+    "discretisation_error",
+    "estimate_delta",
     "estimate_noise_bound",
     "estimators",
     "feasible",
@@ -129,5 +134,6 @@ __all__ = [
     "simulate_band",
     "simulate_record",
     "step_band",
+    "to_continuous",
     "to_control",
 ]

@@ -20,7 +20,8 @@ from .boxes import ParameterBox, parameter_box
 from .data import IOData
 from .errors import ModelError, NoiseError
 from .estimators import least_squares, linf
-from .formulation import Formulation, formulate
+from .formulation import Formulation, formulate, settled
+from .models.continuous import without_delta
 from .models.equations import Structure
 from .noise import Noise
 from .noise_factor import last_variable, linear_problem, problem_with_factor, scaled_noise
@@ -158,11 +159,14 @@ def consistency(
     -----
     For equation errors this is a linear program and settled exactly. Otherwise emptiness of
     boxes gives a first bound, and the factor is an unknown that the engine minimises.
+    A discretisation error bound of a continuous-time model counts as output noise.
     """
     settings = options or Options(time_limit=60.0)
     if noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
+    model, noise = settled(data, model, noise)
     bounds = noise.bounds(data)
+    model = without_delta(model)
     if not any(np.any(bound > 0) for bound in bounds):
         raise NoiseError("noise: found no positive bound, expected one that can be scaled")
     given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)

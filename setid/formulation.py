@@ -298,7 +298,7 @@ def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, No
             "delta: found 'estimate', expected a number; setid.identify estimates it, and "
             "setid.estimate_delta(data, model, noise) does so alone"
         )
-    return model, noise.covering(model.delta)
+    return model, noise.covering(max(model.delta, noise.model_error))
 
 
 def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:

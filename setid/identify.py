@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from math import inf
 from types import MappingProxyType
@@ -24,6 +25,7 @@ import sparsepop_py as sp
 
 from .boxes import ParameterBox, parameter_box
 from .data import IOData
+from .discretisation import remark, with_estimate
 from .errors import SetidError
 from .formulation import Formulation, formulate
 from .intervals import Identification, IntervalStatus, ParameterInterval
@@ -62,7 +64,8 @@ def identify(
     ----------
     data : IOData
     model : Structure
-        Such as :class:`TransferFunction` or :class:`PolynomialNARX`.
+        Such as :class:`TransferFunction`, :class:`PolynomialNARX` or
+        :class:`ContinuousTransferFunction`.
     noise : Noise
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
@@ -98,7 +101,16 @@ def identify(
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
     timings: dict[str, float] = {}
-    formulation = _timed(timings, "formulate", lambda: formulate(data, model, noise, priors))
+    model, noise, given = _timed(
+        timings, "delta", lambda: with_estimate(data, model, noise, priors)
+    )
+    formulation = _timed(timings, "formulate", lambda: formulate(data, model, noise, given))
+    return _with_remarks(_settle(formulation, settings, timings))
+
+
+def _settle(
+    formulation: Formulation, settings: Options, timings: dict[str, float]
+) -> Identification:
     problem = formulation.problem
     if problem.degree <= 1 and problem.dimension <= _FEW:
         return _linear(formulation, settings, timings)
@@ -106,6 +118,12 @@ def identify(
     if direct is not None:
         return _identify(direct, settings, timings, (_DIRECT,))
     return _identify(formulation, settings, timings, ())
+
+
+def _with_remarks(found: Identification) -> Identification:
+    ends = [interval.outer for interval in found.intervals.values()]
+    told = "" if found.empty else remark(found.formulation, np.mean(ends, axis=1))
+    return replace(found, notes=(*found.notes, told)) if told else found
 
 
 def _direct(formulation: Formulation) -> Formulation | None:

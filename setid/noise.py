@@ -127,13 +127,14 @@ class Noise:
         for key, value in fields.items():
             object.__setattr__(self, key, value)
 
-    def covering(self, delta: float) -> Noise:
+    def covering(self, delta: float | EstimatedBound) -> Noise:
         """The same noise on outputs that differ from the model's by at most ``delta``.
 
         Parameters
         ----------
-        delta : float
-            Added to the bound of every output sample (whatever was added before is not).
+        delta : float or EstimatedBound
+            Added to the bound of every output sample, in place of what was added before;
+            a discretisation error of :class:`ContinuousTransferFunction` is one.
 
         Examples
         --------
@@ -143,6 +144,10 @@ class Noise:
         array([0.75, 0.75])
         """
         found = copy(self)
+        if isinstance(delta, EstimatedBound):
+            texts = dict.fromkeys([*self.assumptions, delta.assumption])
+            object.__setattr__(found, "assumptions", tuple(texts))
+            delta = float(delta.value.max())
         object.__setattr__(found, "model_error", float(delta))
         return found
 

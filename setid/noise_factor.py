@@ -55,27 +55,40 @@ def last_variable(problem: sp.Problem) -> sp.Polynomial:
     return sp.Polynomial.from_words(word, np.ones(1), problem.dimension)
 
 
-def problem_with_factor(formulation: Formulation, box: ParameterBox | None) -> sp.Problem:
-    """The problem with one more unknown in [0, 1] that multiplies all noise bounds."""
+def problem_with_factor(
+    formulation: Formulation, box: ParameterBox | None, scaled: float | None = None
+) -> sp.Problem:
+    """The problem with one more unknown in [0, 1] that multiplies all noise bounds.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    box : ParameterBox or None
+    scaled : float, optional
+        The part of each output noise bound that it multiplies, and nothing else.
+    """
     problem, layout = formulation.problem, formulation.layout
     n, p = problem.dimension, len(formulation.parameters)
     variables = sp.variables(n + 1, (*problem.names, "noise factor"))
     s = variables[-1]
     width = formulation.noise.bounds(formulation.data)[2]
     rows, starts, lines = formulation.rows, formulation.data.starts, []
+    inequality = sp.Kind.NONNEGATIVE if scaled is None else None
     for row, origin in enumerate(rows.origin):
         extra = None
-        if origin == "model" and problem.constraints[row].kind is sp.Kind.NONNEGATIVE:
+        if origin == "model" and problem.constraints[row].kind is inequality:
             sample = int(starts[rows.record[row] - 1] + rows.sample[row] - 1)
             size = float(width[sample, int(rows.equation[row][1:]) - 1])
             spare = 4e-16 * (abs(problem.constraints[row].polynomial.constant_term) + size)
             extra = size * s - (size - spare)  # the bound is size s instead of size
         lines.append(_lifted(problem, row, extra))
-    for group in ("eta", "xi"):
+    for group in ("eta", "xi") if scaled is None else ("eta",):
         numbers = layout.group(group)
         for number in numbers[numbers >= 0].tolist():
             size = float(problem.upper[number])
-            lines += [size * s - variables[number] >= 0, size * s + variables[number] >= 0]
+            part = size if scaled is None else min(scaled, size)
+            limit = part * s + (float(np.nextafter(size - part, inf)) if part < size else 0.0)
+            lines += [limit - variables[number] >= 0, limit + variables[number] >= 0]
     lower, upper = np.append(problem.lower, 0.0), np.append(problem.upper, 1.0)
     if box is not None and not box.empty:
         lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)

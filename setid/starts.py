@@ -13,10 +13,10 @@ import sparsepop_py as sp
 from .errors import ModelError
 from .formulation import Formulation
 
-__all__ = ["first_point", "repair"]
+__all__ = ["candidates", "first_point", "repair"]
 
 
-def _candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np.float64]]:
+def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np.float64]]:
     """Parameter vectors that may be consistent: the middle of the box, and least squares."""
     p = len(formulation.parameters)
     found = []
@@ -33,7 +33,7 @@ def _candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[n
 def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.float64] | None:
     """The candidate that needs the least noise, with that noise."""
     best: tuple[float, NDArray[np.float64] | None] = (inf, None)
-    for theta in _candidates(formulation, problem):
+    for theta in candidates(formulation, problem):
         try:
             witness = formulation.witness(theta)
         except ModelError:

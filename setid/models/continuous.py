@@ -41,7 +41,7 @@ from ..errors import ModelError
 from .equations import Equation, Initial, Lagged, Structure, Term, Transfer
 from .lti import TransferFunction
 
-__all__ = ["ContinuousTransferFunction", "Hold", "Method", "at_rate"]
+__all__ = ["ContinuousTransferFunction", "Hold", "Method", "at_rate", "without_delta"]
 
 Method = Literal["tustin", "lambda", "indirect"]
 Hold = Literal["linear", "constant"]
@@ -309,6 +309,11 @@ def at_rate(model: Structure, Ts: float) -> Structure:
     if model.Ts is not None:
         raise ModelError(f"Ts: found {model.Ts:g} in the model, expected {Ts:g} as in the data")
     return replace(model, Ts=Ts)
+
+
+def without_delta(model: Structure) -> Structure:
+    """The structure without its bound of the discretisation error."""
+    return replace(model, delta=0.0) if isinstance(model, ContinuousTransferFunction) else model
 
 
 def _first_weight(step: float, tau: float) -> float:

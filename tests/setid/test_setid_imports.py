@@ -17,14 +17,15 @@ ROOT = Path(setid.__file__).resolve().parent
 
 ORDER = """
 errors checks reading data record_plots
-models models.equations models.lti models.narx
-layout noise signals compiler regression
-priors priors.base priors.stability priors.coefficients priors.transfer
+models models.equations models.lti models.continuous models.narx
+layout noise signals compiler regression smoothing
+priors priors.base priors.stability priors.hurwitz priors.coefficients priors.transfer
 missing printing assembly linear completion formulation
-estimators simulate responses supports enclosures members bands exchange projections
+estimators simulate responses supports enclosures members bands exchange indirect
+projections
 residuals validation
 options bounds boxes lifted reports verification intervals progress
-starts identify noise_factor consistency select
+starts noise_factor discretisation identify consistency select
 plots cli
 """.split()
 
