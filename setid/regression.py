@@ -12,6 +12,7 @@ from .checks import frozen
 from .compiler import Planned, plan
 from .data import IOData
 from .errors import DataError, ModelError
+from .models.continuous import at_rate
 from .models.equations import Structure
 from .signals import Integers, Reals, Signal, measured, product
 
@@ -152,6 +153,7 @@ def regression_of_data(data: IOData, model: Structure) -> Regression:
         If channels do not fit or no row is left.
     """
     check_channels(data, model)
+    model = at_rate(model, data.Ts)
     exact, none = np.zeros(data.samples), np.full(data.samples, -1)
     columns = {
         f"{letter}{channel + 1}": column

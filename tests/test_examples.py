@@ -44,7 +44,8 @@ def numbers(text: str) -> list[float]:
 
 def test_every_example_is_tested() -> None:
     named = {"demo", "expressions", "structs", "certificate", "many_objectives"}
-    records = {f"identify_{name}" for name in ("estimators", "hairdryer", "cd_player", "tank")}
+    studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates")
+    records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
     assert found == named | records | {"order_comparison"}
 
@@ -181,6 +182,25 @@ def test_identify_tank(tmp_path: Path) -> None:
     linear, quadratic = re.findall(r"equation error (\S+) V", output)
     assert float(linear) > float(quadratic) > 0.05
     assert "falsified" in output and output.count("certified") == 4
+
+
+@pytest.mark.slow
+def test_identify_sampling_rates(tmp_path: Path) -> None:
+    output = run("identify_sampling_rates", tmp_path, "--output", str(tmp_path / "pictures"))
+    assert (tmp_path / "pictures" / "sampling_rates.png").stat().st_size > 10_000
+    lines = output.splitlines()
+    covered = [k for k, line in enumerate(lines) if line[:5].strip()[:2] == "0."]
+    truth = {"a1": 1.2, "a0": 2.0, "b1": 0.5, "b0": 2.0}
+    widths = []
+    for k in covered[::2]:  # delta covers the error, then delta = 0
+        ends = re.findall(r"(\w\d) \[([-.\d]+), ([-.\d]+)\]", lines[k])
+        assert [name for name, *_ in ends] == list(truth)
+        assert all(float(low) - 5e-4 <= truth[n] <= float(high) + 5e-4 for n, low, high in ends)
+        assert lines[k + 1].strip() == "the truth is inside"
+        widths.append([float(high) - float(low) for _, low, high in ends])
+    assert len(widths) == 3
+    assert all(new < old for old, new in zip(widths[0], widths[2], strict=True))
+    assert "the truth is lost" in output and "give delta >=" in output
 
 
 # ---- README -----------------------------------------------------------------------------
