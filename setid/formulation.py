@@ -327,7 +327,7 @@ def _assumptions(
     texts = [*data.assumptions, *noise.assumptions]
     texts.append(f"the system is a {model!r}")
     if isinstance(model, ContinuousTransferFunction):
-        texts.append(model.assumption)
+        texts.append(model.between_samples(noise.model_error))
     texts.append("each noise sample lies within its bound")
     if model.initial == "zero":
         texts.append("all signals are zero before the record")

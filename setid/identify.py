@@ -121,8 +121,8 @@ def _settle(
 
 
 def _with_remarks(found: Identification) -> Identification:
-    ends = [interval.outer for interval in found.intervals.values()]
-    told = "" if found.empty else remark(found.formulation, np.mean(ends, axis=1))
+    middle = np.array([interval.centre for interval in found.intervals.values()])
+    told = "" if found.empty else remark(found.formulation, middle)
     return replace(found, notes=(*found.notes, told)) if told else found
 
 

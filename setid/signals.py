@@ -120,7 +120,8 @@ def product(
 ) -> Ball:
     """Range of coefficient * product of lagged signals at the rows.
 
-    A single factor keeps its ball exactly; products of several are rounded outwards.
+    A single factor without a coefficient keeps its ball exactly; the radius of others is
+    rounded up, and products of several are rounded outwards. Centres are what rows hold.
     Equal factors are powers, whose range is that of the power.
     """
     centre, radius = np.full(rows.size, coefficient), np.zeros(rows.size)
@@ -129,7 +130,7 @@ def product(
     for factor, power in powers.items():
         ball = signals[factor.signal].ball(rows, factor.lag, first)
         if len(factors) == 1:
-            return Ball(coefficient * ball.centre, abs(coefficient) * ball.radius)
+            return Ball(coefficient * ball.centre, _times(abs(coefficient), ball.radius))
         raised = _power(ball, power)
         with np.errstate(invalid="ignore"):
             spread = (
@@ -143,6 +144,14 @@ def product(
     for factor in factors:
         exact = exact * signals[factor.signal].ball(rows, factor.lag, first).centre
     return Ball(np.where(radius == 0, exact, centre), radius)
+
+
+def _times(size: float, radius: Reals) -> Reals:
+    """Product, rounded up where it may be rounded."""
+    product_ = size * radius
+    if size == 1.0:
+        return product_
+    return np.where(product_ > 0, np.nextafter(product_, np.inf), product_)
 
 
 def _power(ball: Ball, power: int) -> Ball:

@@ -201,16 +201,15 @@ class ContinuousTransferFunction:
         delay = int(self.hold == "constant" and self.m < self.n)
         return TransferFunction(self.n, self.n + 1 - delay, delay, initial=self.initial)
 
-    @property
-    def assumption(self) -> str:
-        """What is taken for granted of the signals between samples."""
+    def between_samples(self, delta: float) -> str:
+        """What is taken for granted of the signals between samples, with the bound in use."""
         held = "held constant" if self.hold == "constant" else "linear"
         if self.method == "indirect":
             return f"the sampled system is a {self.counterpart!r}"
         how = "Tustin's rule" if self.method == "tustin" else f"lambda filters, tau = {self.tau:g}"
         return (
             f"between samples inputs are {held}; the recursion of {how} differs from the sampled "
-            f"output by at most delta = {self.delta if self.delta != 0.0 else 0}"
+            f"output by at most delta = {delta:.6g}"
         )
 
     # ---- rows ---------------------------------------------------------------------------

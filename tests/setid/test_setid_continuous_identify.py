@@ -208,9 +208,21 @@ def test_higher_orders_and_large_coefficients(
     assert holds_truth(result, np.array(theta)) and result.status == "certified"
 
 
+def test_without_a_box_the_variables_are_named() -> None:
+    """Noise as large as the signal: a box asked for, by name, settles it."""
+    data, _ = sampled(0.4, 10)
+    loud = setid.Noise(output=2.0)
+    result = setid.identify(data, C(2, 1), loud, options=QUICK)
+    assert "the data give no finite bounds of a1, a0, b1, b0" in result.notes[0]
+    box = setid.Box({name: (0.5 * value, 2 * value) for name, value in PLANT.items()})
+    boxed = setid.identify(data, C(2, 1), loud, [box], QUICK)
+    assert holds_truth(boxed) and all(np.isfinite(i.width) for i in boxed.intervals.values())
+
+
 # ---- the discretisation error -----------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_least_bound_is_consistent_and_less_is_not() -> None:
     """Inputs said to be linear that are held: the structure cannot absorb it all."""
     u = levels(0.4, 12)
@@ -237,6 +249,7 @@ def test_estimate_is_settled_by_identify_and_listed() -> None:
     assert any(
         "discretisation error: at most delta = 0, the least" in t for t in result.assumptions
     )
+    assert any("by at most delta = 0" in text for text in result.assumptions)
     assert any("is off by" in note for note in result.notes) and error > 0.01
     assert result.verify()
 

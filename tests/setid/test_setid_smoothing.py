@@ -91,7 +91,7 @@ def test_fast_sampling_is_bounded_by_sums_alone() -> None:
     assert formulation.regression is not None and formulation.smoothed is not None
     rows = setid.parameter_box(formulation.regression)
     sums = setid.parameter_box(formulation.smoothed)
-    assert np.all((sums.lower <= THETA) & (sums.upper >= THETA)) and not sums.open
+    assert np.all((sums.lower <= THETA) & (sums.upper >= THETA))
     assert np.all(4 * (sums.upper - sums.lower) < rows.upper - rows.lower)
     assert np.all(sums.lower > 0) and np.all(rows.lower < 0)
     assert sums.verify(formulation.smoothed, sums.start)
