@@ -44,7 +44,7 @@ def main() -> None:
     output = parser.parse_args().output
     output.mkdir(parents=True, exist_ok=True)
     noise = setid.Noise(output=NOISE)
-    options = setid.Options(time_limit=20.0, progress=False)
+    options = setid.Options(time_limit=60.0, progress=False)
 
     rates = (0.4, 0.2, 0.1)
     found = {}

@@ -66,7 +66,7 @@ class Stable(Plain):
             for i, name in enumerate(names, 1):
                 if _continuous(model):
                     least = comb(len(names), i) * self.margin**i
-                    found[name] = (float(np.nextafter(least, 0.0)), inf)
+                    found[name] = (least * (1.0 - 1e-15), inf)  # below what rounding may add
                     continue
                 size = comb(len(names), i) * self.radius**i
                 size = float(np.nextafter(size, inf)) if self.margin else float(size)

@@ -16,7 +16,7 @@ Reals = NDArray[np.float64]
 
 PLANT = {"a1": 1.2, "a0": 2.0, "b1": 0.5, "b0": 2.0}  # (0.5 s + 2) / (s^2 + 1.2 s + 2)
 THETA = np.array(list(PLANT.values()))
-QUICK = setid.Options(time_limit=20.0, progress=False)
+QUICK = setid.Options(time_limit=90.0, progress=False)
 SCIPY = {"constant": "zoh", "linear": "foh"}
 
 

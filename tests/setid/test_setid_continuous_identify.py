@@ -203,7 +203,7 @@ def test_higher_orders_and_large_coefficients(
     noise = setid.Noise(output=size)
     truth = setid.simulate_record(C(n, 0, Ts=Ts), theta, u, noise, Ts=Ts)
     result = setid.identify(
-        truth.data, C(n, 0), noise, [setid.Stable()], setid.Options(time_limit=60, progress=False)
+        truth.data, C(n, 0), noise, [setid.Stable()], setid.Options(time_limit=300, progress=False)
     )
     assert holds_truth(result, np.array(theta)) and result.status == "certified"
 
