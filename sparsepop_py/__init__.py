@@ -17,6 +17,7 @@ Examples
 
 from . import problems
 from .certificate.certificate import Certificate, Verdict
+from .cones import psd, second_order
 from .conic import ConicProgram, ConicSolution, assemble
 from .errors import (
     FormatError,
@@ -70,8 +71,10 @@ __all__ = [
     "linear_bounds",
     "parse",
     "problems",
+    "psd",
     "read_gms",
     "relax",
+    "second_order",
     "solve",
     "solve_conic",
     "solve_each",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import generators, monomials
 from ..enclosure import expand_affine
-from ..polynomial import Constraint, Polynomial
+from ..polynomial import Constraint, Kind, Polynomial
 from ..problem import Problem
 from ..rounding import Interval
 from ..system import PolynomialSystem
@@ -119,7 +119,8 @@ class Scaled:
         Every objective asked for, scaled; the first is ``problem.objective``.
     objective_sizes : tuple of float
     row_sizes : (m,) float
-        original objective = size * scaled objective, and likewise for each constraint.
+        original objective = size * scaled objective, and likewise for each constraint with
+        its matrix.
     """
 
     problem: Problem
@@ -146,7 +147,10 @@ class Scaled:
     ) -> Scaled:
         """Scale constraints, bounds and objectives; rows that are not active become empty."""
         n, m = problem.dimension, len(problem.constraints)
+        owner = problem.matrices.owner
         polynomials = [c.polynomial for c in problem.constraints] + list(objectives)
+        entries = range(len(polynomials), len(polynomials) + owner.size)
+        polynomials += [p for c in problem.constraints for p in c.entries]
         original = PolynomialSystem.stack(polynomials, n)
         system = scaling.expand(original)
         reach = np.abs(scaling.centre) + scaling.scale
@@ -156,19 +160,26 @@ class Scaled:
         largest = np.zeros(system.size)
         varies = system.words.any(axis=1)
         np.maximum.at(largest, system.row[varies], np.abs(system.coefficients[varies]))
-        size = np.where(largest > 0, largest, 1.0)
+        shared = largest.copy()
+        np.maximum.at(shared, owner, largest[entries.start :])
+        shared[entries] = shared[owner]
+        size = np.where(shared > 0, shared, 1.0)
         useless = _repeats_bounds(system, problem, scaling) | (largest <= 1e-11 * magnitude)
         if active is not None:
             useless[:m] |= ~active
-        useless[m:] = False  # objectives
+        useless[m:] = False  # objectives and entries
         rows = _split(system.without(np.flatnonzero(useless)), size)
-        constraints = [
-            Constraint(row, constraint.kind, constraint.name)
-            for row, constraint in zip(rows, problem.constraints, strict=False)
-        ]
+        part = iter(rows[entries.start :])
+        constraints = []
+        for number, (row, c) in enumerate(zip(rows, problem.constraints, strict=False)):
+            own, kind = tuple(next(part) for _ in c.entries), c.kind
+            if own and active is not None and not active[number]:
+                own, kind = (), Kind.NONNEGATIVE
+            constraints.append(Constraint(row, kind, c.name, own))
         low, high = scaling.bounds
         scaled = Problem(rows[m], constraints, low, high, problem.names)
-        return Scaled(scaled, scaling, tuple(rows[m:]), tuple(size[m:].tolist()), size[:m])
+        asked = slice(m, entries.start)
+        return Scaled(scaled, scaling, tuple(rows[asked]), tuple(size[asked].tolist()), size[:m])
 
 
 def scale_objective(objective: Polynomial, scaling: Scaling) -> tuple[Polynomial, float]:

@@ -1,0 +1,318 @@
+"""Constraints that say a matrix of polynomials is positive semidefinite, and many of them stacked.
+
+A second-order cone is one of them too, by its arrow matrix. Each carries a polynomial that
+follows from it, so that whatever knows polynomials alone (linear relaxations, products of
+bounds, branching) stays valid without knowing matrices.
+
+References
+----------
+C. W. J. Hol, C. W. Scherer, Sum of squares relaxations for polynomial semidefinite
+programming, MTNS 2004.
+D. Henrion, J. B. Lasserre, Convergent relaxations of polynomial matrix inequalities and
+static output feedback, IEEE Trans. Automatic Control 51, 2006.
+"""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from .constraint import Constraint, Kind
+from .errors import ProblemError
+from .polynomial import Polynomial, total
+from .system import PolynomialSystem
+
+__all__ = ["Matrices", "SymbolicCone", "cone", "psd", "second_order"]
+
+
+@dataclass(frozen=True, eq=False)
+class SymbolicCone:
+    """A matrix constraint of sympy expressions; a problem knows which symbols are variables."""
+
+    kind: Kind
+    entries: tuple[Any, ...]
+    name: str = ""
+
+
+def second_order(*entries: Any, name: str = "") -> Constraint | SymbolicCone:
+    """The constraint f1 >= |(f2, ..., fk)|, the Euclidean norm.
+
+    Parameters
+    ----------
+    *entries : Polynomial, number or sympy expression
+        The axis f1 and the rest, or one sequence of all of them.
+    name : str
+
+    Returns
+    -------
+    Constraint
+        Of kind ``SECOND_ORDER``, whose polynomial is f1; ``f1 >= 0`` where there is no rest.
+        For sympy expressions, what a Problem of sympy expressions takes for one.
+
+    Raises
+    ------
+    ProblemError
+        If an entry is nothing of that, or none is a polynomial.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> print(sp.second_order(2, x, y))
+    second_order(2, x1, x2)
+    """
+    if len(entries) == 1 and _is_sequence(entries[0]):
+        entries = tuple(entries[0])
+    if not entries:
+        raise ProblemError("second_order: found no entries, expected the axis and the rest")
+    return _made(Kind.SECOND_ORDER, list(entries), "second_order", name)
+
+
+def psd(matrix: Any, name: str = "") -> Constraint | SymbolicCone:
+    """The constraint that a symmetric matrix of polynomials is positive semidefinite.
+
+    Parameters
+    ----------
+    matrix : (m, m) nested sequences, array or sympy Matrix
+        Polynomials, numbers or sympy expressions.
+    name : str
+
+    Returns
+    -------
+    Constraint
+        Of kind ``PSD``. Its polynomial is the trace, or a diagonal entry where the
+        coefficients of the trace are no doubles. ``p >= 0`` for a matrix of one entry.
+        For sympy expressions, what a Problem of sympy expressions takes for one.
+
+    Raises
+    ------
+    ProblemError
+        If the matrix is not square or not symmetric, an entry is nothing of that, or none
+        is a polynomial.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> problem = sp.Problem(x, [sp.psd([[1, x], [x, 1]])])
+    >>> abs(sp.solve(problem).lower_bound + 1) < 1e-6
+    True
+    """
+    rows = matrix.tolist() if hasattr(matrix, "tolist") else matrix
+    if not _is_sequence(rows) or not all(_is_sequence(row) for row in rows):
+        raise ProblemError(f"psd: found {type(matrix).__name__}, expected a square matrix")
+    table = [list(row) for row in rows]
+    side = len(table)
+    for number, row in enumerate(table):
+        if len(row) != side:
+            raise ProblemError(f"psd: found {len(row)} entries in row {number}, expected {side}")
+    if not side:
+        raise ProblemError("psd: found an empty matrix, expected at least one entry")
+    for i in range(side):
+        for j in range(i):
+            if not _same(table[i][j], table[j][i]):
+                raise ProblemError(
+                    f"psd: found {table[i][j]} and {table[j][i]} in rows {i} and {j}, "
+                    "expected a symmetric matrix"
+                )
+    lower = [table[i][j] for i in range(side) for j in range(i + 1)]
+    return _made(Kind.PSD, lower, "psd", name)
+
+
+def cone(kind: Kind, entries: Sequence[Polynomial], name: str = "") -> Constraint:
+    """The matrix constraint with these entries, as :class:`Constraint` orders them."""
+    if len(entries) == 1:
+        return Constraint(entries[0], Kind.NONNEGATIVE, name)
+    implied = entries[0]
+    if kind is Kind.PSD:
+        diagonal = [entries[k] for k in _diagonal(len(entries))]
+        varying = next((p for p in diagonal if p.degree), diagonal[0])
+        implied = _exact_sum(diagonal) or varying
+    return Constraint(implied, kind, name, tuple(entries))
+
+
+def _made(kind: Kind, entries: list[Any], where: str, name: str) -> Constraint | SymbolicCone:
+    known = next((p for p in entries if isinstance(p, Polynomial)), None)
+    unknown = [p for p in entries if not isinstance(p, (Polynomial, numbers.Real))]
+    if unknown and all(type(p).__module__.partition(".")[0] == "sympy" for p in unknown):
+        if known is not None:
+            raise ProblemError(f"{where}: sympy expressions and Polynomials are mixed")
+        return SymbolicCone(kind, tuple(entries), name)
+    if unknown:
+        raise ProblemError(
+            f"{where}: found {type(unknown[0]).__name__} among the entries, expected "
+            "Polynomials, numbers or sympy expressions"
+        )
+    if known is None:
+        raise ProblemError(f"{where}: found numbers alone, expected at least one Polynomial")
+    nothing = known * 0.0
+    filled = [p if isinstance(p, Polynomial) else total([nothing, float(p)]) for p in entries]
+    for p in filled:
+        total([nothing, p])  # says so where the numbers of variables differ
+    return cone(kind, filled, name)
+
+
+def _is_sequence(item: Any) -> bool:
+    return isinstance(item, (list, tuple, np.ndarray))
+
+
+def _same(a: Any, b: Any) -> bool:
+    if not isinstance(a, Polynomial) or not isinstance(b, Polynomial):
+        if not isinstance(a, Polynomial) and not isinstance(b, Polynomial):
+            return bool(a == b)
+        mixed, other = (a, b) if isinstance(a, Polynomial) else (b, a)
+        return isinstance(other, numbers.Real) and not total([mixed, -float(other)]).terms
+    return a.dimension != b.dimension or not total([a, -b]).terms
+
+
+def _diagonal(count: int) -> list[int]:
+    """Places of the diagonal in a lower triangle of that many entries."""
+    places, place, row = [], 0, 0
+    while place < count:
+        places.append(place)
+        row += 1
+        place += row + 1
+    return places
+
+
+def _exact_sum(polynomials: Sequence[Polynomial]) -> Polynomial | None:
+    """The sum if all its coefficients are doubles: a rounded one might cut off points."""
+    sums: dict[tuple[int, ...], Fraction] = {}
+    for p in polynomials:
+        for word, value in zip(p.words.tolist(), p.coefficients.tolist(), strict=True):
+            key = tuple(letter for letter in word if letter)
+            sums[key] = sums.get(key, Fraction(0)) + Fraction(value)
+    rounded = total(polynomials)
+    found = {
+        tuple(letter for letter in word if letter): Fraction(value)
+        for word, value in zip(rounded.words.tolist(), rounded.coefficients.tolist(), strict=True)
+    }
+    return rounded if found == {key: value for key, value in sums.items() if value} else None
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """The matrices of all constraints, their distinct entries stacked.
+
+    Parameters
+    ----------
+    system : PolynomialSystem
+        All entries, constraint by constraint, and the zero polynomial as the last row.
+    owner : (E,) int
+        The constraint of each entry.
+    side : (m,) int
+        Rows of the matrix of each constraint, 0 where it has none.
+    first : (m,) int
+        Where the positions of each matrix start in ``table``.
+    table : (sum of side^2,) int
+        Row of ``system`` at each position, row by row.
+    round : (m,) bool
+        Which of them are second-order cones.
+    """
+
+    system: PolynomialSystem
+    owner: NDArray[np.int64]
+    side: NDArray[np.int64]
+    first: NDArray[np.int64]
+    table: NDArray[np.int64]
+    round: NDArray[np.bool_]
+
+    @staticmethod
+    def of(constraints: Sequence[Constraint], dimension: int) -> Matrices:
+        """Those of constraints in ``dimension`` variables."""
+        entries = [p for c in constraints for p in c.entries]
+        count = np.array([len(c.entries) for c in constraints], np.int64)
+        start = np.cumsum(count) - count
+        stacked = PolynomialSystem.stack(entries, dimension)
+        zero = len(entries)
+        system = PolynomialSystem(
+            stacked.words, stacked.coefficients, stacked.row, zero + 1, dimension
+        )
+        table: list[int] = []
+        for c, base in zip(constraints, start.tolist(), strict=True):
+            for i in range(c.side):
+                places = (c.position(i, j) for j in range(c.side))
+                table += [zero if place is None else base + place for place in places]
+        side = np.array([c.side for c in constraints], np.int64)
+        return Matrices(
+            system,
+            np.repeat(np.arange(side.size), count),
+            side,
+            np.cumsum(side**2) - side**2,
+            np.array(table, np.int64),
+            np.array([c.kind is Kind.SECOND_ORDER for c in constraints], bool),
+        )
+
+    @property
+    def constraints(self) -> NDArray[np.int64]:
+        """The constraints that have a matrix."""
+        return np.flatnonzero(self.side)
+
+    def entry(self, constraint: NDArray, i: NDArray, j: NDArray) -> NDArray[np.int64]:
+        """Row of ``system`` in row i and column j of the matrix of each constraint."""
+        return self.table[self.first[constraint] + i * self.side[constraint] + j]
+
+    def layout(self, constraint: int) -> NDArray[np.int64]:
+        """Rows of ``system`` as they stand in one matrix, (side, side)."""
+        side, first = int(self.side[constraint]), int(self.first[constraint])
+        return self.table[first : first + side**2].reshape(side, side)
+
+    def least_eigenvalue(self, x: NDArray[np.float64]) -> float:
+        """The least eigenvalue of all matrices at ``x``, in floating point; inf without any."""
+        values = self.system.values(x)
+        least = np.inf
+        for k in self.constraints:
+            matrix = values[self.layout(k)]
+            if not np.all(np.isfinite(matrix)):
+                return -np.inf
+            if self.round[k]:
+                found = matrix[0, 0] - np.linalg.norm(matrix[0, 1:])
+            else:
+                found = np.linalg.eigvalsh(matrix)[0]
+            least = min(least, float(found))
+        return least
+
+    def cuts(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], sps.csr_array]:
+        """Values v' G v at ``x`` and their gradients (C, n), for eigenvectors v of each matrix.
+
+        Beside eigenvectors those halfway between two of small eigenvalues, which hold
+        what these cannot: the matrix between them.
+        """
+        values, jacobian = self.system.values(x), self.system.jacobian(x)
+        found, rows = [np.zeros(0)], [np.zeros((0, self.system.size))]
+        for k in self.constraints:
+            layout = self.layout(k)
+            size, vectors = np.linalg.eigh(values[layout])
+            small = np.flatnonzero(np.abs(size) <= 1e-4 * max(1.0, np.abs(size).max()))[:6]
+            first, second = np.triu_indices(small.size, 1)
+            between = [
+                (vectors[:, small[first]] + sign * vectors[:, small[second]]) / np.sqrt(2.0)
+                for sign in (1.0, -1.0)
+            ]
+            chosen = np.concatenate([vectors, *between], axis=1)
+            weight = np.zeros((chosen.shape[1], self.system.size))
+            for row, v in zip(weight, chosen.T, strict=True):
+                np.add.at(row, layout.ravel(), np.outer(v, v).ravel())
+            found.append(weight @ values)
+            rows.append(weight)
+        weights = sps.csr_array(np.concatenate(rows))
+        return np.concatenate(found), sps.csr_array(weights @ jacobian)
+
+    def propagation(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Which entries are non-negative, and triples of entries a, b, c with a^2 <= b c."""
+        diagonal = np.zeros(self.system.size, bool)
+        triples: set[tuple[int, int, int]] = set()
+        for k in self.constraints:
+            layout = self.layout(k)
+            diagonal[np.diag(layout)] = True
+            for i, j in zip(*np.tril_indices(layout.shape[0], -1), strict=True):
+                if layout[i, j] < self.system.size - 1:
+                    triples.add((int(layout[i, j]), int(layout[i, i]), int(layout[j, j])))
+        return diagonal[:-1], np.array(sorted(triples), np.int64).reshape(-1, 3)
