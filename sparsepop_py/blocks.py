@@ -154,6 +154,7 @@ def _localizing(
     """
     degree = np.zeros(system.size, int)
     np.maximum.at(degree, system.row, monomials.degrees(system.words))
+    degree[1 + system.matrices.constraints] = 0  # the block of the matrix says more
     box, lower, upper = generators.bound_family(len(problem.constraints), problem.dimension)
     if lean:
         degree[box] = 0

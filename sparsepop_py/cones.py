@@ -24,6 +24,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from . import monomials
 from .constraint import Constraint, Kind
 from .errors import ProblemError
 from .polynomial import Polynomial, total
@@ -264,19 +265,28 @@ class Matrices:
         side, first = int(self.side[constraint]), int(self.first[constraint])
         return self.table[first : first + side**2].reshape(side, side)
 
-    def least_eigenvalue(self, x: NDArray[np.float64]) -> float:
-        """The least eigenvalue of all matrices at ``x``, in floating point; inf without any."""
-        values = self.system.values(x)
-        least = np.inf
+    def least_eigenvalue(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The least eigenvalue of all matrices at points (N, n), in floating point, (N,).
+
+        Infinite without any matrix, and -inf where an entry is no number.
+        """
+        system = self.system
+        terms = monomials.evaluate(system.words, points) * system.coefficients
+        shape = (system.row.size, system.size)
+        adding = sps.csr_array((np.ones(shape[0]), (np.arange(shape[0]), system.row)), shape=shape)
+        values = np.asarray(terms @ adding)
+        least = np.full(points.shape[0], np.inf)
         for k in self.constraints:
-            matrix = values[self.layout(k)]
-            if not np.all(np.isfinite(matrix)):
-                return -np.inf
+            layout = self.layout(k)
+            known = np.all(np.isfinite(values[:, layout[0] if self.round[k] else layout]), axis=-1)
+            known = known if self.round[k] else known.all(axis=-1)
+            least[~known] = -np.inf
+            at = values[known]
             if self.round[k]:
-                found = matrix[0, 0] - np.linalg.norm(matrix[0, 1:])
+                found = at[:, layout[0, 0]] - np.linalg.norm(at[:, layout[0, 1:]], axis=1)
             else:
-                found = np.linalg.eigvalsh(matrix)[0]
-            least = min(least, float(found))
+                found = np.linalg.eigvalsh(at[:, layout])[:, 0]
+            least[known] = np.minimum(least[known], found)
         return least
 
     def cuts(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], sps.csr_array]:

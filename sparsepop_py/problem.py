@@ -191,8 +191,8 @@ class Problem:
         with np.errstate(invalid="ignore", over="ignore"):
             values = self.rows.values(point)
             worst = np.where(self.equality, np.abs(values), -values)
-            least = -self.matrices.least_eigenvalue(point)
-            parts = [worst, self.lower - point, point - self.upper, np.array([0.0, least])]
+            least = -self.matrices.least_eigenvalue(point[None])
+            parts = [worst, self.lower - point, point - self.upper, np.zeros(1), least]
             largest = np.concatenate(parts)
         return float("inf") if np.any(np.isnan(largest)) else float(np.max(largest))
 

@@ -297,7 +297,7 @@ class _Builder:
         """Equalities times the multipliers, inequalities and matrices as they are."""
         for number, constraint in enumerate(self.problem.constraints):
             self.matrix(number, -1, [()])
-            if constraint.polynomial.degree == 0:
+            if constraint.polynomial.degree == 0 or constraint.entries:
                 continue
             equal = bool(self.problem.equality[number])
             self.add(equal, number + 1, -1, multipliers if equal else [()])

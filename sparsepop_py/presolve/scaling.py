@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .. import generators, monomials
 from ..enclosure import expand_affine
-from ..polynomial import Constraint, Kind, Polynomial
+from ..polynomial import Constraint, Polynomial
 from ..problem import Problem
 from ..rounding import Interval
 from ..system import PolynomialSystem
@@ -145,7 +145,10 @@ class Scaled:
         objectives: tuple[Polynomial, ...],
         active: NDArray[np.bool_] | None = None,
     ) -> Scaled:
-        """Scale constraints, bounds and objectives; rows that are not active become empty."""
+        """Scale constraints, bounds and objectives; rows that are not active become empty.
+
+        Matrices are always active.
+        """
         n, m = problem.dimension, len(problem.constraints)
         owner = problem.matrices.owner
         polynomials = [c.polynomial for c in problem.constraints] + list(objectives)
@@ -170,12 +173,10 @@ class Scaled:
         useless[m:] = False  # objectives and entries
         rows = _split(system.without(np.flatnonzero(useless)), size)
         part = iter(rows[entries.start :])
-        constraints = []
-        for number, (row, c) in enumerate(zip(rows, problem.constraints, strict=False)):
-            own, kind = tuple(next(part) for _ in c.entries), c.kind
-            if own and active is not None and not active[number]:
-                own, kind = (), Kind.NONNEGATIVE
-            constraints.append(Constraint(row, kind, c.name, own))
+        constraints = [
+            Constraint(row, c.kind, c.name, tuple(next(part) for _ in c.entries))
+            for row, c in zip(rows, problem.constraints, strict=False)
+        ]
         low, high = scaling.bounds
         scaled = Problem(rows[m], constraints, low, high, problem.names)
         asked = slice(m, entries.start)
