@@ -289,26 +289,18 @@ class Matrices:
             least[known] = np.minimum(least[known], found)
         return least
 
-    def cuts(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], sps.csr_array]:
-        """Values v' G v at ``x`` and their gradients (C, n), for eigenvectors v of each matrix.
-
-        Beside eigenvectors those halfway between two of small eigenvalues, which hold
-        what these cannot: the matrix between them.
-        """
+    def cuts(
+        self, x: NDArray[np.float64], near: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], sps.csr_array]:
+        """Values v' G v at ``x`` and their gradients (C, n), for eigenvectors v of G ``near``."""
         values, jacobian = self.system.values(x), self.system.jacobian(x)
+        there = self.system.values(near)
         found, rows = [np.zeros(0)], [np.zeros((0, self.system.size))]
         for k in self.constraints:
             layout = self.layout(k)
-            size, vectors = np.linalg.eigh(values[layout])
-            small = np.flatnonzero(np.abs(size) <= 1e-4 * max(1.0, np.abs(size).max()))[:6]
-            first, second = np.triu_indices(small.size, 1)
-            between = [
-                (vectors[:, small[first]] + sign * vectors[:, small[second]]) / np.sqrt(2.0)
-                for sign in (1.0, -1.0)
-            ]
-            chosen = np.concatenate([vectors, *between], axis=1)
-            weight = np.zeros((chosen.shape[1], self.system.size))
-            for row, v in zip(weight, chosen.T, strict=True):
+            vectors = np.linalg.eigh(there[layout])[1]
+            weight = np.zeros((vectors.shape[1], self.system.size))
+            for row, v in zip(weight, vectors.T, strict=True):
                 np.add.at(row, layout.ravel(), np.outer(v, v).ravel())
             found.append(weight @ values)
             rows.append(weight)

@@ -42,6 +42,7 @@ __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
 _MANY_ROWS = 60  # equations from which exact repair is not tried
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
+_CUTS = 12  # linear programs at most that pull a point into a matrix
 _NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -175,7 +176,8 @@ def _pull_inside(
     maximise t, then minimise f' d, subject to the linearised rows h + h' d = 0,
     g + g' d >= t |g'| for nearly active g, bounds with a margin for variables off their
     bounds, and 0 <= t <= depth.
-    Variables on a bound stay there unless ``loose``.
+    Variables on a bound stay there unless ``loose``. A matrix enters by rows v' G v for
+    eigenvectors v, more of them as long as the point that is reached has negative ones.
     """
     n = problem.dimension
     values, jacobian = problem.rows.values(x), problem.rows.jacobian(x)
@@ -193,23 +195,27 @@ def _pull_inside(
     equal = np.flatnonzero(problem.equality & (size > 0))
     active = np.flatnonzero(near)
     slopes, sizes, held = jacobian[active], size[active], values[active]
-    if problem.matrices.constraints.size:
-        value, row = problem.matrices.cuts(x)
+    slope = problem.objective_row.jacobian(x).toarray().ravel()
+    slope = slope / max(1e-300, np.abs(slope).sum())
+    moved = x
+    for _ in range(_CUTS if problem.matrices.constraints.size else 1):
+        value, row = problem.matrices.cuts(x, moved)
         length = np.sqrt(np.asarray(row.power(2).sum(axis=1)).ravel())
         tight = (value <= 1e3 * depth * (1.0 + length)) & (length > 0)
         slopes = sps.csr_array(sps.vstack([slopes, row[tight]]))
         sizes, held = np.append(sizes, length[tight]), np.append(held, value[tight])
-    slope = problem.objective_row.jacobian(x).toarray().ravel()
-    slope = slope / max(1e-300, np.abs(slope).sum())
-    step = solve_lp(
-        np.append(1e-3 * slope, -1.0),
-        (slopes, sizes, held),
-        (jacobian[equal], -values[equal]),
-        (np.append(low, 0.0), np.append(high, depth)),
-    )
-    if step is None:
-        return None
-    return np.clip(x + step[:n], problem.lower, problem.upper)
+        step = solve_lp(
+            np.append(1e-3 * slope, -1.0),
+            (slopes, sizes, held),
+            (jacobian[equal], -values[equal]),
+            (np.append(low, 0.0), np.append(high, depth)),
+        )
+        if step is None:
+            return None
+        moved = np.clip(x + step[:n], problem.lower, problem.upper)
+        if problem.matrices.least_eigenvalue(moved[None])[0] >= 0:
+            break
+    return moved
 
 
 # ---- plans ----------------------------------------------------------------------------------

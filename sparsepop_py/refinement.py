@@ -314,7 +314,7 @@ def _candidates(
     """Nearly feasible (value, vector) pairs that one start leads to, the start included."""
     given, problem, start = rows.given, rows.problem, rows.start(start)
     tried = [start]
-    bilinear = problem.degree <= 2 and bool(problem.constraints)
+    bilinear = problem.degree <= 2 and bool(problem.constraints) and not rows.factored
     if bilinear and method is None:
         tried.append(local_search(problem, start, "sequential", end))
     star = bilinear and Products.of(problem).has_star  # made for linear programs

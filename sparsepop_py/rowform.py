@@ -3,7 +3,8 @@
 A second-order cone is f1 >= 0 and f1^2 >= f2^2 + ... + fk^2; a matrix of two rows has its
 diagonal and its determinant. A larger one is G = R R' with further variables, the entries of a
 lower triangle R, which loses nothing and has no gradient that vanishes where G has rank one less
-(Burer and Monteiro). Nothing here is proved: candidates are checked against the matrices.
+(Burer and Monteiro). Of large ones only the diagonal enters: points come from the moments of a
+relaxation there. Nothing here is proved: candidates are checked against the matrices.
 
 References
 ----------
@@ -23,6 +24,8 @@ from .polynomial import Constraint, Kind, Polynomial, total, variables
 from .problem import Problem
 
 __all__ = ["RowForm"]
+
+_LARGEST = 10  # rows of a matrix that gets a factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +51,8 @@ class RowForm:
         matrices, n = problem.matrices, problem.dimension
         if not matrices.constraints.size:
             return RowForm(problem, problem)
-        larger = matrices.constraints[~matrices.round[matrices.constraints]]
-        factored = tuple(int(k) for k in larger if matrices.side[k] > 2)
+        side = np.where(matrices.round, 0, matrices.side)
+        factored = tuple(np.flatnonzero((side > 2) & (side <= _LARGEST)).tolist())
         size = sum(int(matrices.side[k]) * (int(matrices.side[k]) + 1) // 2 for k in factored)
         widened = partial(_widened, dimension=n + size)
         extra = iter(variables(n + size)[n:])
@@ -60,6 +63,8 @@ class RowForm:
                 rows.append(Constraint(widened(c.polynomial), c.kind))
             elif c.kind is Kind.SECOND_ORDER:
                 rows += [entries[0] >= 0, entries[0] ** 2 - total(f * f for f in entries[1:]) >= 0]
+            elif c.side > _LARGEST:
+                rows += [entries[c.position(i, i) or 0] >= 0 for i in range(c.side)]
             elif number not in factored:
                 a, b, d = entries
                 rows += [a >= 0, d >= 0, a * d - b * b >= 0]

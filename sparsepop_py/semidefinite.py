@@ -81,14 +81,13 @@ def surely_semidefinite(matrix: Interval) -> bool:
     >>> surely_semidefinite(Interval.point(np.array([[2.0, 1.0], [1.0, 2.0]])))
     True
     """
-    middle = matrix.middle()
-    if not np.all(np.isfinite(middle)):
+    if not np.all(np.isfinite(matrix.lo) & np.isfinite(matrix.hi)):
         return False
-    reach = np.abs(middle).max(initial=0.0)
-    radius = float(np.max(matrix.hi - matrix.lo, initial=0.0))
-    shift = middle.shape[0] * (_SHIFT * reach + radius)
+    middle = matrix.middle()
+    radius = np.sum(0.5 * matrix.hi - 0.5 * matrix.lo, axis=1)
+    shift = radius + middle.shape[0] * _SHIFT * np.abs(middle).max(initial=0.0)
     try:
-        factor = np.linalg.cholesky(middle - shift * np.eye(middle.shape[0]))
+        factor = np.linalg.cholesky(middle - np.diag(shift))
     except np.linalg.LinAlgError:
         return False
     rest = matrix - gram(factor[None])[0]
