@@ -214,7 +214,7 @@ class Matrices:
         Where the positions of each matrix start in ``table``.
     table : (sum of side^2,) int
         Row of ``system`` at each position, row by row.
-    round : (m,) bool
+    second_order : (m,) bool
         Which of them are second-order cones.
     """
 
@@ -223,7 +223,7 @@ class Matrices:
     side: NDArray[np.int64]
     first: NDArray[np.int64]
     table: NDArray[np.int64]
-    round: NDArray[np.bool_]
+    second_order: NDArray[np.bool_]
 
     @staticmethod
     def of(constraints: Sequence[Constraint], dimension: int) -> Matrices:
@@ -270,6 +270,8 @@ class Matrices:
 
         Infinite without any matrix, and -inf where an entry is no number.
         """
+        if not self.constraints.size:
+            return np.full(points.shape[0], np.inf)
         system = self.system
         terms = monomials.evaluate(system.words, points) * system.coefficients
         shape = (system.row.size, system.size)
@@ -278,11 +280,13 @@ class Matrices:
         least = np.full(points.shape[0], np.inf)
         for k in self.constraints:
             layout = self.layout(k)
-            known = np.all(np.isfinite(values[:, layout[0] if self.round[k] else layout]), axis=-1)
-            known = known if self.round[k] else known.all(axis=-1)
+            known = np.all(
+                np.isfinite(values[:, layout[0] if self.second_order[k] else layout]), axis=-1
+            )
+            known = known if self.second_order[k] else known.all(axis=-1)
             least[~known] = -np.inf
             at = values[known]
-            if self.round[k]:
+            if self.second_order[k]:
                 found = at[:, layout[0, 0]] - np.linalg.norm(at[:, layout[0, 1:]], axis=1)
             else:
                 found = np.linalg.eigvalsh(at[:, layout])[:, 0]

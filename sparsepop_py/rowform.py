@@ -51,7 +51,7 @@ class RowForm:
         matrices, n = problem.matrices, problem.dimension
         if not matrices.constraints.size:
             return RowForm(problem, problem)
-        side = np.where(matrices.round, 0, matrices.side)
+        side = np.where(matrices.second_order, 0, matrices.side)
         factored = tuple(np.flatnonzero((side > 2) & (side <= _LARGEST)).tolist())
         size = sum(int(matrices.side[k]) * (int(matrices.side[k]) + 1) // 2 for k in factored)
         widened = partial(_widened, dimension=n + size)

@@ -41,7 +41,7 @@ def entries_hold(matrices: Matrices, values: Sequence[Fraction]) -> bool:
     """Whether all matrices are positive semidefinite with these entries; False if unknown."""
     for k in matrices.constraints:
         layout = matrices.layout(k)
-        if matrices.round[k]:
+        if matrices.second_order[k]:
             axis, *rest = (values[e] for e in layout[0])
             if axis < 0 or axis * axis < sum(v * v for v in rest):
                 return False
@@ -57,7 +57,7 @@ def hold_over(matrices: Matrices, box: Interval) -> bool:
     values = range_over(matrices.system, box)
     for k in matrices.constraints:
         layout = matrices.layout(k)
-        if not matrices.round[k]:
+        if not matrices.second_order[k]:
             if not surely_semidefinite(values[layout]):
                 return False
             continue
@@ -87,7 +87,7 @@ def surely_semidefinite(matrix: Interval) -> bool:
     radius = np.sum(0.5 * matrix.hi - 0.5 * matrix.lo, axis=1)
     shift = radius + middle.shape[0] * _SHIFT * np.abs(middle).max(initial=0.0)
     try:
-        factor = np.linalg.cholesky(middle - np.diag(shift))
+        factor = np.asarray(np.linalg.cholesky(middle - np.diag(shift)), np.float64)
     except np.linalg.LinAlgError:
         return False
     rest = matrix - gram(factor[None])[0]
