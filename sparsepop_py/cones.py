@@ -280,10 +280,7 @@ class Matrices:
         least = np.full(points.shape[0], np.inf)
         for k in self.constraints:
             layout = self.layout(k)
-            known = np.all(
-                np.isfinite(values[:, layout[0] if self.second_order[k] else layout]), axis=-1
-            )
-            known = known if self.second_order[k] else known.all(axis=-1)
+            known = np.isfinite(values[:, np.unique(layout)]).all(axis=1)
             least[~known] = -np.inf
             at = values[known]
             if self.second_order[k]:
