@@ -7,11 +7,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from exact_polynomials import exact_generators, in_t, least, plus, times
+from exact_polynomials import exact_bound
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_certificates import with_multipliers, with_root
-from random_matrices import feasible_grid, matrix_at, random_problem
+from random_matrices import feasible_grid, random_problem
 
 import sparsepop_py as sp
 from sparsepop_py.certificate.box import Replay
@@ -44,38 +44,6 @@ def made(problem, order=2):
     relaxation = sp.relax(scaled.problem, order)
     solution = sp.solve_conic(sp.assemble(relaxation, scaled.problem.objective))
     return identity_of(relaxation, scaled, solution.z, scaled.objective_sizes[0])
-
-
-def exact_bound(identity, problem):
-    """r_0 - sum |r_a| with <S, G> summed entry by entry, no rounding anywhere."""
-    generators = exact_generators(problem, identity)
-    rest = in_t(problem.objective, identity.scaling)
-    for group in identity.multipliers:
-        for k, generator in enumerate(group.generator.tolist()):
-            basis = [tuple(v for v in word if v) for word in group.basis[k].tolist()]
-            factor = [[Fraction(v) for v in row] for row in group.values[k].astype(float).tolist()]
-            if group.place is None:
-                matrix, place = [[generators[generator]]], [0] * len(basis)
-            else:
-                row = problem.constraints[generator - 1]
-                entries = [in_t(p, identity.scaling) for p in row.entries]
-                if row.kind is sp.Kind.SECOND_ORDER:
-                    side, zero = range(len(entries)), {}
-                    matrix = [
-                        [entries[0] if i == j else entries[i + j] if 0 in (i, j) else zero
-                         for j in side] for i in side
-                    ]  # fmt: skip
-                else:
-                    matrix = matrix_at(row, entries)
-                place = group.place[k].tolist()
-            for i, a in enumerate(basis):
-                for j, b in enumerate(basis):
-                    gram = sum((u * v for u, v in zip(factor[i], factor[j], strict=True)), 0)
-                    gram += Fraction(group.floor) if i == j else 0
-                    square = {tuple(sorted(a + b)): Fraction(gram)}
-                    part = times(square, matrix[place[i]][place[j]])
-                    rest = plus(rest, part, Fraction(-1))
-    return least(rest)
 
 
 @settings(max_examples=8, deadline=None)
