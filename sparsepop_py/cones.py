@@ -228,27 +228,27 @@ class Matrices:
     @staticmethod
     def of(constraints: Sequence[Constraint], dimension: int) -> Matrices:
         """Those of constraints in ``dimension`` variables."""
-        entries = [p for c in constraints for p in c.entries]
-        count = np.array([len(c.entries) for c in constraints], np.int64)
-        start = np.cumsum(count) - count
-        stacked = PolynomialSystem.stack(entries, dimension)
-        zero = len(entries)
-        system = PolynomialSystem(
-            stacked.words, stacked.coefficients, stacked.row, zero + 1, dimension
-        )
+        held = {k: c for k, c in enumerate(constraints) if c.entries}  # mostly none of many
+        entries = [p for c in held.values() for p in c.entries]
+        stacked, zero = PolynomialSystem.stack(entries, dimension), len(entries)
+        words, values, row = stacked.words, stacked.coefficients, stacked.row
+        side, second_order = np.zeros(len(constraints), np.int64), np.zeros(len(constraints), bool)
+        owner: list[int] = []
         table: list[int] = []
-        for c, base in zip(constraints, start.tolist(), strict=True):
+        for k, c in held.items():
+            base = len(owner)
+            side[k], second_order[k] = c.side, c.kind is Kind.SECOND_ORDER
+            owner += [k] * len(c.entries)
             for i in range(c.side):
                 places = (c.position(i, j) for j in range(c.side))
                 table += [zero if place is None else base + place for place in places]
-        side = np.array([c.side for c in constraints], np.int64)
         return Matrices(
-            system,
-            np.repeat(np.arange(side.size), count),
+            PolynomialSystem(words, values, row, zero + 1, dimension),
+            np.array(owner, np.int64),
             side,
             np.cumsum(side**2) - side**2,
             np.array(table, np.int64),
-            np.array([c.kind is Kind.SECOND_ORDER for c in constraints], bool),
+            second_order,
         )
 
     @property
