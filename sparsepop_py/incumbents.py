@@ -39,7 +39,11 @@ def attain(
         return None, []
     method = "ipopt" if options.refine == "ipopt" else None
     starts = _with_repaired(task, starts)
-    return best_attained(problem, starts, options.tolerance, method, task.clock.end)
+    constant = problem.squares_constant
+    enough = -np.inf if constant is None else constant + 0.5 * options.gap
+    if options.gap_kind == "width":
+        enough = -np.inf
+    return best_attained(problem, starts, options.tolerance, method, task.clock.end, enough)
 
 
 def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:

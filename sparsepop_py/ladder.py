@@ -35,6 +35,7 @@ from .unbounded import falling_ray
 __all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 
 _ROUNDS = 3
+_MANY = 300  # variables from which a closed gap ends the work at once
 _ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
@@ -171,6 +172,8 @@ def _rounds(
             task.clock.stop()
             break
         outcome = better(outcome, bound)
+        if task.closed(level(outcome.certificate)) and task.problem.dimension > _MANY:
+            break  # reading further minimisers out of the moments would take the longest
         with task.stages.stage("refine"):
             found, more = attain(task.problem, _extracted(bound), task)
         near = near + more

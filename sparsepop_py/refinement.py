@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from .rounding import Interval
 from .rowform import RowForm
 from .sequential import sequential_search
 from .shapes import Products
+from .system import PolynomialSystem
 
 __all__ = ["best_attained", "local_search", "starting_points"]
 
@@ -35,7 +36,8 @@ _DENSE_LIMIT = 300
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
 _SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e8
-_NEWTON_STEPS = 30
+_NEWTON_STEPS = 300
+_SHIFTS = 12  # times a shift grows tenfold before the search ends
 _ENOUGH = 5  # searches that end at the best value before the rest is left out
 
 
@@ -66,6 +68,7 @@ def local_search(
             return sequential_search(problem, start, Products.of(problem).complicating)
         try:
             if not problem.constraints:
+                start = _by_squares(problem, start, end)
                 return _by_bounds(problem, start, end)
             free = np.count_nonzero(problem.lower < problem.upper)
             inequalities = not np.all(problem.equality | problem.bound_rows)
@@ -97,6 +100,28 @@ def _value(problem: Problem, end: float) -> Any:
     return value
 
 
+def _by_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
+    """Where the objective is a sum of squares, shifted Gauss-Newton steps from the start.
+
+    They end at zeros of the squares where those of the expanded objective stop in one of its
+    many poorer minima.
+    """
+    if not problem.squares:
+        return start
+    weight = np.array([w for w, _ in problem.squares])
+    system = PolynomialSystem.stack([r for _, r in problem.squares], problem.dimension)
+
+    def value(x: NDArray) -> float:
+        return float(weight @ np.square(system.values(x)))
+
+    def model(x: NDArray, inner: NDArray) -> tuple[sps.csr_array, NDArray]:
+        jacobian = system.jacobian(x)[:, inner]
+        weighted = sps.diags_array(weight) @ jacobian
+        return sps.csr_array(jacobian.T @ weighted), weighted.T @ system.values(x)
+
+    return _descended(problem, start, end, value, model)
+
+
 def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper)
     options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-15, "gtol": 1e-10}
@@ -109,7 +134,7 @@ def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float
         options=options,
         callback=_stop_far_away,
     ).x
-    return _newton_polish(problem, x)
+    return _newton_polish(problem, x, end)
 
 
 def _stop_far_away(intermediate_result: Any) -> None:
@@ -118,27 +143,52 @@ def _stop_far_away(intermediate_result: Any) -> None:
         raise StopIteration
 
 
-def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
-    """Damped Newton steps in the variables off their bounds, as long as they descend."""
+def _newton_polish(problem: Problem, x: NDArray, end: float) -> NDArray[np.float64]:
+    """Shifted Newton steps from a point near a minimum."""
     row = problem.objective_row
-    value = float(row.values(x)[0])
+
+    def value(x: NDArray) -> float:
+        return float(row.values(x)[0])
+
+    def model(x: NDArray, inner: NDArray) -> tuple[sps.csr_array, NDArray]:
+        return row.gradient_system.jacobian(x)[inner][:, inner], row.gradient(x)[inner]
+
+    return _descended(problem, x, end, value, model)
+
+
+def _descended(
+    problem: Problem,
+    x: NDArray[np.float64],
+    end: float,
+    value: Callable[[NDArray], float],
+    model: Callable[[NDArray, NDArray], tuple[sps.csr_array, NDArray]],
+) -> NDArray[np.float64]:
+    """Steps -(H + shift I)^-1 g in the variables off their bounds, as long as they descend.
+
+    ``model`` gives H and g in these variables. The shift falls after steps that descend and
+    grows after others (Levenberg, Marquardt), so that curved valleys of thousands of
+    variables are followed to their end, each step by one sparse elimination.
+    """
+    reached, shift, fails = value(x), 0.0, 0
     for _ in range(_NEWTON_STEPS):
+        if time.monotonic() >= end:
+            break
         inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
-        hessian = row.gradient_system.jacobian(x)[inner][:, inner]
-        shift = 1e-12 * max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
+        hessian, slope = model(x, inner)
+        size = max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
+        shifted = hessian + (shift + 1e-12) * size * sps.eye_array(inner.size)
         step = np.zeros(x.size)
-        step[inner] = -spsolve(
-            (hessian + shift * sps.eye_array(inner.size)).tocsc(), row.gradient(x)[inner]
-        )
-        for _ in range(6):
-            trial = np.clip(x + step, problem.lower, problem.upper)
-            reached = float(row.values(trial)[0])
-            if reached < value:
-                break
-            step = 0.5 * step
-        else:
-            return x
-        x, value = trial, reached
+        step[inner] = -spsolve(shifted.tocsc(), slope)
+        trial = np.clip(x + step, problem.lower, problem.upper)
+        new = value(trial)
+        if new < reached:
+            x, reached, fails = trial, new, 0
+            shift = 0.1 * shift if shift > 1e-9 else 0.0
+            continue
+        fails += 1
+        if fails > _SHIFTS or not np.abs(step).max(initial=0.0) > 1e-12:
+            break
+        shift = max(10.0 * shift, 1e-6)
     return x
 
 
@@ -253,7 +303,8 @@ def starting_points(
 ) -> list[NDArray[np.float64]]:
     """The middle of the box (0 or a bound where it is endless) and random points.
 
-    Where the box is endless the points spread over three scales: 2, 10 and 50.
+    Where the box is endless the points spread over three scales: 2, 10 and 50. In very many
+    variables random points lead to poor minima; there the vectors of all 1 and all -1 follow.
     """
     rng = np.random.default_rng(seed)
     points = []
@@ -264,6 +315,8 @@ def starting_points(
         low = np.where(np.isfinite(box.lo), box.lo, from_high)
         high = np.where(np.isfinite(box.hi), box.hi, from_low)
         points.append(rng.uniform(low, high) if number else 0.5 * (low + high))
+    if problem.dimension > _DENSE_LIMIT and not problem.constraints:
+        points += [np.clip(np.full(problem.dimension, v), box.lo, box.hi) for v in (1.0, -1.0)]
     return points
 
 
@@ -343,6 +396,7 @@ def best_attained(
     tolerance: float,
     method: str | None = None,
     end: float = np.inf,
+    enough: float = -np.inf,
 ) -> tuple[ProvedPoint | None, list[NDArray[np.float64]]]:
     """Search from every start; the best proved point, and all nearly feasible vectors by value.
 
@@ -355,6 +409,8 @@ def best_attained(
     method : {None, "ipopt"}
     end : float
         When to stop, on the monotonic clock; what was found until then is kept.
+    enough : float
+        A value that needs no improvement, such as a proved bound with the allowed gap.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
     rows = RowForm.of(problem)
@@ -366,6 +422,8 @@ def best_attained(
         found += ends
         reached.append(min((value for value, _ in ends), default=np.inf))
         best_value = min(reached)
+        if best_value <= enough:
+            break
         near = best_value + 1e-5 * (1.0 + abs(best_value))
         if best_value < np.inf and sum(value <= near for value in reached) >= _ENOUGH:
             break
