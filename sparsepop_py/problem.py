@@ -309,9 +309,7 @@ def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...
     return labels
 
 
-def _squares(
-    squares: Iterable[Any] | None, objective: Polynomial
-) -> tuple[Weighted, ...]:
+def _squares(squares: Iterable[Any] | None, objective: Polynomial) -> tuple[Weighted, ...]:
     pairs = []
     for item in squares or ():
         weight, polynomial = item if isinstance(item, tuple) else (1.0, item)

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
-from scipy.sparse.linalg import spsolve
 
+from .descent import newton_polish, zeros_of_squares
 from .errors import SolverNotFound
 from .feasibility import ProvedPoint, prove_feasible
 from .polynomial import Constraint, Kind
@@ -28,7 +27,6 @@ from .rounding import Interval
 from .rowform import RowForm
 from .sequential import sequential_search
 from .shapes import Products
-from .system import PolynomialSystem
 
 __all__ = ["best_attained", "local_search", "starting_points"]
 
@@ -36,8 +34,6 @@ _DENSE_LIMIT = 300
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
 _SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e8
-_NEWTON_STEPS = 300
-_SHIFTS = 12  # times a shift grows tenfold before the search ends
 _ENOUGH = 5  # searches that end at the best value before the rest is left out
 
 
@@ -68,7 +64,7 @@ def local_search(
             return sequential_search(problem, start, Products.of(problem).complicating)
         try:
             if not problem.constraints:
-                start = _by_squares(problem, start, end)
+                start = zeros_of_squares(problem, start, end)
                 return _by_bounds(problem, start, end)
             free = np.count_nonzero(problem.lower < problem.upper)
             inequalities = not np.all(problem.equality | problem.bound_rows)
@@ -100,28 +96,6 @@ def _value(problem: Problem, end: float) -> Any:
     return value
 
 
-def _by_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
-    """Where the objective is a sum of squares, shifted Gauss-Newton steps from the start.
-
-    They end at zeros of the squares where those of the expanded objective stop in one of its
-    many poorer minima.
-    """
-    if not problem.squares:
-        return start
-    weight = np.array([w for w, _ in problem.squares])
-    system = PolynomialSystem.stack([r for _, r in problem.squares], problem.dimension)
-
-    def value(x: NDArray) -> float:
-        return float(weight @ np.square(system.values(x)))
-
-    def model(x: NDArray, inner: NDArray) -> tuple[sps.csr_array, NDArray]:
-        jacobian = system.jacobian(x)[:, inner]
-        weighted = sps.diags_array(weight) @ jacobian
-        return sps.csr_array(jacobian.T @ weighted), weighted.T @ system.values(x)
-
-    return _descended(problem, start, end, value, model)
-
-
 def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper)
     options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-15, "gtol": 1e-10}
@@ -134,62 +108,13 @@ def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float
         options=options,
         callback=_stop_far_away,
     ).x
-    return _newton_polish(problem, x, end)
+    return newton_polish(problem, x, end)
 
 
 def _stop_far_away(intermediate_result: Any) -> None:
     """End a search that follows a falling objective to infinity."""
     if np.abs(intermediate_result.x).max(initial=0.0) > _FAR:
         raise StopIteration
-
-
-def _newton_polish(problem: Problem, x: NDArray, end: float) -> NDArray[np.float64]:
-    """Shifted Newton steps from a point near a minimum."""
-    row = problem.objective_row
-
-    def value(x: NDArray) -> float:
-        return float(row.values(x)[0])
-
-    def model(x: NDArray, inner: NDArray) -> tuple[sps.csr_array, NDArray]:
-        return row.gradient_system.jacobian(x)[inner][:, inner], row.gradient(x)[inner]
-
-    return _descended(problem, x, end, value, model)
-
-
-def _descended(
-    problem: Problem,
-    x: NDArray[np.float64],
-    end: float,
-    value: Callable[[NDArray], float],
-    model: Callable[[NDArray, NDArray], tuple[sps.csr_array, NDArray]],
-) -> NDArray[np.float64]:
-    """Steps -(H + shift I)^-1 g in the variables off their bounds, as long as they descend.
-
-    ``model`` gives H and g in these variables. The shift falls after steps that descend and
-    grows after others (Levenberg, Marquardt), so that curved valleys of thousands of
-    variables are followed to their end, each step by one sparse elimination.
-    """
-    reached, shift, fails = value(x), 0.0, 0
-    for _ in range(_NEWTON_STEPS):
-        if time.monotonic() >= end:
-            break
-        inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
-        hessian, slope = model(x, inner)
-        size = max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
-        shifted = hessian + (shift + 1e-12) * size * sps.eye_array(inner.size)
-        step = np.zeros(x.size)
-        step[inner] = -spsolve(shifted.tocsc(), slope)
-        trial = np.clip(x + step, problem.lower, problem.upper)
-        new = value(trial)
-        if new < reached:
-            x, reached, fails = trial, new, 0
-            shift = 0.1 * shift if shift > 1e-9 else 0.0
-            continue
-        fails += 1
-        if fails > _SHIFTS or not np.abs(step).max(initial=0.0) > 1e-12:
-            break
-        shift = max(10.0 * shift, 1e-6)
-    return x
 
 
 def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:

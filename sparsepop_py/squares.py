@@ -54,11 +54,10 @@ def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float 
     rest = _whole_sums(value, (weight, first, second), number, distinct.shape[0])
     if rest is None:
         rest = _rational_sums(value, (weight, first, second), number, distinct.shape[0])
-    varies = distinct.any(axis=1).tolist()
-    if any(difference for difference, free in zip(rest, varies, strict=True) if free):
+    alone = not distinct[0].any()  # the constant, which comes first
+    if any(rest[1:] if alone else rest):
         return None
-    constant = next((d for d, free in zip(rest, varies, strict=True) if not free), Fraction(0))
-    return float(Interval.of_fraction(constant).lo)
+    return float(Interval.of_fraction(rest[0] if alone else Fraction(0)).lo)
 
 
 def _products(
@@ -73,9 +72,9 @@ def _products(
         letters = np.stack([p.words for _, p in items])
         value = np.stack([p.coefficients for _, p in items])
         product = monomials.multiply(letters[:, i], letters[:, j])
-        weight = np.repeat(np.array([w for w, _ in items]), i.size)
+        scale = np.repeat(np.array([w for w, _ in items]), i.size)
         twice = np.where(i == j, 1.0, 2.0) * value[:, j]
-        yield product.reshape(-1, product.shape[-1]), weight, value[:, i].ravel(), twice.ravel()
+        yield product.reshape(-1, product.shape[-1]), scale, value[:, i].ravel(), twice.ravel()
 
 
 def _stacked(words: list[Words]) -> Words:
@@ -116,7 +115,9 @@ def _rational_sums(
     rest = [Fraction(0)] * size
     for place, coefficient in zip(number.tolist(), value.tolist(), strict=False):
         rest[place] += Fraction(coefficient)
-    for place, w, a, b in zip(number[value.size :].tolist(), *(f.tolist() for f in factors), strict=True):
+    for place, w, a, b in zip(
+        number[value.size :].tolist(), *(f.tolist() for f in factors), strict=True
+    ):
         if w and a and b:
             rest[place] -= Fraction(w) * Fraction(a) * Fraction(b)
     return rest

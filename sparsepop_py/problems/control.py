@@ -109,7 +109,7 @@ def _fourth_powers(number: NDArray, shift: float, n: int) -> Squares:
 def _equation(
     linear: list[NDArray], values: list[NDArray], pairs: NDArray, coupling: NDArray, n: int
 ) -> Constraint:
-    """sum values * linear + sum coupling * pairs == 0."""
+    """Sum values * linear + sum coupling * pairs == 0."""
     letters, size = np.concatenate(linear), np.concatenate(values)
     words = np.column_stack([np.zeros_like(letters), letters]).astype(np.int32)
     if coupling.any():
