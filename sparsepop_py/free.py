@@ -12,12 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .certificate.box import BoxProof
-from .certificate.certificate import Node, Proved
+from .certificate.certificate import Node, Proved, prove
 from .certificate.dual import floored
 from .conic import assemble
 from .presolve.scaling import Scaled, scale_objective
+from .recovery import exact_grams
 from .rounding import Interval
-from .rungs import Argued, Attempt, Bound, Model, better, bound_of, relaxed, stronger, trivially
+from .rungs import (
+    Argued,
+    Attempt,
+    Bound,
+    Model,
+    better,
+    bound_of,
+    level,
+    relaxed,
+    stronger,
+    trivially,
+)
 from .solvers import solve_conic
 from .task import Task
 
@@ -49,11 +61,29 @@ def free_round(task: Task) -> Bound | None:
             model = relaxed(problem, (problem.objective,), bare, task.options, typical)
         if model.scaled is None or not model.relaxations:
             return outcome
+        if outcome is None:
+            outcome = _exactly(task, model)
+            if good_enough(task, level(outcome.certificate)):
+                break
         outcome = better(outcome, _from_the_interior(task, model, model.scaled))
         known = outcome.certificate is not None or task.clock.over
         if known or task.best is None or np.all(np.abs(task.best.x) <= 1.0):
             break  # the scale would be the same
     return outcome
+
+
+def _exactly(task: Task, model: Model) -> Bound:
+    """The first exact Gram matrix that is found, as singular as it may be."""
+    relaxation = model.relaxations[-1]
+    replay = task.replay()
+    argued = Argued(prove(replay, model.box, None, False), Node())
+    with task.stages.stage("certify"):
+        for gram in exact_grams(task.problem.objective, relaxation, task.clock.left):
+            proved = prove(replay, model.box, gram, False)
+            if proved.bound > argued.proved.bound:
+                argued = Argued(proved, Node(argument=gram))
+                break
+    return bound_of(replay, model, argued, relaxation)
 
 
 def _from_the_interior(task: Task, model: Model, scaled: Scaled) -> Bound:
