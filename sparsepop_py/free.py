@@ -16,7 +16,7 @@ from .certificate.certificate import Node, Proved, prove
 from .certificate.dual import floored
 from .conic import assemble
 from .presolve.scaling import Scaled, scale_objective
-from .recovery import exact_grams
+from .recovery import estimate, exact_grams
 from .rounding import Interval
 from .rungs import (
     Argued,
@@ -75,10 +75,12 @@ def free_round(task: Task) -> Bound | None:
 def _exactly(task: Task, model: Model) -> Bound:
     """The first exact Gram matrix that is found, as singular as it may be."""
     relaxation = model.relaxations[-1]
-    replay = task.replay()
+    replay, f = task.replay(), task.problem.objective
     argued = Argued(prove(replay, model.box, None, False), Node())
     with task.stages.stage("certify"):
-        for gram in exact_grams(task.problem.objective, relaxation, task.clock.left):
+        for gram in exact_grams(f, relaxation, task.clock.left):
+            if task.best is not None and not good_enough(task, estimate(gram, f)):
+                continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)
             if proved.bound > argued.proved.bound:
                 argued = Argued(proved, Node(argument=gram))

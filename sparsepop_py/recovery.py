@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
 
 from . import generators, monomials
 from .blocks import Blocks, stacked_groups
@@ -32,9 +33,10 @@ from .relaxation import Relaxation, on_groups
 from .solvers import solve_conic
 from .terms import term_sparse
 
-__all__ = ["exact_grams"]
+__all__ = ["estimate", "exact_grams"]
 
-_BITS = (0, 1, 3, 6, 10, 20)  # binary places that entries are rounded to
+_BITS = (0, 2, 6, 12)  # binary places that entries are rounded to
+_SHIFT = 1e-10  # relative; keeps singular matrices from stopping an estimate
 _TRACE = 0.1  # weight of the trace beside the constant: it prefers few squares
 
 
@@ -147,3 +149,23 @@ def _entries(
     order = np.argsort(first != second, kind="stable")
     first, second = first[order].astype(np.int64), second[order].astype(np.int64)
     return basis, first, second, value[order].astype(float)
+
+
+def estimate(gram: ExactGram, objective: Polynomial) -> float:
+    """About what a matrix would prove if it is semidefinite, in floating point."""
+    n, size = objective.dimension, gram.basis.shape[0]
+    product = monomials.multiply(gram.basis[gram.first], gram.basis[gram.second])
+    distinct, number = monomials.collect(product, n)
+    at = monomials.lookup(distinct, objective.words, n)
+    asked = np.where(at >= 0, objective.coefficients[at], 0.0)
+    times = np.where(gram.first == gram.second, 1.0, 2.0)
+    _, taker = np.unique(number, return_index=True)
+    value = gram.value.copy()
+    value[taker] = 0.0
+    value[taker] = (asked - np.bincount(number, times * value, asked.size)) / times[taker]
+    upper = sps.csc_array((value, (gram.first, gram.second)), shape=(size, size))
+    matrix = sps.csc_array(upper + sps.triu(upper, 1).T)
+    inner, row = matrix[1:][:, 1:], matrix[[0]].toarray().ravel()[1:]
+    shift = _SHIFT * np.maximum(1.0, np.abs(inner.diagonal()))
+    hidden = row @ spsolve(sps.csc_array(inner + sps.diags_array(shift)), row)
+    return float(objective.constant_term - hidden)

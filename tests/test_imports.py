@@ -17,10 +17,10 @@ PACKAGE = "sparsepop_py"
 
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
-errors constraint progress display monomials rounding polynomial system cones symbolic problem
-enclosure semidefinite linear krawczyk rational feasibility generators presolve presolve.propagation
+errors constraint progress display monomials rounding polynomial system cones squares
+symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators presolve presolve.propagation
 presolve.scaling
-chordal sparsity basis blocks shapes signs terms relaxation conic
+chordal sparsity basis newton blocks shapes signs terms relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
