@@ -44,20 +44,17 @@ def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float 
     >>> constant_above(3 + (x - y) ** 2, [(1.0, x - y)])
     3.0
     """
-    words, products = [objective.words], []
+    words, products = [_stacked([objective.words, np.zeros((1, 1), np.int32)])], []
     for product, weight, first, second in _products(squares):
         words.append(product)
         products.append((weight, first, second))
     weight, first, second = (np.concatenate(parts) for parts in zip(*products, strict=True))
     distinct, number = monomials.collect(_stacked(words), objective.dimension)
-    value = objective.coefficients
+    value = np.append(objective.coefficients, 0.0)  # the constant is always there, and first
     rest = _whole_sums(value, (weight, first, second), number, distinct.shape[0])
     if rest is None:
         rest = _rational_sums(value, (weight, first, second), number, distinct.shape[0])
-    alone = not distinct[0].any()  # the constant, which comes first
-    if any(rest[1:] if alone else rest):
-        return None
-    return float(Interval.of_fraction(rest[0] if alone else Fraction(0)).lo)
+    return None if any(rest[1:]) else float(Interval.of_fraction(rest[0]).lo)
 
 
 def _products(
