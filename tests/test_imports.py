@@ -18,21 +18,24 @@ PACKAGE = "sparsepop_py"
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
 errors constraint progress display monomials rounding polynomial system cones squares
-symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators presolve presolve.propagation
-presolve.scaling
+symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
+presolve presolve.propagation presolve.scaling
 chordal sparsity basis newton blocks shapes signs terms relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
 solvers.cliquetree.interior solvers.cliquetree solvers
-certificate certificate.multipliers certificate.identity certificate.linear certificate.inverse
-certificate.rows certificate.box
+certificate certificate.multipliers certificate.identity certificate.gram certificate.linear
+certificate.inverse certificate.rows certificate.box
 certificate.certificate certificate.dual
-extraction sequential rowform refinement unbounded options task catalogue sizing boxes incumbents
-result polyhedron exact_simplex polytope rungs lifting narrowing branch
+extraction sequential rowform descent refinement unbounded options task catalogue sizing boxes
+incumbents
+result polyhedron exact_simplex polytope rungs recovery free lifting narrowing branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
-structs problems plots
+structs
+problems.least_squares problems.chains problems.control problems.planted problems.classics
+problems plots
 parameter_table parameters sparsepop_output sparsepop_report sparsepop door cli
 """.split()
 
