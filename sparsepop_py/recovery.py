@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from . import generators, monomials
-from .blocks import Blocks, stacked_groups
+from .blocks import BlockGroup, Blocks, stacked_groups
 from .certificate.gram import ExactGram
 from .conic import assemble, split_dual
 from .monomials import Words
@@ -96,7 +96,7 @@ def _where_terms_are(
             chosen = np.flatnonzero(count == size)
             basis = group.basis[chosen][kept[chosen]].reshape(chosen.size, size, -1)
             zero = np.zeros(chosen.size, np.int64)
-            blocks.setdefault(size, []).append((False, zero, group.clique[chosen], basis))
+            blocks.setdefault(size, []).append(BlockGroup(False, zero, group.clique[chosen], basis))
     groups = stacked_groups([block for parts in blocks.values() for block in parts])
     system = generators.stacked(relaxation.problem, relaxation.products)
     groups = term_sparse(groups, system, objective.words, n, "chordal", steps=1)
