@@ -25,6 +25,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from .fronts import FrontFactor, Fronts
 from .numbers import Numbers
 from .progress import Iterate, Iteration, Outcome, Settings, judge, verdict
 from .tree import Factor
@@ -60,7 +61,7 @@ class _Newton:
 
     numbers: Numbers
     settings: Settings
-    factor: Factor
+    factor: Factor | FrontFactor
     inverse: Reals
     z: Reals
     residuals: _Residuals
@@ -131,7 +132,8 @@ def minimise(
     log: list[Iteration] = []
     best = point
     step = (1.0, 0.0, 0.0)
-    factor = Factor(numbers.symbolic.tree)
+    tree = numbers.symbolic.tree
+    factor = FrontFactor(tree) if isinstance(tree, Fronts) else Factor(tree)
     while True:
         residuals = _residuals(numbers, point)
         log.append(_measure(numbers, point, residuals, step))
@@ -164,7 +166,7 @@ def minimise(
 
 def _factorize(
     numbers: Numbers,
-    factor: Factor,
+    factor: Factor | FrontFactor,
     fixed: Reals,
     inverse: Reals,
     z: Reals,

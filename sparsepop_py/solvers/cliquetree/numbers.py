@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from ...conic import ConicProgram
 from .kernels import cholesky, largest_step, lower_inverse, symmetric, transposed
-from .symbolic import Assembly, BlockStack, Symbolic
+from .fronts import kernels
+from .symbolic import Assembly, BlockPairs, BlockStack, Symbolic
 
 __all__ = ["Cone", "Numbers"]
 
 Reals = NDArray[np.float64]
+_SLIGHTLY_LESS = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +34,14 @@ class Cone:
         Where the linear rows begin.
     linear : int
         Number of linear rows.
+    pairs : BlockPairs, optional
+        All blocks for the compiled kernels, if these are to be used.
     """
 
     stacks: tuple[BlockStack, ...]
     entries: int
     linear: int
+    pairs: BlockPairs | None = None
 
     @property
     def degree(self) -> int:
@@ -59,9 +64,13 @@ class Cone:
             If x is not in the interior of the cone.
         """
         result = np.empty_like(x)
-        for s in self.stacks:
-            factor = cholesky(x[s.span].reshape(s.shape))
-            lower_inverse(factor, result[s.span].reshape(s.shape))
+        if self.pairs is not None:
+            if kernels().inverse_factors(x, self.pairs.start, self.pairs.size, result) >= 0:
+                raise np.linalg.LinAlgError("a block is not positive definite")
+        else:
+            for s in self.stacks:
+                factor = cholesky(x[s.span].reshape(s.shape))
+                lower_inverse(factor, result[s.span].reshape(s.shape))
         tail = x[self.entries :]
         if tail.size and not tail.min() > 0.0:
             raise np.linalg.LinAlgError("a linear row is not positive")
@@ -88,9 +97,13 @@ class Cone:
 
     def largest_step(self, factor: Reals, direction: Reals, limit: float, roughly: bool) -> float:
         """The largest a <= limit that keeps x + a d in the cone, x by its inverse factor."""
-        for s in self.stacks:
-            inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
-            limit = largest_step(inverse, change, limit, roughly)
+        if self.pairs is not None:
+            at, sizes = self.pairs.start, self.pairs.size
+            limit = _SLIGHTLY_LESS * kernels().largest_step(factor, direction, at, sizes, limit)
+        else:
+            for s in self.stacks:
+                inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
+                limit = largest_step(inverse, change, limit, roughly)
         ratio = direction[self.entries :] * factor[self.entries :] ** 2
         least = float(ratio.min(initial=0.0))
         return -1.0 / least if least * limit < -1.0 else limit
@@ -141,7 +154,7 @@ class Numbers:
     e: Reals
     scale: Reals
     data: Reals
-    products: tuple[_Product, ...]
+    products: tuple[_Product, ...] | Reals
 
     @staticmethod
     def of(program: ConicProgram, symbolic: Symbolic) -> Numbers:
@@ -163,9 +176,16 @@ class Numbers:
         scaled = sps.csc_array((data, program.A.indices, program.A.indptr), shape=program.A.shape)
         E = scaled.tocsr()[:zero]
         unit = float(np.abs(program.q).max(initial=0.0)) or 1.0
+        assemblies = symbolic.assemblies
+        pairs = assemblies if isinstance(assemblies, BlockPairs) else None
+        products: tuple[_Product, ...] | Reals
+        if isinstance(assemblies, BlockPairs):
+            products = C.data[assemblies.source]
+        else:
+            products = tuple(_product(assembly, C.data) for assembly in assemblies)
         return Numbers(
             symbolic,
-            Cone(layout.stacks, layout.entries, linear),
+            Cone(layout.stacks, layout.entries, linear, pairs),
             program.q / unit,
             unit,
             program.offset / unit,
@@ -177,7 +197,7 @@ class Numbers:
             right[:zero],
             scale,
             data,
-            tuple(_product(assembly, C.data) for assembly in symbolic.assemblies),
+            products,
         )
 
     def fixed_entries(self, weight: float) -> Reals:
@@ -189,7 +209,24 @@ class Numbers:
 
     def add_newton(self, entries: Reals, inverse: Reals, dual: Reals) -> None:
         """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts."""
-        for assembly, product in zip(self.symbolic.assemblies, self.products, strict=True):
+        assemblies = self.symbolic.assemblies
+        if isinstance(assemblies, BlockPairs):
+            b = assemblies
+            kernels().add_blocks(
+                entries,
+                inverse,
+                dual,
+                b.start,
+                b.size,
+                b.member,
+                b.first,
+                b.entry,
+                self.products,
+                b.at,
+                b.place,
+            )
+            assemblies = ()
+        for assembly, product in zip(assemblies, self.products, strict=False):
             count, size, moments = assembly.count, assembly.size, assembly.moments
             z = dual[assembly.span].reshape(count * size, size)
             p = inverse[assembly.span].reshape(count, size, size)

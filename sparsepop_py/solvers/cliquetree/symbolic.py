@@ -21,12 +21,22 @@ from numpy.typing import NDArray
 
 from ...conic import Cones, ConicProgram
 from .elimination import amalgamate, eliminate, maximal
-from .tree import Tree, plant, predicted_seconds
+from .fronts import Fronts, line_up
+from .tree import Tree, plant
 
-__all__ = ["Assembly", "BlockStack", "Layout", "RowPairs", "Symbolic", "analyse", "pattern_key"]
+__all__ = [
+    "Assembly",
+    "BlockPairs",
+    "BlockStack",
+    "Layout",
+    "RowPairs",
+    "Symbolic",
+    "analyse",
+    "pattern_key",
+]
 
 Indices = NDArray[np.int64]
-_SLACKS = (2.0,)  # elimination orders that are tried
+_SHALLOW, _LEAN = 2.0, 1.1  # slack of elimination orders for stacks and for single fronts
 _CHUNK = 2**16  # doubles that the temporary products of one assembly may take
 
 
@@ -117,6 +127,36 @@ class Assembly:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class BlockPairs:
+    """All blocks for the compiled assembly: moments, their nonzeros, places of their pairs.
+
+    Parameters
+    ----------
+    start, size : (K,) int
+        Where the entries of each block begin, and its rows.
+    member : (K + 1,) int
+        Where the moments of each block begin.
+    first : (C + 1,) int
+        Where the nonzeros of each moment of each block begin.
+    entry, source : int arrays
+        Entry i s + j of each nonzero in its block; its number in the entry matrix.
+    at : (K + 1,) int
+        Where the places of each block begin.
+    place : int array
+        Places of all pairs p <= q, row by row.
+    """
+
+    start: Indices
+    size: Indices
+    member: Indices
+    first: Indices
+    entry: Indices
+    source: Indices
+    at: Indices
+    place: Indices
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RowPairs:
     """Products a_rp a_rq of zero rows or of linear rows, and where they are added.
 
@@ -145,18 +185,19 @@ class Symbolic:
         Digest of the pattern; programs with the same key share this object.
     moments : int
     layout : Layout
-    assemblies : tuple of Assembly
+    assemblies : tuple of Assembly, or BlockPairs
     zero, linear : RowPairs
-    tree : Tree
+    tree : Tree or Fronts
+        Stacks of equal fronts for numpy, single fronts for compiled kernels.
     """
 
     key: bytes
     moments: int
     layout: Layout
-    assemblies: tuple[Assembly, ...]
+    assemblies: tuple[Assembly, ...] | BlockPairs
     zero: RowPairs
     linear: RowPairs
-    tree: Tree
+    tree: Tree | Fronts
 
 
 def pattern_key(program: ConicProgram) -> bytes:
@@ -169,13 +210,15 @@ def pattern_key(program: ConicProgram) -> bytes:
     return digest.digest()
 
 
-def analyse(program: ConicProgram) -> Symbolic:
+def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
     """Find fronts and index maps of a program, which serve all programs of its pattern.
 
     Parameters
     ----------
     program : ConicProgram
         Only the pattern of A and the cones are read.
+    compiled : bool
+        Whether for the compiled kernels.
     """
     moments = program.q.size
     row = program.A.indices.astype(np.int64)
@@ -185,9 +228,18 @@ def analyse(program: ConicProgram) -> Symbolic:
     owner, member = np.divmod(keys, max(moments, 1))
     first = np.searchsorted(owner, np.arange(int(layout.block.max(initial=-1)) + 2))
     local = local - first[layout.block[row]]
-    tree = _best_tree(member, first, moments)
+    tree = _tree(member, first, moments, compiled)
     spot = tree.locate(owner, member, first)
-    assemblies = tuple(_assemblies(layout, program.cones, first, spot, local, tree))
+    assemblies: tuple[Assembly, ...] | BlockPairs
+    if isinstance(tree, Fronts):
+        order = np.lexsort((spot, owner))
+        turned = np.empty(order.size, np.int64)
+        turned[order] = np.arange(order.size)
+        spot = spot[order]
+        local = turned[first[layout.block[row]] + local] - first[layout.block[row]]
+        assemblies = _block_pairs(layout, program.cones, first, spot, local, tree)
+    else:
+        assemblies = tuple(_assemblies(layout, program.cones, first, spot, local, tree))
     lines = _row_pairs(program.cones, row, first, spot, local, tree)
     return Symbolic(pattern_key(program), moments, layout, assemblies, *lines, tree)
 
@@ -222,13 +274,50 @@ def _layout(cones: Cones, row: Indices, column: Indices) -> Layout:
     )
 
 
-def _best_tree(member: Indices, first: Indices, moments: int) -> Tree:
-    """The tree of the elimination order that should be fastest."""
+def _tree(member: Indices, first: Indices, moments: int, compiled: bool) -> Tree | Fronts:
+    """The elimination tree of the cliques."""
     cliques = [member[a:b] for a, b in zip(first, first[1:], strict=False)]
-    cliques = maximal(cliques, moments)
-    orders = [eliminate(cliques, moments, slack) for slack in _SLACKS]
-    trees = [plant(amalgamate(order, moments), moments) for order in orders]
-    return min(trees, key=predicted_seconds)
+    order = eliminate(maximal(cliques, moments), moments, _LEAN if compiled else _SHALLOW)
+    fronts = amalgamate(order, moments)
+    return line_up(fronts, moments) if compiled else plant(fronts, moments)
+
+
+def _block_pairs(
+    layout: Layout, cones: Cones, first: Indices, spot: Indices, local: Indices, tree: Fronts
+) -> BlockPairs:
+    """Nonzeros of each moment of each block, and the places of all pairs of its moments."""
+    head = cones.zero + cones.nonnegative
+    sizes = np.array(cones.psd, np.int64)
+    order = np.argsort(sizes, kind="stable")  # as the stacks have them
+    size = sizes[order]
+    start = np.concatenate([[0], np.cumsum(size**2)]).astype(np.int64)
+    low, high = first[head + order], first[head + order + 1]
+    member = np.concatenate([[0], np.cumsum(high - low)]).astype(np.int64)
+    entry = np.repeat(np.arange(layout.entries), np.diff(layout.indptr[: layout.entries + 1]))
+    block = np.repeat(np.arange(size.size), size**2)[entry]
+    moment = member[block] + local[layout.source[: entry.size]]
+    turned = np.argsort(moment, kind="stable")
+    width = high - low
+    at = np.concatenate([[0], np.cumsum(width * (width + 1) // 2)]).astype(np.int64)
+    place = np.empty(at[-1], np.int64)
+    for count in np.unique(width).tolist():
+        upper = np.triu_indices(count)
+        which = np.flatnonzero(width == count)
+        step = max(1, _CHUNK // max(1, count**2))
+        for some in (which[k : k + step] for k in range(0, which.size, step)):
+            ranks = spot[low[some][:, None] + np.arange(count)]
+            found = tree.pairs(ranks, np.ones(ranks.shape, bool))[:, upper[0], upper[1]]
+            place[at[some][:, None] + np.arange(upper[0].size)] = found
+    return BlockPairs(
+        start[:-1],
+        size,
+        member,
+        np.searchsorted(moment[turned], np.arange(member[-1] + 1)),
+        (entry - start[block])[turned],
+        turned,
+        at,
+        place,
+    )
 
 
 def _assemblies(
@@ -290,7 +379,12 @@ def _assembly(
 
 
 def _row_pairs(
-    cones: Cones, row: Indices, first: Indices, spot: Indices, local: Indices, tree: Tree
+    cones: Cones,
+    row: Indices,
+    first: Indices,
+    spot: Indices,
+    local: Indices,
+    tree: Tree | Fronts,
 ) -> tuple[RowPairs, RowPairs]:
     """Pairs of nonzeros of every zero row and of every linear row."""
     head = cones.zero + cones.nonnegative
@@ -302,6 +396,8 @@ def _row_pairs(
         rows = np.flatnonzero(length == size)
         nonzero = order[begin[rows][:, None] + np.arange(size)]
         at = spot[first[rows][:, None] + local[nonzero]]
+        ascending = np.argsort(at, axis=1)
+        at, nonzero = (np.take_along_axis(x, ascending, axis=1) for x in (at, nonzero))
         place = tree.pairs(at, np.ones(at.shape, bool))
         wide = (rows.size, size, size)
         found[0].append(np.broadcast_to(nonzero[:, :, None], wide).ravel())
