@@ -23,8 +23,10 @@ presolve.scaling
 chordal sparsity shapes basis blocks signs terms relaxation conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
-solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
-solvers.cliquetree.interior solvers.cliquetree solvers
+solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout
+solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.numbers
+solvers.cliquetree.progress solvers.cliquetree.interior solvers.cliquetree.second_order
+solvers.cliquetree solvers
 certificate certificate.identity certificate.linear certificate.inverse certificate.box
 certificate.certificate certificate.dual
 extraction sequential refinement unbounded options task catalogue sizing boxes incumbents
@@ -43,6 +45,8 @@ DOORS = {
     "networkx": "chordal",
     "matplotlib": "plots",
     "casadi": "refinement",
+    "numba": "solvers.cliquetree.compiled",
+    "llvmlite": "solvers.cliquetree.compiled",
 }
 EVERYWHERE = {"numpy", "scipy"}
 LINEAR_PROGRAMS = {"linprog", "milp", "linprog_verbose_callback"}

@@ -8,7 +8,10 @@ Matrices are stored by rows, which LAPACK reads as their transposes by columns: 
 the upper triangle is the lower one here.
 """
 
+# mypy: disallow-untyped-defs=False
 from __future__ import annotations
+
+from typing import Any
 
 import llvmlite.binding
 import numba
@@ -19,7 +22,7 @@ from numba.extending import get_cython_function_address
 __all__ = ["add_blocks", "factorize", "inverse_factors", "largest_step", "solve"]
 
 
-def _routine(library: str, name: str, arguments: int) -> types.ExternalFunction:
+def _routine(library: str, name: str, arguments: int) -> Any:
     """A routine of scipy by its address; all arguments are pointers."""
     address = get_cython_function_address(f"scipy.linalg.cython_{library}", name)
     llvmlite.binding.add_symbol(f"cliquetree_{name}", address)
@@ -55,68 +58,90 @@ def _ones():
 
 
 @_jit
-def add_blocks(values, inverse, dual, start, size, member, first, entry, weight, at, place):
+def add_blocks(values, inverse, dual, start, size, member, first, row, column, weight, at, place):
     """Add <A_p, P A_q Z> of all blocks and all pairs p <= q of their moments.
 
     Block k has the moments member[k] to member[k + 1]; moment p has the nonzeros first[p] to
-    first[p + 1], at entries i * size + j. Results go to place[at[k]:], row by row of the
-    upper triangle.
+    first[p + 1] of the lower triangle, weights of the diagonal halved. With V = P A_p Z + Z A_p P
+    the result is the sum of weight V over the nonzeros of q. It goes to place[at[k]:], row by row
+    of the upper triangle.
     """
     taken = np.empty(size.max() ** 2)
     for k in range(size.size):
-        s = size[k]
-        P = inverse[start[k] : start[k] + s * s]
-        Z = dual[start[k] : start[k] + s * s]
-        V = taken[: s * s]
+        s = np.uint32(size[k])
+        P = inverse[start[k] : start[k] + s * s].reshape(s, s)
+        Z = dual[start[k] : start[k] + s * s].reshape(s, s)
+        V = taken[: s * s].reshape(s, s)
         target = at[k]
         for p in range(member[k], member[k + 1]):
             V[:] = 0.0
             for nonzero in range(first[p], first[p + 1]):
-                i, j = divmod(entry[nonzero], s)
-                for row in range(s):
-                    factor = weight[nonzero] * P[i * s + row]
-                    for column in range(s):
-                        V[row * s + column] += factor * Z[j * s + column]
+                i, j, w = row[nonzero], column[nonzero], weight[nonzero]
+                Pi, Pj, Zi, Zj = P[i], P[j], Z[i], Z[j]
+                for r in range(s):
+                    a, b, c, d = w * Pi[r], w * Pj[r], w * Zi[r], w * Zj[r]
+                    target_row = V[r]
+                    for t in range(r + 1):
+                        target_row[t] += a * Zj[t] + b * Zi[t] + c * Pj[t] + d * Pi[t]
             for q in range(p, member[k + 1]):
                 total = 0.0
                 for nonzero in range(first[q], first[q + 1]):
-                    total += weight[nonzero] * V[entry[nonzero]]
+                    total += weight[nonzero] * V[row[nonzero], column[nonzero]]
                 values[place[target]] += total
                 target += 1
 
 
 @_jit
-def factorize(
-    values, regularisation, least, pivots, updates, base, child, children, slot, slots, home, stack
-):
-    """Factorize all fronts in place; the number of the first one that is not definite, or -1.
+def _extend_add(values, work, stack, source, to, base, e, u):
+    """Add the update of a child to the pivots (values) and the update (work) of its parent."""
+    inner = np.searchsorted(to, e)
+    for i in range(to.size):
+        row = source + i * to.size
+        target = base + to[i] * e
+        for j in range(min(inner, i + 1)):
+            values[target + to[j]] += stack[row + j]
+        target = (to[i] - e) * u - e
+        for j in range(inner, i + 1):
+            work[target + to[j]] += stack[row + j]
 
-    Front f has rows of ``pivots[f]`` entries from base[f] on, those of the pivots first. Its
-    children are children[child[f]:child[f + 1]], its update goes to stack[home[f]:] and from
-    there to the rows slots[slot[f]:slot[f + 1]] of its parent.
+
+@_jit
+def factorize(
+    values,
+    regularisation,
+    least,
+    low,
+    high,
+    pivots,
+    updates,
+    base,
+    child,
+    children,
+    slot,
+    slots,
+    home,
+    stack,
+):
+    """Factorize the fronts from low to high - 1 in place.
+
+    Returns the number of the first one that is not definite, or -1. Front f has rows of
+    ``pivots[f]`` entries from base[f] on, those of the pivots first. Its children are
+    children[child[f]:child[f + 1]], its update goes to stack[home[f]:] and from there to the
+    rows slots[slot[f]:slot[f + 1]] of its parent.
     """
     work = np.empty(max(1, updates.max() ** 2))
     n, info = np.empty(3, np.int32), np.zeros(1, np.int32)
     upper, left, _, transpose, general = _letters()
     plus, minus, _ = _ones()
     n1, n2 = n.ctypes.data, n.ctypes.data + 4
-    for f in range(pivots.size):
+    for f in range(low, high):
         e, u, b = pivots[f], updates[f], base[f]
         for i in range(u):
             work[i * u : i * u + i + 1] = 0.0
         for number in range(child[f], child[f + 1]):
             c = children[number]
-            m = updates[c]
             to = slots[slot[c] : slot[c + 1]]
-            inner = np.searchsorted(to, e)
-            for i in range(m):
-                row = home[c] + i * m
-                low = b + to[i] * e
-                for j in range(min(inner, i + 1)):
-                    values[low + to[j]] += stack[row + j]
-                low = (to[i] - e) * u - e
-                for j in range(inner, i + 1):
-                    work[low + to[j]] += stack[row + j]
+            _extend_add(values, work, stack, home[c], to, b, e, u)
         for i in range(e):
             at = b + i * e + i
             values[at] += regularisation * values[at] + least

@@ -9,18 +9,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .elimination import Front
+from .kernels import check, compiled_kernels
 
-__all__ = ["FrontFactor", "Fronts", "kernels", "line_up"]
+__all__ = ["FrontFactor", "Fronts", "line_up"]
 
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _LEAST_PIVOT = 1e-14
+_WORK = 1e9  # multiplications between two looks at the clock
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,14 @@ class Fronts:
         """Floating-point operations of one factorization."""
         e, u = self.pivots, self.updates
         return int((e**3 // 3 + e * e * u + e * u * u).sum())
+
+    @cached_property
+    def stops(self) -> Indices:
+        """Numbers of fronts between which to look at the clock, from 0 to F."""
+        e, u = self.pivots.astype(float), self.updates.astype(float)
+        work = np.cumsum(e**3 / 3 + e * e * u + e * u * u)
+        cuts = np.searchsorted(work, np.arange(_WORK, work[-1] if work.size else 0.0, _WORK))
+        return np.unique(np.concatenate([[0], cuts, [e.size]])).astype(np.int64)
 
     @cached_property
     def levels(self) -> int:
@@ -156,40 +165,39 @@ class FrontFactor:
         self.entries = np.zeros(fronts.entries)
         self._stack = np.zeros(int(fronts.plan[-1][0]))
 
-    def refactor(self, regularisation: float) -> None:
+    def refactor(self, regularisation: float, deadline: float | None = None) -> None:
         """Factorize what is in ``entries``.
 
         Raises
         ------
         numpy.linalg.LinAlgError
             If a pivot block is not positive definite.
+        OutOfTime
+            If the CPU time ``deadline`` passes.
         """
         t = self.tree
-        failed = kernels().factorize(
-            self.entries,
-            regularisation,
-            _LEAST_PIVOT,
-            t.pivots,
-            t.updates,
-            t.base,
-            *t.plan[:-1],
-            self._stack,
-        )
-        if failed >= 0:
-            raise np.linalg.LinAlgError(f"front {failed} is not positive definite")
+        for low, high in zip(t.stops[:-1], t.stops[1:], strict=True):
+            check(deadline)
+            failed = compiled_kernels().factorize(
+                self.entries,
+                regularisation,
+                _LEAST_PIVOT,
+                low,
+                high,
+                t.pivots,
+                t.updates,
+                t.base,
+                *t.plan[:-1],
+                self._stack,
+            )
+            if failed >= 0:
+                raise np.linalg.LinAlgError(f"front {failed} is not positive definite")
 
     def solve(self, right: Reals) -> Reals:
         """The solution of the factorized system for one right-hand side (M,)."""
         x, t = right.copy(), self.tree
-        kernels().solve(self.entries, x, t.pivots, t.updates, t.base, t.first, t.columns)
+        compiled_kernels().solve(self.entries, x, t.pivots, t.updates, t.base, t.first, t.columns)
         return x
-
-
-def kernels() -> ModuleType:
-    """The compiled kernels."""
-    from . import compiled
-
-    return compiled
 
 
 def line_up(fronts: list[Front], columns: int) -> Fronts:

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .fronts import FrontFactor, Fronts
+from .kernels import OutOfTime
 from .numbers import Numbers
 from .progress import Iterate, Iteration, Outcome, Settings, judge, verdict
 from .tree import Factor
@@ -33,7 +34,8 @@ from .tree import Factor
 __all__ = ["minimise"]
 
 Reals = NDArray[np.float64]
-_ROUGH, _EXACT = 1e-5, 1e-12  # residuals of linear solves for predictor and corrector
+_ROUGH, _EXACT = 1e-5, 1e-12  # range of residuals of linear solves for the corrector
+_SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
 _ATTEMPTS = 3  # to factorize
 
 
@@ -75,11 +77,16 @@ class _Newton:
         if correction is not None:
             fixed = fixed - correction
         right = self.residuals.dual - n.Ct @ (fixed - self.moved)
-        accuracy = _ROUGH if correction is None else _EXACT
+        accuracy = np.inf if correction is None else self._needed(right)
         dy, dw = self._solve(right, self.residuals.equal, accuracy)
         ds = self.residuals.cone - n.C @ dy
         dz = fixed - cone.sandwich(self.inverse, ds, self.z)
         return Iterate(dy, ds, dz, dw)
+
+    def _needed(self, right: Reals) -> float:
+        """The accuracy that leaves a dual residual well below the gap that is left."""
+        allowed = _SPARED * self.mu * self.numbers.cone.degree / max(right.size, 1)
+        return float(min(_ROUGH, max(_EXACT, allowed / np.abs(right).max(initial=1e-300))))
 
     def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, Reals]:
         """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy."""
@@ -90,6 +97,8 @@ class _Newton:
         for _ in range(self.settings.refinements + 1):
             step = self.factor.solve(first + n.Et @ (second / delta))
             new_y, new_w = dy + step, dw + (n.E @ step - second) / delta
+            if np.isinf(accuracy):
+                return new_y, new_w
             first = h - self._apply(new_y) - n.Et @ new_w
             second = equal - n.E @ new_y
             error = np.abs(first).max(initial=0.0) / size + np.abs(second).max(initial=0.0)
@@ -150,8 +159,8 @@ def minimise(
             root_z = numbers.cone.inverse_factor(point.z)
             inverse = numbers.cone.inverse(root_s)
             clock.charge("inverses")
-            _factorize(numbers, factor, fixed, inverse, point.z, settings, clock)
-        except np.linalg.LinAlgError as error:
+            _factorize(numbers, factor, fixed, inverse, point.z, settings, clock, deadline)
+        except (np.linalg.LinAlgError, OutOfTime) as error:
             status, detail = verdict(numbers, settings, log), str(error)
             break
         moved = numbers.cone.sandwich(inverse, residuals.cone, point.z)
@@ -172,14 +181,15 @@ def _factorize(
     z: Reals,
     settings: Settings,
     clock: _Clock,
+    deadline: float | None,
 ) -> None:
     """Assemble and factorize, with larger regularisation where a pivot fails."""
     for attempt in range(_ATTEMPTS):
         np.copyto(factor.entries, fixed)
-        numbers.add_newton(factor.entries, inverse, z)
+        numbers.add_newton(factor.entries, inverse, z, deadline)
         clock.charge("assembly")
         try:
-            factor.refactor(settings.regularisation * 1e3**attempt)
+            factor.refactor(settings.regularisation * 1e3**attempt, deadline)
             return
         except np.linalg.LinAlgError:
             if attempt == _ATTEMPTS - 1:

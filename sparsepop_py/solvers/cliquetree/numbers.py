@@ -13,9 +13,17 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from ...conic import ConicProgram
-from .kernels import cholesky, largest_step, lower_inverse, symmetric, transposed
-from .fronts import kernels
-from .symbolic import Assembly, BlockPairs, BlockStack, Symbolic
+from .assembly import BlockPairs, PairProduct, StackProduct
+from .kernels import (
+    cholesky,
+    compiled_kernels,
+    largest_step,
+    lower_inverse,
+    symmetric,
+    transposed,
+)
+from .layout import BlockStack
+from .symbolic import Symbolic
 
 __all__ = ["Cone", "Numbers"]
 
@@ -65,7 +73,10 @@ class Cone:
         """
         result = np.empty_like(x)
         if self.pairs is not None:
-            if kernels().inverse_factors(x, self.pairs.start, self.pairs.size, result) >= 0:
+            if (
+                compiled_kernels().inverse_factors(x, self.pairs.start, self.pairs.size, result)
+                >= 0
+            ):
                 raise np.linalg.LinAlgError("a block is not positive definite")
         else:
             for s in self.stacks:
@@ -99,7 +110,9 @@ class Cone:
         """The largest a <= limit that keeps x + a d in the cone, x by its inverse factor."""
         if self.pairs is not None:
             at, sizes = self.pairs.start, self.pairs.size
-            limit = _SLIGHTLY_LESS * kernels().largest_step(factor, direction, at, sizes, limit)
+            limit = _SLIGHTLY_LESS * compiled_kernels().largest_step(
+                factor, direction, at, sizes, limit
+            )
         else:
             for s in self.stacks:
                 inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
@@ -107,14 +120,6 @@ class Cone:
         ratio = direction[self.entries :] * factor[self.entries :] ** 2
         least = float(ratio.min(initial=0.0))
         return -1.0 / least if least * limit < -1.0 else limit
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Product:
-    """The two sparse factors of one assembly."""
-
-    left: sps.csr_array
-    right: sps.csr_array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +159,7 @@ class Numbers:
     e: Reals
     scale: Reals
     data: Reals
-    products: tuple[_Product, ...] | Reals
+    products: tuple[StackProduct | PairProduct, ...]
 
     @staticmethod
     def of(program: ConicProgram, symbolic: Symbolic) -> Numbers:
@@ -176,16 +181,10 @@ class Numbers:
         scaled = sps.csc_array((data, program.A.indices, program.A.indptr), shape=program.A.shape)
         E = scaled.tocsr()[:zero]
         unit = float(np.abs(program.q).max(initial=0.0)) or 1.0
-        assemblies = symbolic.assemblies
-        pairs = assemblies if isinstance(assemblies, BlockPairs) else None
-        products: tuple[_Product, ...] | Reals
-        if isinstance(assemblies, BlockPairs):
-            products = C.data[assemblies.source]
-        else:
-            products = tuple(_product(assembly, C.data) for assembly in assemblies)
+        compiled = next((a for a in symbolic.assemblies if isinstance(a, BlockPairs)), None)
         return Numbers(
             symbolic,
-            Cone(layout.stacks, layout.entries, linear, pairs),
+            Cone(layout.stacks, layout.entries, linear, compiled),
             program.q / unit,
             unit,
             program.offset / unit,
@@ -197,7 +196,7 @@ class Numbers:
             right[:zero],
             scale,
             data,
-            products,
+            tuple(assembly.bound(C.data) for assembly in symbolic.assemblies),
         )
 
     def fixed_entries(self, weight: float) -> Reals:
@@ -207,33 +206,18 @@ class Numbers:
         np.add.at(entries, pairs.place, weight * self.data[pairs.left] * self.data[pairs.right])
         return entries
 
-    def add_newton(self, entries: Reals, inverse: Reals, dual: Reals) -> None:
-        """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts."""
-        assemblies = self.symbolic.assemblies
-        if isinstance(assemblies, BlockPairs):
-            b = assemblies
-            kernels().add_blocks(
-                entries,
-                inverse,
-                dual,
-                b.start,
-                b.size,
-                b.member,
-                b.first,
-                b.entry,
-                self.products,
-                b.at,
-                b.place,
-            )
-            assemblies = ()
-        for assembly, product in zip(assemblies, self.products, strict=False):
-            count, size, moments = assembly.count, assembly.size, assembly.moments
-            z = dual[assembly.span].reshape(count * size, size)
-            p = inverse[assembly.span].reshape(count, size, size)
-            turned = (product.left @ z).reshape(count, size, moments * size)
-            both = (p @ turned).reshape(count, size, moments, size)
-            columns = both.transpose(0, 1, 3, 2).reshape(count * size * size, moments)
-            np.add.at(entries, assembly.place, (product.right @ columns).ravel())
+    def add_newton(
+        self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None = None
+    ) -> None:
+        """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts.
+
+        Raises
+        ------
+        OutOfTime
+            If the CPU time ``deadline`` passes.
+        """
+        for product in self.products:
+            product.add(entries, inverse, dual, deadline)
         pairs = self.symbolic.linear
         place = self.symbolic.layout.place[pairs.row]
         weight = inverse[place] * dual[place]
@@ -254,16 +238,3 @@ def _row_scale(program: ConicProgram, block: NDArray[np.int64]) -> Reals:
     np.maximum.at(largest, block[program.A.indices], np.abs(program.A.data))
     scale = 1.0 / np.where(largest > 0.0, largest, 1.0)
     return scale[block]
-
-
-def _product(assembly: Assembly, data: Reals) -> _Product:
-    count, size, moments = assembly.count, assembly.size, assembly.moments
-    left = sps.csr_array(
-        (data[assembly.left_source], assembly.left_indices, assembly.left_indptr),
-        shape=(count * size * moments, count * size),
-    )
-    right = sps.csr_array(
-        (data[assembly.right_source], assembly.right_indices, assembly.right_indptr),
-        shape=(count * moments, count * size * size),
-    )
-    return _Product(left, right)

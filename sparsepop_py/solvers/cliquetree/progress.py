@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ __all__ = ["Iterate", "Iteration", "Outcome", "Settings", "better", "judge", "ve
 
 Reals = NDArray[np.float64]
 _NOISE = 3e-5  # times the asked gap: what rounding leaves of sum |q|
+_ROUNDING = 0.5  # part of the gap below which complementarity is not what is missing
 _FAR = 1e3  # size of moments up to which emptiness, and from which unboundedness, is claimed
 
 
@@ -55,6 +57,8 @@ class Settings:
         Part of the way to the boundary that a step may go, and what is added to it times the
         length of the predictor.
     iterations : int
+    kernels : {"auto", "numpy", "numba"}
+        ``"auto"``: those of numba where it is installed and the program is large enough.
     """
 
     gap: float = 1e-7
@@ -69,6 +73,7 @@ class Settings:
     boundary: float = 0.9
     stretch: float = 0.06
     iterations: int = 80
+    kernels: Literal["auto", "numpy", "numba"] = "auto"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,6 +170,8 @@ def judge(
         gap = _gap(numbers, log)
         if gap < settings.gap:
             return "solved", "gap"
+        if gap < settings.accepted and _complementarity(numbers, log) < _ROUNDING * gap:
+            return "solved", "rounding"
         if gap < settings.accepted and _stalled(log, settings.patience // 2, settings):
             return "solved", "no progress"
     if len(log) > settings.iterations:
@@ -193,11 +200,19 @@ def _gap(numbers: Numbers, log: list[Iteration]) -> float:
     That is max(1, |q'y + offset|) in the program's units, or a part of sum |q| that rounding
     errors do not allow to resolve.
     """
+    distance = abs(log[-1].primal - max(line.safe for line in log))
+    return max(distance / _scale(numbers, log), _complementarity(numbers, log))
+
+
+def _complementarity(numbers: Numbers, log: list[Iteration]) -> float:
+    """The gap that exact arithmetic would leave, on the same scale."""
+    return log[-1].mu * numbers.cone.degree / _scale(numbers, log)
+
+
+def _scale(numbers: Numbers, log: list[Iteration]) -> float:
     value = log[-1].primal + numbers.offset
     noise = _NOISE * float(np.abs(numbers.q).sum())
-    distance = abs(log[-1].primal - max(line.safe for line in log))
-    complementarity = log[-1].mu * numbers.cone.degree
-    return max(distance, complementarity) / max(1.0 / numbers.unit, abs(value), noise)
+    return max(1.0 / numbers.unit, abs(value), noise)
 
 
 def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:

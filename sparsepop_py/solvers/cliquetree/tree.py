@@ -18,15 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .elimination import Front, front_seconds
-from .kernels import cholesky, lower_inverse, transposed
+from .elimination import Front
+from .kernels import check, cholesky, lower_inverse, transposed
 
-__all__ = ["Factor", "FrontStack", "Tree", "plant", "predicted_seconds"]
+__all__ = ["Factor", "FrontStack", "Tree", "plant"]
 
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _LEAST_PIVOT = 1e-14
-_CALL = 1.2e-4  # seconds of calls a stack: rough, to compare orders by
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,12 +215,6 @@ def _stack(
     return FrontStack(pivots, size, columns, int(tree.base[which[0]]), place, padding)
 
 
-def predicted_seconds(tree: Tree) -> float:
-    """Rough seconds of a factorization, to choose an order by."""
-    fronts = sum(front_seconds(e, u) for e, u in tree.sizes.tolist())
-    return fronts + len(tree.stacks) * _CALL
-
-
 class Factor:
     """Working memory of factorizations on a tree: L^-1 (K, e, e) and F21 L^-T (K, u, e) a stack.
 
@@ -240,7 +233,7 @@ class Factor:
         self.across = [np.zeros((s.count, s.size - s.pivots, s.pivots)) for s in tree.stacks]
         self._update = np.zeros(max((s.parent.size for s in tree.stacks), default=0))
 
-    def refactor(self, regularisation: float) -> None:
+    def refactor(self, regularisation: float, deadline: float | None = None) -> None:
         """Factorize the sum of fronts in ``entries``, which is overwritten.
 
         Parameters
@@ -252,8 +245,11 @@ class Factor:
         ------
         numpy.linalg.LinAlgError
             If a pivot block is not positive definite.
+        OutOfTime
+            If the CPU time ``deadline`` passes.
         """
         for stack, inverse, across in zip(self.tree.stacks, self.inverse, self.across, strict=True):
+            check(deadline)
             self.entries[stack.padding] = 1.0
             matrix = self.entries[stack.span].reshape(stack.count, stack.size, stack.size)
             e = stack.pivots
