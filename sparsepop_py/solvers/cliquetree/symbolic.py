@@ -56,6 +56,11 @@ class Symbolic:
     linear: RowPairs
     tree: Tree | Fronts
 
+    @property
+    def compiled(self) -> bool:
+        """Whether this is for the compiled kernels."""
+        return isinstance(self.tree, Fronts)
+
 
 def pattern_key(program: ConicProgram) -> bytes:
     """A digest of the pattern of A and of the cones."""
