@@ -25,8 +25,8 @@ solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout
 solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.numbers
-solvers.cliquetree.progress solvers.cliquetree.interior solvers.cliquetree.second_order
-solvers.cliquetree solvers
+solvers.cliquetree.progress solvers.cliquetree.repair solvers.cliquetree.interior
+solvers.cliquetree.second_order solvers.cliquetree solvers
 certificate certificate.identity certificate.linear certificate.inverse certificate.box
 certificate.certificate certificate.dual
 extraction sequential refinement unbounded options task catalogue sizing boxes incumbents

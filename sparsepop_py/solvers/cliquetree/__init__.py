@@ -43,7 +43,8 @@ __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "ru
 __all__ += ["second_order_multipliers", "with_second_order"]
 
 _KEPT = 4  # patterns whose analysis is kept
-_PRICE = 0.15  # seconds of a solve by numpy from which on loading compiled kernels is worth it
+# Seconds of a solve by numpy from which on compiled kernels pay, when they are to be loaded and
+_PRICE, _LOADED_PRICE = 0.15, 0.02  # when they are there already
 _COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new machine
 _analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
 
@@ -107,8 +108,8 @@ def run(
     time_limit : float, optional
         CPU seconds.
     start : Iterate, optional
-        ``outcome.iterate`` of an early stop on the same pattern. Where that leads nowhere, the
-        solve starts again without it.
+        ``outcome.early`` of a run on a nearby program of the same pattern. Where that leads
+        nowhere, the solve starts again without it.
     settings : Settings, optional
 
     Raises
@@ -183,9 +184,10 @@ def _compiled(program: ConicProgram, settings: Settings, time_limit: float | Non
                 "kernels: 'numba' needs the package numba (pip install sparsepop-py[fast])"
             ) from error
         return True
-    if settings.kernels == "numpy" or numpy_seconds(program) < _PRICE:
+    loaded = f"{__name__}.compiled" in sys.modules
+    price = _LOADED_PRICE if loaded else _PRICE
+    if settings.kernels == "numpy" or numpy_seconds(program) < price:
         return False
-    loaded = f"{__package__}.compiled" in sys.modules
     if not loaded and time_limit is not None and time_limit < _COMPILATION:
         return False
     try:

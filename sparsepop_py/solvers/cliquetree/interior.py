@@ -20,7 +20,7 @@ S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ from numpy.typing import NDArray
 from .fronts import FrontFactor, Fronts
 from .kernels import OutOfTime
 from .numbers import Numbers
-from .progress import Iterate, Iteration, Outcome, Settings, judge, verdict
+from .progress import Iterate, Iteration, Outcome, Settings, gap, judge, verdict, wants_repair
+from .repair import Repair, safe_value
 from .tree import Factor
 
 __all__ = ["minimise"]
@@ -36,6 +37,7 @@ __all__ = ["minimise"]
 Reals = NDArray[np.float64]
 _ROUGH, _EXACT = 1e-5, 1e-12  # range of residuals of linear solves for the corrector
 _SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
+_EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
 
 
@@ -139,10 +141,11 @@ def minimise(
     point = start or _cold_start(numbers)
     fixed = numbers.fixed_entries(1.0 / settings.penalty)
     log: list[Iteration] = []
-    best = point
+    best, early = point, None
     step = (1.0, 0.0, 0.0)
     tree = numbers.symbolic.tree
     factor = FrontFactor(tree) if isinstance(tree, Fronts) else Factor(tree)
+    repair = Repair(numbers, deadline)
     while True:
         residuals = _residuals(numbers, point)
         log.append(_measure(numbers, point, residuals, step))
@@ -151,8 +154,15 @@ def minimise(
         status, detail = judge(numbers, settings, log, point, target)
         if not status and deadline is not None and time.process_time() > deadline:
             status, detail = verdict(numbers, settings, log), "time limit"
+        if wants_repair(numbers, settings, log) or detail in ("rounding", "no progress"):
+            new = _repaired(numbers, log, point, repair)
+            if new is not None and (status or gap(numbers, log) < settings.gap):
+                best = point = new
+                status, detail = verdict(numbers, settings, log), "repaired"
         if status:
             break
+        if len(log) == 1 + _EARLY:
+            early = point
         clock.charge("rest")
         try:
             root_s = numbers.cone.inverse_factor(point.s)
@@ -170,7 +180,25 @@ def minimise(
             status, detail = verdict(numbers, settings, log), "steps too short"
             break
     ended = Iterate(point.y, point.s, best.z, best.w)
-    return Outcome(status, detail, ended, tuple(log), clock.seconds)
+    return Outcome(status, detail, ended, tuple(log), clock.seconds, early)
+
+
+def _repaired(
+    numbers: Numbers,
+    log: list[Iteration],
+    point: Iterate,
+    repair: Repair,
+) -> Iterate | None:
+    """The point with repaired multipliers, and its safe value in the log, if that is the best."""
+    try:
+        new = repair(point)
+    except OutOfTime:
+        return None
+    safe = safe_value(numbers, new)
+    if safe <= max(line.safe for line in log):
+        return None
+    log[-1] = replace(log[-1], safe=safe)
+    return new
 
 
 def _factorize(

@@ -20,7 +20,17 @@ from numpy.typing import NDArray
 
 from .numbers import Numbers
 
-__all__ = ["Iterate", "Iteration", "Outcome", "Settings", "better", "judge", "verdict"]
+__all__ = [
+    "Iterate",
+    "Iteration",
+    "Outcome",
+    "Settings",
+    "better",
+    "gap",
+    "judge",
+    "verdict",
+    "wants_repair",
+]
 
 Reals = NDArray[np.float64]
 _NOISE = 3e-5  # times the asked gap: what rounding leaves of sum |q|
@@ -128,9 +138,12 @@ class Outcome:
     ----------
     status, detail : str
     iterate : Iterate
+        The last point, with the multipliers of the highest safe value.
     log : tuple of Iteration
     seconds : dict
         CPU seconds of each phase.
+    early : Iterate, optional
+        The point after three steps: a start for nearby programs of the same pattern.
     """
 
     status: str
@@ -138,6 +151,7 @@ class Outcome:
     iterate: Iterate
     log: tuple[Iteration, ...]
     seconds: dict[str, float] = field(default_factory=dict)
+    early: Iterate | None = None
 
 
 def judge(
@@ -167,12 +181,12 @@ def judge(
     if extreme[0]:
         return extreme
     if now.primal_residual < settings.feasibility:
-        gap = _gap(numbers, log)
-        if gap < settings.gap:
+        distance = gap(numbers, log)
+        if distance < settings.gap:
             return "solved", "gap"
-        if gap < settings.accepted and _complementarity(numbers, log) < _ROUNDING * gap:
+        if distance < settings.accepted and _complementarity(numbers, log) < _ROUNDING * distance:
             return "solved", "rounding"
-        if gap < settings.accepted and _stalled(log, settings.patience // 2, settings):
+        if distance < settings.accepted and _stalled(log, settings.patience // 2, settings):
             return "solved", "no progress"
     if len(log) > settings.iterations:
         return verdict(numbers, settings, log), "iteration limit"
@@ -194,7 +208,7 @@ def _extreme(numbers: Numbers, settings: Settings, now: Iteration, at: Iterate) 
     return "", ""
 
 
-def _gap(numbers: Numbers, log: list[Iteration]) -> float:
+def gap(numbers: Numbers, log: list[Iteration]) -> float:
     """Distance of q'y and the best safe value, relative to what can be asked for.
 
     That is max(1, |q'y + offset|) in the program's units, or a part of sum |q| that rounding
@@ -202,6 +216,16 @@ def _gap(numbers: Numbers, log: list[Iteration]) -> float:
     """
     distance = abs(log[-1].primal - max(line.safe for line in log))
     return max(distance / _scale(numbers, log), _complementarity(numbers, log))
+
+
+def wants_repair(numbers: Numbers, settings: Settings, log: list[Iteration]) -> bool:
+    """Whether the dual residual is all that keeps the gap open."""
+    now = log[-1]
+    return (
+        now.primal_residual < settings.feasibility
+        and _complementarity(numbers, log) < settings.gap
+        and now.dual - now.safe > 0.0
+    )
 
 
 def _complementarity(numbers: Numbers, log: list[Iteration]) -> float:
@@ -237,10 +261,10 @@ def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
 
 def verdict(numbers: Numbers, settings: Settings, log: list[Iteration]) -> str:
     """What to call a solve that cannot go on."""
-    gap = _gap(numbers, log)
-    if log[-1].primal_residual > settings.loose or gap > settings.loose:
+    distance = gap(numbers, log)
+    if log[-1].primal_residual > settings.loose or distance > settings.loose:
         return "failed"
-    return "solved" if gap < settings.accepted else "almost"
+    return "solved" if distance < settings.accepted else "almost"
 
 
 def better(first: Outcome, second: Outcome) -> Outcome:
