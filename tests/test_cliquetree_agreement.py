@@ -1,9 +1,13 @@
 """A sample of the relaxations of ``benchmarks.agreement``: Clarabel is the judge."""
 
+import shutil
+
 import pytest
 
 from benchmarks.agreement import compare
+from benchmarks.conic_peers import csdp
 from benchmarks.relaxations import NAMED, ORIGINS, cases
+from sparsepop_py.solvers import cliquetree
 
 SLOW = ("dense quartic in", "cut of 7", "cut of 6", "cliques of 7")
 SAMPLE = [
@@ -30,3 +34,14 @@ def test_what_is_called_solved_agrees_with_clarabel(case):
         assert found.own.status == "infeasible"
     elif case.origin in NAMED:
         assert not found.falls_back
+
+
+def test_the_sdpa_file_is_the_same_program():
+    if shutil.which("csdp") is None:
+        pytest.skip("csdp is not installed")
+    case = next(c for c in cases(["random sparse"]) if c.name == "2, order 2")  # equalities too
+    program = case.build()
+    status, value, _ = csdp(program, 60.0)
+    own = cliquetree.solve(program)
+    assert program.cones.zero and status in ("solved", "almost")
+    assert value == pytest.approx(own.dual, abs=1e-4 * max(1.0, abs(own.dual)))

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .elimination import Front
+from .elimination import Front, parents
 from .kernels import check, compiled_kernels
 
 __all__ = ["FrontFactor", "Fronts", "line_up"]
@@ -209,16 +209,13 @@ def line_up(fronts: list[Front], columns: int) -> Fronts:
         Each after all that update it.
     columns : int
     """
-    front = np.zeros(columns, np.int64)
-    for number, each in enumerate(fronts):
-        front[each.pivots] = number
-    parent = [int(front[f.update].min()) if f.update.size else -1 for f in fronts]
+    parent = parents(fronts, columns)[1]
     children: list[list[int]] = [[] for _ in fronts]
-    for number, above in enumerate(parent):
+    for number, above in enumerate(parent.tolist()):
         if above >= 0:
             children[above].append(number)
     order: list[int] = []  # parents before children, turned round at the end
-    waiting = [number for number, above in enumerate(parent) if above < 0]
+    waiting = [number for number, above in enumerate(parent.tolist()) if above < 0]
     while waiting:
         order.append(waiting.pop())
         waiting += children[order[-1]]
@@ -238,7 +235,7 @@ def line_up(fronts: list[Front], columns: int) -> Fronts:
         np.array([fronts[n].update.size for n in order], np.int64),
         np.concatenate([np.zeros(0, np.int64), *held]),
         rank,
-        new[np.array(parent, np.int64)[order]],
+        new[parent[order]],
     )
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .elimination import Front
+from .elimination import Front, parents
 from .kernels import check, cholesky, lower_inverse, transposed
 
 __all__ = ["Factor", "FrontStack", "Tree", "plant"]
@@ -131,10 +131,8 @@ def plant(fronts: list[Front], columns: int) -> Tree:
         Each after all that update it.
     columns : int
     """
-    front = np.zeros(columns, np.int64)
-    for number, each in enumerate(fronts):
-        front[each.pivots] = number
-    parent, level = _levels(fronts, front)
+    front, parent = parents(fronts, columns)
+    level = _levels(parent)
     sizes = np.array([[f.pivots.size, f.update.size] for f in fronts], np.int64).reshape(-1, 2)
     padded = np.stack([_rounded(sizes[:, 0]), _rounded(sizes[:, 1])], axis=1)
     key = np.column_stack([level, padded])
@@ -155,15 +153,12 @@ def plant(fronts: list[Front], columns: int) -> Tree:
     return Tree(tuple(stacks), columns, entries, sizes, int(level.max(initial=-1)) + 1, *lookup)
 
 
-def _levels(fronts: list[Front], front: Indices) -> tuple[Indices, Indices]:
-    parent = np.full(len(fronts), -1, np.int64)
-    level = np.zeros(len(fronts), np.int64)
-    for number, each in enumerate(fronts):
-        if each.update.size:
-            above = int(front[each.update].min())
-            parent[number] = above
+def _levels(parent: Indices) -> Indices:
+    level = np.zeros(parent.size, np.int64)
+    for number, above in enumerate(parent.tolist()):
+        if above >= 0:
             level[above] = max(level[above], level[number] + 1)
-    return parent, level
+    return level
 
 
 def _rounded(sizes: Indices) -> Indices:
