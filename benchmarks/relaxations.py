@@ -20,7 +20,7 @@ from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.rounding import Interval
 from sparsepop_py.shapes import Shape
 
-from . import families, identification
+from . import identification, networks
 
 __all__ = ["NAMED", "ORIGINS", "Case", "cases", "on_the_box", "path", "record", "star", "tree"]
 
@@ -201,7 +201,7 @@ def _pooling() -> Iterator[Case]:
 
 
 def _pool(price: float, cap: float, order: int) -> ConicProgram:
-    problem = families._haverly(price, cap, 0.0).problem
+    problem = networks.haverly(price, cap, 0.0).problem
     lower = np.where(np.isfinite(problem.lower), problem.lower, 0.0)
     upper = np.where(np.isfinite(problem.upper), problem.upper, 600.0)
     scaled = Scaled.of(problem, Scaling.of_box(Interval(lower, upper)), (problem.objective,))
