@@ -15,16 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .basis import clique_bases, consistent_bases, reduced_bases
+from .basis import by_size, clique_bases, consistent_bases, reduced_bases
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
 from .sparsity import Cliques
 from .system import PolynomialSystem
 
-__all__ = ["BlockGroup", "Blocks", "block_groups", "row_monomials", "stacked_groups"]
+__all__ = [
+    "Block",
+    "BlockGroup",
+    "Blocks",
+    "block_groups",
+    "ragged",
+    "row_monomials",
+    "stacked_groups",
+]
 
-Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
+Block = tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]
+Blocks = list[Block]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +176,12 @@ def _elsewhere(
     if variable.size > _SHARED * max(1, int(boxed.sum())):
         other[:] = False
     return variable[other], clique[other]
+
+
+def ragged(block: Block, keep: NDArray[np.bool_]) -> Blocks:
+    """Blocks (K, s, D) with only the monomials to keep (K, s), stacked by what is left of s."""
+    free, generator, clique, basis = block
+    return [(free, generator[rows], clique[rows], words) for rows, words in by_size(basis, keep)]
 
 
 def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:

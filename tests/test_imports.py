@@ -20,11 +20,11 @@ ORDER = """
 errors constraint progress display monomials rounding polynomial system symbolic problem
 enclosure linear krawczyk rational feasibility generators presolve presolve.propagation
 presolve.scaling
-chordal sparsity shapes basis blocks signs terms relaxation conic
+chordal sparsity shapes basis blocks signs terms relaxation substitution moment_bounds waki conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
-solvers.cliquetree.interior solvers.cliquetree solvers
+solvers.cliquetree.interior solvers.cliquetree solvers condense
 certificate certificate.identity certificate.linear certificate.inverse certificate.box
 certificate.certificate certificate.dual
 extraction sequential refinement unbounded options task catalogue sizing boxes incumbents

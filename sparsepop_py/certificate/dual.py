@@ -8,19 +8,22 @@ needs to be exact: what is lost shows in the remainder of the identity.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import lsmr
 
 from .. import monomials
+from ..blocks import BlockGroup
 from ..conic import ConicProgram, split_dual
 from ..generators import single_letters
 from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
 from ..problem import Problem
 from ..relaxation import Relaxation
-from .identity import Identity, Multipliers
+from .identity import Identity, Multipliers, Priced
 
 __all__ = ["identity_of", "margin", "repaired", "shortened"]
 
@@ -48,7 +51,11 @@ def identity_of(
     products = relaxation.products
     sizes = scaled.generator_sizes(products)
     multipliers = []
+    priced = None
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
+        if group.generator[0] >= sizes.size:
+            priced = _priced(relaxation, group, part.ravel() * objective_size, sizes.size)
+            continue
         weight = objective_size / sizes[group.generator]
         if group.free:
             values = _weighted(part, weight[:, None])
@@ -63,7 +70,19 @@ def identity_of(
                 multipliers.append(
                     Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
                 )
-    return Identity(scaled.scaling, tuple(multipliers), products)
+    return Identity(scaled.scaling, tuple(multipliers), products, priced)
+
+
+def _priced(
+    relaxation: Relaxation, group: BlockGroup, values: NDArray[np.float64], first: int
+) -> Priced:
+    """Multiples of the monomials whose bounds are the rows of a group."""
+    rows = relaxation.moment_bounds
+    assert rows is not None
+    block, term = rows.terms_of(group.generator - first)
+    moving = rows.words[term].any(axis=1)
+    block, term = block[moving], term[moving]
+    return Priced(rows.words[term], values[block] * rows.coefficients[term])
 
 
 def _weighted(part: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -111,7 +130,7 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
         if used.any():
             chosen = values[used].astype(np.float32)
             kept.append(Multipliers(group.generator[used], group.basis[used], chosen, floor))
-    return Identity(identity.scaling, tuple(kept), identity.products)
+    return replace(identity, multipliers=tuple(kept))
 
 
 def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:

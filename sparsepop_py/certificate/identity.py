@@ -36,7 +36,15 @@ from ..presolve.scaling import Scaling
 from ..rounding import Interval, gram, sum_by, up
 from ..system import PolynomialSystem
 
-__all__ = ["Evaluated", "Identity", "Multipliers", "ScaledGenerators", "are_indices", "losses"]
+__all__ = [
+    "Evaluated",
+    "Identity",
+    "Multipliers",
+    "Priced",
+    "ScaledGenerators",
+    "are_indices",
+    "losses",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +102,48 @@ class Multipliers:
         return self.values.size
 
 
+@dataclass(frozen=True, eq=False)
+class Priced:
+    """Multiples of monomials that are replaced by their least values over the box.
+
+    What multipliers of bounds on moments (l <= y_a <= u) amount to.
+
+    Parameters
+    ----------
+    words : (L, D) int32
+    values : (L,) float
+    """
+
+    words: Words
+    values: NDArray
+
+    def consistent(self, n: int) -> bool:
+        """Whether these are L monomials in n variables and L finite numbers."""
+        shapes = self.words.ndim == 2 and self.values.shape == (self.words.shape[0],)
+        wide = shapes and self.words.shape[1] > 0
+        return bool(wide and are_indices(self.words, n + 1) and np.all(np.isfinite(self.values)))
+
+    def least(self, scaling: Scaling) -> float:
+        """Sum of the least values over the box of t, rounded down."""
+        lower, upper = (np.append(1.0, end) for end in scaling.bounds)
+        reach = np.ones(self.words.shape[0])
+        value = Interval(reach, reach)
+        row, variable, power = monomials.runs(self.words)
+        slot = np.arange(row.size) - np.searchsorted(row, row)
+        for k in range(int(slot.max(initial=-1)) + 1):
+            here = slot == k
+            x = Interval(lower[variable[here] + 1], upper[variable[here] + 1])
+            factor = Interval(np.ones(reach.size), np.ones(reach.size))
+            part = x.power(power[here])
+            factor.lo[row[here]], factor.hi[row[here]] = part.lo, part.hi
+            value = value * factor
+        least = (value * Interval.point(self.values.astype(float))).lo
+        least = np.where(self.values == 0, 0.0, least)
+        if not np.all(np.isfinite(least)):
+            return -np.inf
+        return float(sum_by(np.zeros(least.size, int), Interval.point(least), 1).lo[0])
+
+
 @dataclass(frozen=True)
 class Evaluated:
     """What an identity proves.
@@ -128,11 +178,14 @@ class Identity:
     products : (P, 2) int
         Further generators: products of two earlier ones. Each factor is non-negative (or
         zero) on the feasible set, so the product is too.
+    priced : Priced or None
+        Multiples of monomials that are bounded by interval arithmetic.
     """
 
     scaling: Scaling
     multipliers: tuple[Multipliers, ...]
     products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    priced: Priced | None = None
 
     def evaluate(
         self,
@@ -164,6 +217,8 @@ class Identity:
         if reason:
             return Evaluated(-np.inf, loss, 0.0, reason)
         base = float(value.lo[constant][0]) if constant.any() else 0.0
+        if self.priced is not None:
+            base = float(np.nextafter(base + self.priced.least(self.scaling), -np.inf))
         bound = float(np.nextafter(base - loss, -np.inf)) if loss else base
         if not np.isfinite(bound):
             return Evaluated(-np.inf, loss, 0.0, "the multipliers overflow")
@@ -180,6 +235,11 @@ class Identity:
         equal[1 : size + 1] = equality
         if not self.scaling.fits(n):
             return "the scaling is malformed"
+        if self.priced is not None and not self.priced.consistent(n):
+            return "a multiple of a monomial is malformed"
+        return self._malformed_multipliers(equal, n)
+
+    def _malformed_multipliers(self, equal: NDArray[np.bool_], n: int) -> str:
         for group in self.multipliers:
             if not group.consistent:
                 return "the shapes of a multiplier do not fit"
@@ -201,6 +261,9 @@ class Identity:
         made = ScaledGenerators.of(constraints, scaling, self.products)
         words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
         all_words, all_values = [words], [value]
+        if self.priced is not None:
+            all_words.append(self.priced.words)
+            all_values.append(-Interval.point(self.priced.values.astype(float)))
         for group in self.multipliers:
             product, weight = group.terms()
             block, term = made.system.terms_of(group.generator)
@@ -311,8 +374,11 @@ class ScaledGenerators:
         words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
         lower, upper = scaling.bounds
         bound_words, bound_values, bound_rows = generators.bound_terms(lower, upper, m)
-        lo = np.concatenate([np.ones(1), value.lo, bound_values])
-        hi = np.concatenate([np.ones(1), value.hi, bound_values])
+        low, high = bound_values, bound_values
+        if scaling.ends is not None:  # products and sums of the ends of t are rounded
+            low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+        lo = np.concatenate([np.ones(1), value.lo, low])
+        hi = np.concatenate([np.ones(1), value.hi, high])
         system = PolynomialSystem(
             generators.stack_words(words, bound_words),
             lo,
