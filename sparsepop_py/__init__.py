@@ -27,6 +27,9 @@ from .errors import (
 )
 from .feasibility import ProvedPoint
 from .formats.gms import read_gms, write_gms
+from .formats.json_ import from_json, read_json, to_json, write_json
+from .formats.mat import read_mat, write_mat
+from .formats.sdpa import read_sdpa, write_sdpa
 from .formats.text import parse
 from .options import Options
 from .polynomial import Constraint, Kind, Polynomial, total, variables
@@ -40,8 +43,18 @@ from .sparsepop import sparsePOP
 from .sparsepop_output import SparsePOPOutput
 from .sparsity import Cliques, find_cliques
 from .structs import from_structs, to_structs
+from .waki import Switches
 
 __all__ = [
+    "Switches",
+    "write_sdpa",
+    "write_mat",
+    "write_json",
+    "to_json",
+    "read_sdpa",
+    "read_mat",
+    "read_json",
+    "from_json",
     "Certificate",
     "Cliques",
     "ConicProgram",

@@ -58,6 +58,12 @@ class Condensed:
     solved: NDArray[np.int64]
     leaving: NDArray[np.int64]
 
+    def reduced(self, solution: ConicSolution) -> ConicSolution:
+        """The solution of the smaller program that one of the whole program holds."""
+        y = solution.y[self.moments] * self.moment_scale
+        z = solution.z[self.rows] * self.objective_scale / self.row_scale
+        return _again(self.program, solution, y, z)
+
     def restored(self, solution: ConicSolution) -> ConicSolution:
         """The solution of the whole program that a solution of the smaller one stands for."""
         whole = self.whole
@@ -70,16 +76,12 @@ class Condensed:
             y[self.leaving] = spsolve_triangular(pivots, known, lower=True)
             right = -(whole.q + whole.A.T @ z)[self.leaving]
             z[self.solved] = spsolve_triangular(pivots.T.tocsr(), right, lower=False)
-        return recomputed(
-            whole,
-            solution.status,
-            y,
-            z,
-            solution.iterations,
-            solution.seconds,
-            solution.solver,
-            solution.detail,
-        )
+        return _again(whole, solution, y, z)
+
+
+def _again(program: ConicProgram, of: ConicSolution, y: NDArray, z: NDArray) -> ConicSolution:
+    words = of.iterations, of.seconds, of.solver, of.detail
+    return recomputed(program, of.status, y, z, *words)
 
 
 def condensed(

@@ -25,14 +25,17 @@ solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
 solvers.cliquetree.interior solvers.cliquetree solvers condense
-certificate certificate.identity certificate.linear certificate.inverse certificate.box
+certificate certificate.priced certificate.identity certificate.linear certificate.inverse
+certificate.box
 certificate.certificate certificate.dual
 extraction sequential refinement unbounded options task catalogue sizing boxes incumbents
 result polyhedron exact_simplex polytope rungs lifting narrowing branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs problems plots
-parameter_table parameters sparsepop_output sparsepop_report sparsepop door cli
+formats.json_codecs formats.json_certificates formats.json_ formats.sdpa formats.mat
+parameter_table parameter_values parameters error_bounds sedumi sparsepop_input sparsepop_output
+sparsepop_sizes sparsepop_report sparsepop_files sparsepop door cli
 """.split()
 
 DOORS = {

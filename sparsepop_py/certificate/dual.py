@@ -23,7 +23,8 @@ from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
 from ..problem import Problem
 from ..relaxation import Relaxation
-from .identity import Identity, Multipliers, Priced
+from .identity import Identity, Multipliers
+from .priced import Priced
 
 __all__ = ["identity_of", "margin", "repaired", "shortened"]
 

@@ -1,0 +1,63 @@
+"""Multiples of monomials that an identity replaces by their least values over the box."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import monomials
+from ..monomials import Words
+from ..presolve.scaling import Scaling
+from ..rounding import Interval, sum_by
+
+__all__ = ["Priced", "are_indices"]
+
+
+def are_indices(array: NDArray, stop: int) -> bool:
+    """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
+    whole = array.dtype in (np.int32, np.int64)
+    return bool(whole and np.all(array >= 0) and np.all(array < stop))
+
+
+@dataclass(frozen=True, eq=False)
+class Priced:
+    """Multiples of monomials that are replaced by their least values over the box.
+
+    What multipliers of bounds on moments (l <= y_a <= u) amount to.
+
+    Parameters
+    ----------
+    words : (L, D) int32
+    values : (L,) float
+    """
+
+    words: Words
+    values: NDArray
+
+    def consistent(self, n: int) -> bool:
+        """Whether these are L monomials in n variables and L finite numbers."""
+        shapes = self.words.ndim == 2 and self.values.shape == (self.words.shape[0],)
+        wide = shapes and self.words.shape[1] > 0
+        return bool(wide and are_indices(self.words, n + 1) and np.all(np.isfinite(self.values)))
+
+    def least(self, scaling: Scaling) -> float:
+        """Sum of the least values over the box of t, rounded down."""
+        lower, upper = (np.append(1.0, end) for end in scaling.bounds)
+        reach = np.ones(self.words.shape[0])
+        value = Interval(reach, reach)
+        row, variable, power = monomials.runs(self.words)
+        slot = np.arange(row.size) - np.searchsorted(row, row)
+        for k in range(int(slot.max(initial=-1)) + 1):
+            here = slot == k
+            x = Interval(lower[variable[here] + 1], upper[variable[here] + 1])
+            factor = Interval(np.ones(reach.size), np.ones(reach.size))
+            part = x.power(power[here])
+            factor.lo[row[here]], factor.hi[row[here]] = part.lo, part.hi
+            value = value * factor
+        least = (value * Interval.point(self.values.astype(float))).lo
+        least = np.where(self.values == 0, 0.0, least)
+        if not np.all(np.isfinite(least)):
+            return -np.inf
+        return float(sum_by(np.zeros(least.size, int), Interval.point(least), 1).lo[0])
