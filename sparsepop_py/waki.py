@@ -164,17 +164,16 @@ def plain_relaxation(
     ends = np.where(binary, -np.inf, problem.lower), np.where(binary, np.inf, problem.upper)
     rows = moment_bounds(problem, ends, normal, groups, switches.moment_bounds)
     if rows.size:
-        alone = np.zeros((rows.size, 1, 1), np.int32)
-        extra = BlockGroup(
-            False, system.size + np.arange(rows.size), np.zeros(rows.size, int), alone
-        )
+        number, alone = np.arange(rows.size), np.zeros((rows.size, 1, 1), np.int32)
+        extra = BlockGroup(False, system.size + number, number * 0, alone)
         free = [g for g in groups if g.free]
         groups = (*free, extra, *(g for g in groups if not g.free))
         system = _joined(system, rows)
     moments, entries = conic_rows(groups, system, asked, n)
     none = np.zeros((0, 2), np.int64)
-    raised = switches.order is not None and switches.order < least
-    notes = (f"order {switches.order:g} raised to {least}, the least for these degrees",)
+    notes: tuple[str, ...] = ()
+    if switches.order is not None and switches.order < least:
+        notes = (f"order {switches.order:g} raised to {least}, the least for these degrees",)
     return Relaxation(
         problem,
         cliques,
@@ -183,7 +182,7 @@ def plain_relaxation(
         moments,
         entries,
         none,
-        notes if raised else (),
+        notes,
         rows if rows.size else None,
     )
 

@@ -149,7 +149,9 @@ def test_the_unscaled_program_has_the_same_value(make: Any) -> None:
     assert bare.SDPinfo.objValScale == 1.0
     # the data are the coefficients of the objective as given
     table = bare.SDPinfo.xIdxVec.toarray()
-    for row, value in zip(problem.objective.exponents.toarray(), problem.objective.coefficients, strict=True):
+    for row, value in zip(
+        problem.objective.exponents.toarray(), problem.objective.coefficients, strict=True
+    ):
         if row.any():
             place = int(np.flatnonzero((table == row).all(axis=1))[0])
             assert -bare.SDPinfo.SeDuMib[place] == pytest.approx(value, rel=1e-9)

@@ -22,7 +22,7 @@ from ..certificate.certificate import Certificate
 from ..errors import FormatError, ProblemError
 from ..problem import Problem
 from ..result import Result, Status
-from ..structs import from_structs, to_structs
+from ..structs import INFINITE, from_structs, to_structs
 from .json_ import from_json, to_json
 
 __all__ = ["read_mat", "write_mat"]
@@ -43,7 +43,8 @@ def write_mat(value: Any, path: str | Path) -> None:
     Raises
     ------
     ProblemError
-        If the value is something else.
+        If the value is something else, or a finite bound is 1e10 or more in size, which stands
+        for none in structs.
 
     Examples
     --------
@@ -102,6 +103,12 @@ def read_mat(path: str | Path) -> Any:
 
 
 def _of_problem(problem: Problem) -> dict[str, Any]:
+    far = np.abs(np.concatenate([problem.lower, problem.upper]))
+    if np.any((far >= INFINITE) & np.isfinite(far)):
+        raise ProblemError(
+            f"write_mat: found the bound {far[(far >= INFINITE) & np.isfinite(far)][0]:g}, "
+            "expected less than 1e10 in size or none"
+        )
     objective, rows, lower, upper = to_structs(problem)
     cell = np.empty((1, len(rows)), object)
     cell[0, :] = rows
