@@ -14,6 +14,7 @@ import pytest
 from random_cases import on_grid, some_polynomial
 
 import sparsepop_py as sp
+from benchmarks.soundness import damaged
 from sparsepop_py.errors import ParameterWarning
 
 KINDS = ("box", "ball", "equality", "binary", "empty", "unbounded", "complementary", "mixed")
@@ -93,6 +94,29 @@ def check(seed: int) -> None:
     if value > -np.inf:
         verdict = POP.certificate.verify(POP.result.problem)
         assert verdict.ok, (seed, verdict)
+
+
+def test_damaged_certificates_of_plain_relaxations_prove_nothing_wrong() -> None:
+    """Prices of monomials, ends of scaled variables and multipliers with one number changed."""
+    proved = 0
+    for seed in range(32):
+        problem, points = random_problem(seed)
+        if not points.shape[0]:
+            continue
+        switches = sp.Switches(order=2, scaled=bool(seed % 3))
+        options = sp.Options(effort="plain", switches=switches, refine="none")
+        certificate = sp.solve(problem, options).certificate
+        if certificate is None:
+            continue
+        proved += 1
+        least = on_grid(problem.objective, points).min()
+        rng = np.random.default_rng([seed, 2])
+        for _ in range(12):
+            forged, place = damaged(certificate, rng)
+            verdict = forged.verify(problem)
+            assert verdict.bound <= least, (seed, place)
+            assert not verdict.ok or forged.bound <= least, (seed, place)
+    assert proved > 10
 
 
 @pytest.mark.parametrize("first", range(0, 40, 8))
