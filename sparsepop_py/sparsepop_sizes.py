@@ -87,8 +87,8 @@ class BuiltSDP:
         fixed = self.scaled.scaling.scale == 0
         if np.any((place < 0) & ~fixed):
             return None
-        y = self.solution.y / self.scale
-        return self.scaled.scaling.point(np.where(fixed, 0.0, y[np.maximum(place, 0)]))
+        y = np.append(self.solution.y / self.scale, 0.0)  # the last for those that are fixed
+        return self.scaled.scaling.point(np.where(fixed, 0.0, y[place]))
 
     def map(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
         """For each variable the moment (from 1) that is it, -1 for none, a scale and a shift."""
@@ -98,7 +98,7 @@ class BuiltSDP:
         if self.scaled is None:
             return np.where(place < 0, -1, place + 1), np.ones(n), np.zeros(n)
         scaling = self.scaled.scaling
-        unit = np.where(place >= 0, self.scale[np.maximum(place, 0)], 1.0)
+        unit = np.append(self.scale, 1.0)[place]
         moment = np.where(place < 0, -1, place + 1)
         return moment, scaling.scale / unit, scaling.centre
 

@@ -7,7 +7,7 @@ import json
 import pathlib
 from dataclasses import fields, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -18,8 +18,16 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import BoxProof, Known
+from sparsepop_py.certificate.box import (
+    BoxProof,
+    Known,
+    Propagation,
+    Step,
+    Sublevel,
+    Tightening,
+)
 from sparsepop_py.certificate.identity import Identity, Multipliers
+from sparsepop_py.certificate.inverse import LeftInverse
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.conic import Cones
@@ -136,6 +144,19 @@ def test_every_field_of_a_certificate_is_written() -> None:
     for value in values:
         written = codecs[type(value)].write(value)
         assert set(written) == {f.name for f in fields(value)}
+    steps = {*get_args(Step)} - {Known}
+    for step, codec in (
+        (LeftInverse, json_certificates.INVERSE),
+        (Sublevel, json_certificates.SUBLEVEL),
+        (Tightening, json_certificates.TIGHTENING),
+        (Propagation, json_certificates.PROPAGATION),
+    ):
+        steps.remove(step)
+        blank = SimpleNamespace(**{f.name: np.zeros(0) for f in fields(step)})
+        blank.sweeps, blank.cutoff, blank.level = 1, True, 0.0
+        blank.identity, blank.argument = identity, linear
+        assert set(codec.write(blank)) == {f.name for f in fields(step)}
+    assert steps == set()
     unwritten = {"relaxation", "solution"}
     written = set(json_.RESULT.write(result))
     assert written == {f.name for f in fields(result)} - unwritten

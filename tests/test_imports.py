@@ -33,9 +33,9 @@ result polyhedron exact_simplex polytope rungs lifting narrowing branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs problems plots
-formats.json_codecs formats.json_certificates formats.json_ formats.sdpa formats.mat
+formats.json_codecs formats.json_certificates formats.json_ formats.sdpa
 parameter_table parameter_values parameters error_bounds sedumi sparsepop_input sparsepop_output
-sparsepop_sizes sparsepop_report sparsepop_files sparsepop door cli
+sparsepop_structs formats.mat sparsepop_sizes sparsepop_report sparsepop_files sparsepop door cli
 """.split()
 
 DOORS = {

@@ -7,6 +7,7 @@ from typing import Any
 from ..certificate.box import BoxProof, Known, Propagation, Sublevel, Tightening
 from ..certificate.certificate import Certificate, Node
 from ..certificate.identity import Identity, Multipliers
+from ..certificate.inverse import LeftInverse
 from ..certificate.linear import LinearDual
 from ..certificate.priced import Priced
 from ..presolve.scaling import Scaling
@@ -43,6 +44,9 @@ SUBLEVEL = record(Sublevel, identity=IDENTITY, level=number)
 TIGHTENING = record(
     Tightening, variable=array, side=array, value=array, argument=LINEAR, cutoff=flag
 )
+INVERSE = record(
+    LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
+)
 ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR})
 _CUT = Codec(
     lambda cut: [int(cut[0]), number.write(cut[1])],
@@ -65,7 +69,13 @@ class _Certificates:
         self.read_already: list[Certificate] = []
         known = Codec(self._write_known, self._read_known)
         self.steps = tagged(
-            {Propagation: PROPAGATION, Sublevel: SUBLEVEL, Tightening: TIGHTENING, Known: known}
+            {
+                Propagation: PROPAGATION,
+                Sublevel: SUBLEVEL,
+                LeftInverse: INVERSE,
+                Tightening: TIGHTENING,
+                Known: known,
+            }
         )
 
     def add(self, certificate: Certificate) -> None:

@@ -1,13 +1,11 @@
 """MATLAB's ``.mat`` files: problems as SparsePOP's structs, and the six outputs of a call.
 
-Problems keep every double. Of the outputs, what MATLAB has no type for is written as text:
-the status by its name, the certificate as JSON, which :func:`read_mat` turns back.
+Problems keep every double. The outputs are the structs that MATLAB gets, and beside them the
+certificate as JSON, which :func:`read_mat` turns back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,13 +13,12 @@ from zipfile import BadZipFile
 
 import numpy as np
 import scipy.io
-import scipy.sparse as sps
 from scipy.io.matlab import MatReadError
 
-from ..certificate.certificate import Certificate
 from ..errors import FormatError, ProblemError
 from ..problem import Problem
-from ..result import Result, Status
+from ..sparsepop_output import SparsePOPOutput
+from ..sparsepop_structs import cell, matlab_structs
 from ..structs import INFINITE, from_structs, to_structs
 from .json_ import from_json, to_json
 
@@ -59,8 +56,10 @@ def write_mat(value: Any, path: str | Path) -> None:
     """
     if isinstance(value, Problem):
         variables = _of_problem(value)
-    elif hasattr(value, "_asdict") and "SDPobjValue" in value._fields:
-        variables = {name: _plain(part) for name, part in value._asdict().items()}
+    elif isinstance(value, SparsePOPOutput):
+        certificate = value.POP.certificate
+        text = "" if certificate is None else to_json(certificate)
+        variables = {**matlab_structs(value), "certificate": text}
     else:
         raise ProblemError(
             f"write_mat: found {type(value).__name__}, expected a Problem or what sparsePOP returns"
@@ -99,7 +98,11 @@ def read_mat(path: str | Path) -> Any:
     variables = {name: value for name, value in found.items() if not name.startswith("__")}
     if "objPoly" in variables:
         return _problem(variables, path)
-    return SimpleNamespace(**{name: _python(value) for name, value in variables.items()})
+    made = {name: _python(value) for name, value in variables.items()}
+    text = made.pop("certificate", "")
+    if isinstance(text, str) and text and "POP" in made:
+        made["POP"].certificate = from_json(text)
+    return SimpleNamespace(**made)
 
 
 def _of_problem(problem: Problem) -> dict[str, Any]:
@@ -110,12 +113,10 @@ def _of_problem(problem: Problem) -> dict[str, Any]:
             "expected less than 1e10 in size or none"
         )
     objective, rows, lower, upper = to_structs(problem)
-    cell = np.empty((1, len(rows)), object)
-    cell[0, :] = rows
     residuals = _residuals(problem)
     return {
         "objPoly": objective if residuals is None else residuals,
-        "ineqPolySys": cell,
+        "ineqPolySys": cell(rows, row=True),
         "lbd": lower.reshape(1, -1),
         "ubd": upper.reshape(1, -1),
         "names": np.array(problem.names, object).reshape(1, -1),
@@ -127,13 +128,11 @@ def _residuals(problem: Problem) -> Any:
     """The residuals as a cell, where they make the very same objective again."""
     if len(problem.squares) < 2 or any(weight != 1.0 for weight, _ in problem.squares):
         return None
-    cell = np.empty((1, len(problem.squares)), object)
-    for k, (_, residual) in enumerate(problem.squares):
-        cell[0, k] = to_structs(Problem(residual))[0]
+    residuals = [to_structs(Problem(residual))[0] for _, residual in problem.squares]
     lower, upper = to_structs(problem)[2:]
-    again = from_structs(list(cell[0]), [], lower, upper)
+    again = from_structs(residuals, [], lower, upper)
     same = again.fingerprint == Problem(problem.objective, (), again.lower, again.upper).fingerprint
-    return cell if same else None
+    return cell(residuals, row=True) if same else None
 
 
 def _problem(variables: dict[str, Any], path: str | Path) -> Problem:
@@ -156,44 +155,10 @@ def _problem(variables: dict[str, Any], path: str | Path) -> Problem:
     )
 
 
-def _plain(value: Any) -> Any:
-    """A value as MATLAB has it: structs, matrices, text; None is []."""
-    if value is None or isinstance(value, Result):
-        return np.zeros((0, 0))
-    if isinstance(value, Certificate):
-        return to_json(value)
-    if isinstance(value, Status):
-        return value.name
-    if sps.issparse(value):
-        return sps.csc_matrix(value, dtype=float)
-    if is_dataclass(value):
-        given = {f.name: getattr(value, f.name) for f in fields(value)}
-        more = given.pop("given", {})
-        given.pop("options", None)
-        return {name: _plain(part) for name, part in {**given, **more}.items()}
-    if isinstance(value, Mapping):
-        return {str(name): _plain(part) for name, part in value.items()}
-    if isinstance(value, (tuple, list)):
-        return np.array(value, float).reshape(1, -1) if _numeric(value) else _cell(value)
-    return value
-
-
-def _numeric(values: Any) -> bool:
-    return all(isinstance(v, (bool, int, float, np.number)) for v in values)
-
-
-def _cell(values: Any) -> Any:
-    cell = np.empty((1, len(values)), object)
-    cell[0, :] = [_plain(value) for value in values]
-    return cell
-
-
 def _python(value: Any) -> Any:
     """A value of MATLAB as a Python one."""
     if hasattr(value, "_fieldnames"):
         made = {name: _python(getattr(value, name)) for name in value._fieldnames}
-        if isinstance(made.get("certificate"), str) and made["certificate"]:
-            made["certificate"] = from_json(made["certificate"])
         return SimpleNamespace(**made)
     if isinstance(value, np.ndarray):
         if value.dtype.kind in "US":
