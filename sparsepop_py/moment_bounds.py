@@ -12,33 +12,13 @@ from numpy.typing import NDArray
 
 from . import generators, monomials
 from .blocks import BlockGroup
+from .enclosure import monomial_ranges
 from .monomials import Words
 from .problem import Problem
+from .rounding import Interval
 from .system import PolynomialSystem
 
 __all__ = ["moment_bounds"]
-
-
-def _ranges(
-    words: Words, lower: NDArray[np.float64], upper: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and largest value of each monomial over a box, in floating point."""
-    lo, hi = np.ones(words.shape[0]), np.ones(words.shape[0])
-    row, variable, power = monomials.runs(words)
-    slot = np.arange(row.size) - np.searchsorted(row, row)
-    for k in range(int(slot.max(initial=-1)) + 1):
-        here = slot == k
-        r, p = row[here], power[here]
-        a, b = lower[variable[here]] ** p, upper[variable[here]] ** p
-        even = p % 2 == 0
-        crosses = (lower[variable[here]] < 0) & (upper[variable[here]] > 0)
-        least = np.where(even, np.where(crosses, 0.0, np.minimum(a, b)), a)
-        most = np.where(even, np.maximum(a, b), b)
-        with np.errstate(invalid="ignore"):
-            ends = np.stack([lo[r] * least, lo[r] * most, hi[r] * least, hi[r] * most])
-        ends = np.where(np.isnan(ends), 0.0, ends)  # 0 times infinity
-        lo[r], hi[r] = ends.min(axis=0), ends.max(axis=0)
-    return lo, hi
 
 
 def moment_bounds(
@@ -64,7 +44,8 @@ def moment_bounds(
         No rows, all with a finite end, or those that the blocks do not imply.
     """
     n = problem.dimension
-    low, high = _ranges(words, *ends)
+    ranges = monomial_ranges(words, Interval(*ends))
+    low, high = ranges.lo, ranges.hi
     bounded = np.isfinite(ends[0]) & np.isfinite(ends[1])
     known = np.append(True, np.isfinite(ends[0]) | np.isfinite(ends[1]))
     wanted = known[words].all(axis=1) & (switch > 0)

@@ -165,7 +165,8 @@ FIELDS: tuple[Field, ...] = (
         "Adds eps (2 rand - 1) to every linear coefficient, seed 2008 (the guide says [0, 1]); "
         "the value returned is that of the perturbed objective.",
         "The same seed and range, on the scaled objective. The multipliers found are certified "
-        "for the objective as given, which pays for the difference on the box.",
+        "for the objective as given, which pays for the difference on the box. "
+        "`param.perturbation` and `POP.objValue` come back as given.",
         "test_switches.py::test_a_perturbed_objective_proves_the_given_one",
         plain=True,
     ),

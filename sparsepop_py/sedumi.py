@@ -9,6 +9,7 @@ ones, linear ones, then the entries of each semidefinite block column by column.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 import scipy.sparse as sps
@@ -53,13 +54,15 @@ def full_columns(cones: Cones) -> sps.csr_array:
     """The matrix (N, R) that writes the triangles of blocks out as full matrices."""
     free = cones.zero + cones.nonnegative
     columns, values, offset = [np.arange(free)], [np.ones(free)], free
-    for size in cones.psd:
+    for size, count in _runs(cones):
         j, i = np.tril_indices(size)
         place = np.empty((size, size), int)
-        place[i, j] = place[j, i] = offset + np.arange(i.size)
-        columns.append(place.ravel())
-        values.append(np.where(np.eye(size, dtype=bool), 1.0, 1.0 / _ROOT2).ravel())
-        offset += i.size
+        place[i, j] = place[j, i] = np.arange(i.size)
+        starts = offset + i.size * np.arange(count)
+        columns.append((starts[:, None] + place.ravel()).ravel())
+        weight = np.where(np.eye(size, dtype=bool), 1.0, 1.0 / _ROOT2).ravel()
+        values.append(np.tile(weight, count))
+        offset += i.size * count
     column = np.concatenate(columns)
     entries = (np.concatenate(values), (np.arange(column.size), column))
     return sps.csr_array(entries, shape=(column.size, cones.rows))
@@ -94,11 +97,16 @@ def _least(cones: Cones, vector: NDArray[np.float64]) -> float:
     """The least eigenvalue of all blocks and linear entries."""
     least = float(vector[cones.zero : cones.zero + cones.nonnegative].min(initial=np.inf))
     offset = cones.zero + cones.nonnegative
-    for size in cones.psd:
+    for size, count in _runs(cones):
         j, i = np.tril_indices(size)
-        matrix = np.zeros((size, size))
-        entries = vector[offset : offset + i.size] * np.where(i == j, 1.0, 1.0 / _ROOT2)
-        matrix[i, j] = matrix[j, i] = entries
-        least = min(least, float(np.linalg.eigvalsh(matrix)[0]))
-        offset += i.size
+        matrix = np.zeros((count, size, size))
+        part = vector[offset : offset + i.size * count].reshape(count, i.size)
+        matrix[:, i, j] = matrix[:, j, i] = part * np.where(i == j, 1.0, 1.0 / _ROOT2)
+        least = min(least, float(np.linalg.eigvalsh(matrix).min()))
+        offset += i.size * count
     return least if np.isfinite(least) else 0.0
+
+
+def _runs(cones: Cones) -> list[tuple[int, int]]:
+    """Sizes of semidefinite blocks, and how many of each follow one another."""
+    return [(size, len(list(run))) for size, run in groupby(cones.psd)]

@@ -188,6 +188,7 @@ def _point(
         certificate=result.certificate,
         solverValue=None if np.isnan(result.solver_value) else sign * result.solver_value,
         result=result,
+        objValueScaled=x[1],
     )
 
 

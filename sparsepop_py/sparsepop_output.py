@@ -48,6 +48,8 @@ class POPOutput:
     result : Result
         Everything else; always about the minimisation, and with ``eqTolerance`` about the
         problem with the larger set.
+    objValueScaled : float or None
+        The same number as ``objValue``, as in the original.
     xCenter, zeta : list of (n,) float, list of float, or None
         For each set of ``errorBdIdx``: |x_I - xCenter_I|^2 <= zeta is proved for every
         feasible x with f(x) <= fValueUbd.
@@ -67,6 +69,7 @@ class POPOutput:
     certificate: Certificate | None
     solverValue: float | None
     result: Result
+    objValueScaled: float | None = None
     xCenter: list[NDArray[np.float64]] | None = None
     zeta: list[float] | None = None
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import monomials
+from ..enclosure import monomial_ranges
 from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by
@@ -44,18 +44,7 @@ class Priced:
 
     def least(self, scaling: Scaling) -> float:
         """Sum of the least values over the box of t, rounded down."""
-        lower, upper = (np.append(1.0, end) for end in scaling.bounds)
-        reach = np.ones(self.words.shape[0])
-        value = Interval(reach, reach)
-        row, variable, power = monomials.runs(self.words)
-        slot = np.arange(row.size) - np.searchsorted(row, row)
-        for k in range(int(slot.max(initial=-1)) + 1):
-            here = slot == k
-            x = Interval(lower[variable[here] + 1], upper[variable[here] + 1])
-            factor = Interval(np.ones(reach.size), np.ones(reach.size))
-            part = x.power(power[here])
-            factor.lo[row[here]], factor.hi[row[here]] = part.lo, part.hi
-            value = value * factor
+        value = monomial_ranges(self.words, Interval(*scaling.bounds))
         least = (value * Interval.point(self.values.astype(float))).lo
         least = np.where(self.values == 0, 0.0, least)
         if not np.all(np.isfinite(least)):

@@ -65,6 +65,14 @@ def to_json(value: Problem | Certificate | Result) -> str:
 def from_json(source: str) -> Any:
     """What :func:`to_json` wrote.
 
+    Parameters
+    ----------
+    source : str
+
+    Returns
+    -------
+    Problem, Certificate or Result
+
     Raises
     ------
     ProblemError
@@ -86,12 +94,31 @@ def from_json(source: str) -> Any:
 
 
 def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
-    """Write what :func:`to_json` makes to a file."""
+    """Write what :func:`to_json` makes to a file.
+
+    Parameters
+    ----------
+    value : Problem, Certificate or Result
+    path : str or Path
+
+    Raises
+    ------
+    ProblemError
+        If it is something else.
+    """
     Path(path).write_text(to_json(value), encoding="utf-8")
 
 
 def read_json(path: str | Path) -> Any:
     """Read a file that :func:`write_json` wrote.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Problem, Certificate or Result
 
     Raises
     ------
