@@ -95,6 +95,19 @@ def test_values_are_those_of_the_original(
         assert output.POP.certificate.verify(output.POP.result.problem).ok
 
 
+@pytest.mark.parametrize(
+    ("make", "n", "expected"),
+    [
+        (sp.problems.rosenbrock, 40, (388, 1384, 0, 0, 39, 6)),
+        (sp.problems.chained_singular, 200, (3974, 19800, 0, 0, 198, 10)),
+        (sp.problems.chained_wood, 200, (899, 2491, 0, 0, 199, 4)),
+    ],
+)
+def test_sizes_of_chains(make: Any, n: int, expected: tuple[int, ...]) -> None:
+    """3.03, Rosenbrock(40, 0), ChainedSingular(200) and ChainedWood(200) at order 2."""
+    assert sizes(call(make(n), relaxOrder=2, SDPsolverSW=0)) == expected
+
+
 def test_signs_are_substituted() -> None:
     """3.03, genMAXCUT(8, 1), order 2: 162 x 1369, one block of 37; -4 is the least here."""
     output = call(cut(8), relaxOrder=2)
