@@ -18,6 +18,11 @@ def problem() -> sp.Problem:
     return sp.Problem(x * y - z, [x + y == 1.5, z**2 <= x, x * z >= -2], [0, 0, -2], [1, 3, 2])
 
 
+def tiny() -> sp.Problem:
+    (x,) = sp.variables(1)
+    return sp.Problem(x**4 - x, (), -1, 1)
+
+
 @pytest.mark.parametrize("tighten", [0, 1])
 def test_the_sdpa_file_has_the_value_of_the_sdp(tmp_path: pathlib.Path, tighten: int) -> None:
     path = tmp_path / "relaxation.dat-s"
@@ -49,15 +54,15 @@ def test_fixed_variables_have_no_moment_in_the_map(tmp_path: pathlib.Path) -> No
 
 def test_the_printed_file(tmp_path: pathlib.Path, capsys: Any) -> None:
     path = tmp_path / "out.txt"
-    sp.sparsePOP(problem(), {"printLevel": [0, 1], "printFileName": str(path)})
+    sp.sparsePOP(tiny(), {"printLevel": [0, 1], "printFileName": str(path)})
     first = path.read_text()
     assert "SDPobjValue" in first and "xVect:" not in first
     assert capsys.readouterr().out == ""
-    sp.sparsePOP(problem(), {"printLevel": [0, 2], "printFileName": str(path)})
+    sp.sparsePOP(tiny(), {"printLevel": [0, 2], "printFileName": str(path)})
     both = path.read_text()
     assert both.startswith(first) and "# POP.xVect:" in both
-    sp.sparsePOP(problem(), {"printLevel": [0, 2], "printFileName": 1})
-    sp.sparsePOP(problem(), {"printLevel": [0, 0], "printFileName": str(path)})
+    sp.sparsePOP(tiny(), {"printLevel": [0, 2], "printFileName": 1})
+    sp.sparsePOP(tiny(), {"printLevel": [0, 0], "printFileName": str(path)})
     assert path.read_text() == both
 
 
@@ -83,24 +88,24 @@ def test_the_detailed_file(tmp_path: pathlib.Path) -> None:
 
 def test_the_log_of_the_solver(tmp_path: pathlib.Path, capsys: Any) -> None:
     path = tmp_path / "log.txt"
-    output = sp.sparsePOP(problem(), {**QUIET, "SDPsolverOutFile": str(path)})
+    output = sp.sparsePOP(tiny(), {**QUIET, "SDPsolverOutFile": str(path)})
     text = path.read_text()
     assert output.SDPsolverInfo.solver in text
     assert f"{output.SDPsolverInfo.iter} iterations" in text
-    sp.sparsePOP(problem(), {**QUIET, "SeDuMiOutFile": str(path)})
+    sp.sparsePOP(tiny(), {**QUIET, "SeDuMiOutFile": str(path)})
     assert len(path.read_text().splitlines()) == 2
     assert capsys.readouterr().out == ""
-    sp.sparsePOP(problem(), {**QUIET, "SDPsolverOutFile": 1})
+    sp.sparsePOP(tiny(), {**QUIET, "SDPsolverOutFile": 1})
     assert "iterations" in capsys.readouterr().out
 
 
 def test_the_report_names_switches_and_what_the_point_is(capsys: Any) -> None:
-    sp.sparsePOP(problem(), {"tighten": 0, "boundSW": 1, "printLevel": 1, "errorBdIdx": "a"})
+    sp.sparsePOP(tiny(), {"tighten": 0, "boundSW": 1, "printLevel": 1, "errorBdIdx": "a"})
     text = capsys.readouterr().out
     assert "  boundSW             = 1" in text
     assert "first moments of the SDP, not proved" in text
     assert "  POP.zeta(1)         = " in text
-    sp.sparsePOP(problem(), {"SDPsolverSW": 0})
+    sp.sparsePOP(tiny(), {"SDPsolverSW": 0})
     text = capsys.readouterr().out
     assert "# SDP, not solved:" in text
     assert "none: the SDP was not to be solved" in text
