@@ -152,7 +152,7 @@ def _solution(
         task.clock.left,
         _accuracy(task, size),
         _target(task, size),
-        max_iterations=task.options.max_iterations,
+        task.options.max_iterations,
     )
     return solution if small is None else small.restored(solution)
 
