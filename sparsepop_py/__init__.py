@@ -17,6 +17,7 @@ Examples
 
 from . import problems
 from .certificate.certificate import Certificate, Verdict
+from .cones import psd, second_order
 from .conic import ConicProgram, ConicSolution, assemble
 from .errors import (
     FormatError,
@@ -76,11 +77,13 @@ __all__ = [
     "linear_bounds",
     "parse",
     "problems",
+    "psd",
     "read_gms",
     "read_json",
     "read_mat",
     "read_sdpa",
     "relax",
+    "second_order",
     "solve",
     "solve_conic",
     "solve_each",

@@ -8,7 +8,8 @@ relaxation of order d asks of the moments y_a = L(x^a) that
     L(h x^a)                  = 0                        for each h(x) == 0 and
                                                          deg h + |a| <= 2d,
 
-with each constraint in one clique that holds its variables. A variable between finite
+with each constraint in one clique that holds its variables; a matrix G >= 0 of polynomials
+likewise has a localizing matrix L(G (x) v v'). A variable between finite
 bounds l <= x <= u enters by (u - x)(x - l) >= 0 (or by two linear rows, when lean).
 Equalities put vectors into the kernel
 of the moment matrix; facial reduction drops as many monomials from its basis, which
@@ -37,8 +38,9 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .blocks import BlockGroup, block_groups, row_monomials, stacked_groups
+from .blocks import BlockGroup, block_groups, stacked_groups
 from .errors import ProblemError
+from .generators import Generators
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
@@ -263,7 +265,7 @@ def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
 
 def conic_rows(
     groups: tuple[BlockGroup, ...],
-    system: PolynomialSystem,
+    system: Generators,
     asked: list[Words],
     dimension: int,
 ) -> tuple[Words, sps.csr_array]:
@@ -273,11 +275,10 @@ def conic_rows(
     """
     words, values, rows, offset = [], [], [], 0
     for group in groups:
-        block, term = system.terms_of(group.generator)
-        row = offset + block[:, None] * group.rows_each + np.arange(group.rows_each)
-        words.append(row_monomials(group, system))
-        values.append(np.repeat(system.coefficients[term], group.rows_each))
-        rows.append(row.ravel())
+        row, word, value = group.terms(system)
+        words.append(word)
+        values.append(value)
+        rows.append(offset + row)
         offset += group.count * group.rows_each
     used = sum(w.shape[0] for w in words)
     words += [np.zeros((1, 1), np.int32), *asked]

@@ -243,8 +243,10 @@ def _errors(problem: Problem, x: NDArray[np.float64]) -> tuple[float, float]:
     bounds = np.concatenate([x - problem.lower, problem.upper - x])
     ends = np.abs(np.concatenate([problem.lower, problem.upper]))
     ends = np.maximum(np.where(np.isfinite(ends), ends, 1.0), np.tile(np.abs(x), 2))
-    short = np.concatenate([short, bounds])
-    size = np.concatenate([size, np.maximum(ends, 1.0)])
+    least, entries = problem.matrices.least_eigenvalue(x[None]), problem.matrices.system.values(x)
+    short = np.concatenate([short, bounds, least])
+    largest = np.maximum(np.abs(entries).max(keepdims=True), 1.0)
+    size = np.concatenate([size, np.maximum(ends, 1.0), largest])
     return float(short.min(initial=0.0)), float((short / size).min(initial=0.0))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import monomials
-from .blocks import Blocks, ragged
+from .blocks import BlockGroup, Blocks, ragged
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
@@ -148,7 +148,7 @@ class Rules:
         """The blocks without the monomials that are rewritten."""
         if not self.generator.size:
             return blocks
-        return [part for block in blocks for part in ragged(block, ~self.divides(block[3]))]
+        return [part for block in blocks for part in ragged(block, ~self.divides(block.basis))]
 
     def rows(self, words: Words, n: int) -> Blocks:
         """One row L(h x^a) = 0 for each word that is rewritten, and for those that come up."""
@@ -166,7 +166,7 @@ class Rules:
             for number in np.unique(which):
                 shift = _quotient(words[which == number], self.leading[number])
                 generator = np.full(shift.shape[0], self.generator[number])
-                blocks.append((True, generator, generator * 0, shift[:, None, :]))
+                blocks.append(BlockGroup(True, generator, generator * 0, shift[:, None, :]))
                 if not self.vanishes[number]:
                     further.append(monomials.multiply(shift, self.rest[number][None, :]))
             words = monomials.trim(_stacked([*further, np.zeros((0, 1), np.int32)]))

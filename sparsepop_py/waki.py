@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 
 from . import generators, monomials
 from .basis import clique_bases, consistent_bases
-from .blocks import Block, BlockGroup, Blocks, ragged, row_monomials, stacked_groups
+from .blocks import BlockGroup, Blocks, matrix_blocks, ragged, row_monomials, stacked_groups
 from .errors import ProblemError
+from .generators import Generators
 from .moment_bounds import moment_bounds
 from .polynomial import Polynomial
 from .problem import Problem
@@ -148,17 +149,17 @@ def plain_relaxation(
     asked = [f.words for f in (problem.objective, *objectives)]
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
     moment = clique_bases(members, np.arange(len(members)), int(order))
-    plain = [(False, place * 0, place, basis) for place, basis in moment]
-    moment = [(place, basis) for _, _, place, basis in rules.normal(plain)]
+    plain = [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
+    moment = [(block.clique, block.basis) for block in rules.normal(plain)]
     if switches.consistent:
         held = [row_monomials(group, system) for group in stacked_groups(blocks)] + asked
         # variables stay, so that every solution has first moments
         moment = consistent_bases(moment, held, n, rules.rewritten, 2)
-    blocks += [(False, place * 0, place, basis) for place, basis in moment]
-    groups = stacked_groups([block for block in blocks if block[3].shape[1]])
+    blocks += [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
+    groups = stacked_groups([block for block in blocks if block.size])
     words, _ = conic_rows(groups, system, asked, n)
     blocks += rules.rows(words, n)
-    groups = stacked_groups([block for block in blocks if block[3].shape[1]])
+    groups = stacked_groups([block for block in blocks if block.size])
     words, _ = conic_rows(groups, system, asked, n)
     normal = words[~rules.divides(words) & (monomials.degrees(words) > 1)]
     ends = np.where(binary, -np.inf, problem.lower), np.where(binary, np.inf, problem.upper)
@@ -190,7 +191,7 @@ def plain_relaxation(
 def _multiplied(
     problem: Problem,
     cliques: Cliques,
-    system: PolynomialSystem,
+    system: Generators,
     rules: Rules,
     order: float,
     merge: float,
@@ -204,6 +205,7 @@ def _multiplied(
     degree[box] = 0
     binary = rules.binary(problem)  # x = x^2 >= 0 and 1 - x = (1 - x)^2 >= 0 already
     degree[low][binary] = degree[high][binary] = 0
+    degree[1 + system.matrices.constraints] = 0  # the block of the matrix says more
     free = np.zeros(system.size, bool)
     free[1 : m + 1] = problem.equality
     number = np.flatnonzero(degree > 0)
@@ -224,16 +226,18 @@ def _multiplied(
         home_of = np.array([home for _, home, _ in items])
         places = [inside for _, _, inside in items]
         for part, basis in clique_bases(places, np.arange(len(items)), reach):
-            blocks.append((is_free, index[part], home_of[part], basis))
-    return [part for block in rules.normal(blocks) for part in _alive(block, system, rules)]
+            blocks.append(BlockGroup(is_free, index[part], home_of[part], basis))
+    members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
+    blocks = [part for block in rules.normal(blocks) for part in _alive(block, system, rules)]
+    return blocks + rules.normal(matrix_blocks(system, cliques, members, int(order)))
 
 
-def _alive(block: Block, system: PolynomialSystem, rules: Rules) -> Blocks:
+def _alive(block: BlockGroup, system: Generators, rules: Rules) -> Blocks:
     """A block without the monomials b for which every term of g b^2 is substituted by 0."""
-    free, generator, _, basis = block
-    if free or not rules.vanishes.any():
+    basis = block.basis
+    if block.free or not rules.vanishes.any():
         return [block]
-    place, term = system.terms_of(generator)
+    place, term = system.terms_of(block.generator)
     squares = monomials.multiply(basis, basis)[place]
     words = monomials.multiply(squares, system.words[term][:, None, :])
     left = ~rules.vanish(words)
@@ -267,12 +271,13 @@ class _Unions:
         return covering[0], tuple(sorted(union))
 
 
-def _joined(first: PolynomialSystem, second: PolynomialSystem) -> PolynomialSystem:
+def _joined(first: Generators, second: PolynomialSystem) -> Generators:
     width = max(first.words.shape[1], second.words.shape[1])
-    return PolynomialSystem(
+    return Generators(
         np.concatenate([monomials.widen(s.words, width) for s in (first, second)]),
         np.append(first.coefficients, second.coefficients),
         np.append(first.row, second.row + first.size),
         first.size + second.size,
         first.dimension,
+        first.matrices,
     )

@@ -17,18 +17,18 @@ PACKAGE = "sparsepop_py"
 
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
-errors constraint progress display monomials rounding polynomial system symbolic problem
-enclosure linear krawczyk rational feasibility generators presolve presolve.propagation
+errors constraint progress display monomials rounding polynomial system cones symbolic problem
+enclosure semidefinite linear krawczyk rational feasibility generators presolve presolve.propagation
 presolve.scaling
-chordal sparsity shapes basis blocks signs terms relaxation substitution moment_bounds waki conic
+chordal sparsity basis blocks shapes signs terms relaxation substitution moment_bounds waki conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
 solvers.cliquetree.interior solvers.cliquetree solvers condense
-certificate certificate.priced certificate.identity certificate.linear certificate.inverse
-certificate.box
+certificate certificate.multipliers certificate.priced certificate.identity certificate.linear
+certificate.inverse certificate.rows certificate.box
 certificate.certificate certificate.dual
-extraction sequential refinement unbounded options task catalogue sizing boxes incumbents
+extraction sequential rowform refinement unbounded options task catalogue sizing boxes incumbents
 result polyhedron exact_simplex polytope rungs lifting narrowing branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms

@@ -23,7 +23,8 @@ from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
 from ..problem import Problem
 from ..relaxation import Relaxation
-from .identity import Identity, Multipliers
+from .identity import Identity
+from .multipliers import Multipliers
 from .priced import Priced
 
 __all__ = ["identity_of", "margin", "repaired", "shortened"]
@@ -68,8 +69,9 @@ def identity_of(
             if chosen.size:
                 factor = _factor(_weighted(part[chosen], weight[chosen, None, None]))
                 own = floor * objective_size if with_floor else 0.0
+                place = None if group.place is None else group.place[chosen]
                 multipliers.append(
-                    Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
+                    Multipliers(group.generator[chosen], group.basis[chosen], factor, own, place)
                 )
     return Identity(scaled.scaling, tuple(multipliers), products, priced)
 
@@ -121,16 +123,15 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
     largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
     kept = []
     for group in identity.multipliers:
-        values, floor = group.values, group.floor
+        values = group.values
         if group.free:
             used = np.any(values != 0, axis=1)
         else:
             weight = np.sum(np.square(values), axis=1)
             values = values[:, :, np.any(weight > share * largest, axis=0)]
-            used = np.any(weight > share * largest, axis=1) | (floor > 0)
+            used = np.any(weight > share * largest, axis=1) | (group.floor > 0)
         if used.any():
-            chosen = values[used].astype(np.float32)
-            kept.append(Multipliers(group.generator[used], group.basis[used], chosen, floor))
+            kept.append(group.chosen(used, values[used].astype(np.float32)))
     return replace(identity, multipliers=tuple(kept))
 
 

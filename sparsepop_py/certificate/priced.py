@@ -11,14 +11,9 @@ from ..enclosure import monomial_ranges
 from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by
+from .multipliers import are_indices
 
-__all__ = ["Priced", "are_indices"]
-
-
-def are_indices(array: NDArray, stop: int) -> bool:
-    """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
-    whole = array.dtype in (np.int32, np.int64)
-    return bool(whole and np.all(array >= 0) and np.all(array < stop))
+__all__ = ["Priced"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -162,7 +162,9 @@ def _problem(names: tuple[str, ...], squares: Any, **parts: Any) -> Problem:
 
 POLYNOMIAL = record(_polynomial, words=array, coefficients=array, dimension=whole)
 KIND = Codec(lambda kind: kind.name, _kind)
-CONSTRAINT = record(Constraint, polynomial=POLYNOMIAL, kind=KIND, name=text)
+CONSTRAINT = record(
+    Constraint, polynomial=POLYNOMIAL, kind=KIND, name=text, entries=sequence(POLYNOMIAL)
+)
 _WEIGHTED = Codec(
     lambda pair: [number.write(pair[0]), POLYNOMIAL.write(pair[1])],
     lambda found, place: _pair(found, place),

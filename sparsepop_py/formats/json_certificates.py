@@ -21,7 +21,9 @@ _ENDS = Codec(
     lambda found, place: sequence(array).read(found, place),
 )
 SCALING = record(Scaling, centre=array, scale=array, boxed=array, side=array, ends=optional(_ENDS))
-MULTIPLIERS = record(Multipliers, generator=array, basis=array, values=array, floor=number)
+MULTIPLIERS = record(
+    Multipliers, generator=array, basis=array, values=array, floor=number, place=optional(array)
+)
 PRICED = record(Priced, words=array, values=array)
 IDENTITY = record(
     Identity,

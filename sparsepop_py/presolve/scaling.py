@@ -153,7 +153,8 @@ class Scaled:
         Every objective asked for, scaled; the first is ``problem.objective``.
     objective_sizes : tuple of float
     row_sizes : (m,) float
-        original objective = size * scaled objective, and likewise for each constraint.
+        original objective = size * scaled objective, and likewise for each constraint with
+        its matrix.
     """
 
     problem: Problem
@@ -182,10 +183,13 @@ class Scaled:
         """Scale constraints, bounds and objectives; rows that are not active become empty.
 
         Rows that repeat bounds become empty too, unless all are wanted (``whole``); constants
-        of constraints then count in their size.
+        of constraints then count in their size. Matrices are always active.
         """
         n, m = problem.dimension, len(problem.constraints)
+        owner = problem.matrices.owner
         polynomials = [c.polynomial for c in problem.constraints] + list(objectives)
+        entries = range(len(polynomials), len(polynomials) + owner.size)
+        polynomials += [p for c in problem.constraints for p in c.entries]
         original = PolynomialSystem.stack(polynomials, n)
         system = scaling.expand(original)
         reach = np.abs(scaling.centre) + scaling.scale
@@ -197,21 +201,26 @@ class Scaled:
         if whole:
             varies |= system.row < m
         np.maximum.at(largest, system.row[varies], np.abs(system.coefficients[varies]))
-        size = np.where(largest > 0, largest, 1.0)
+        shared = largest.copy()
+        np.maximum.at(shared, owner, largest[entries.start :])
+        shared[entries] = shared[owner]
+        size = np.where(shared > 0, shared, 1.0)
         useless = largest <= 1e-11 * magnitude
         if not whole:
             useless |= _repeats_bounds(system, problem, scaling)
         if active is not None:
             useless[:m] |= ~active
-        useless[m:] = False  # objectives
+        useless[m:] = False  # objectives and entries
         rows = _split(system.without(np.flatnonzero(useless)), size)
+        part = iter(rows[entries.start :])
         constraints = [
-            Constraint(row, constraint.kind, constraint.name)
-            for row, constraint in zip(rows, problem.constraints, strict=False)
+            Constraint(row, c.kind, c.name, tuple(next(part) for _ in c.entries))
+            for row, c in zip(rows, problem.constraints, strict=False)
         ]
         low, high = scaling.bounds
         scaled = Problem(rows[m], constraints, low, high, problem.names)
-        return Scaled(scaled, scaling, tuple(rows[m:]), tuple(size[m:].tolist()), size[:m])
+        asked = slice(m, entries.start)
+        return Scaled(scaled, scaling, tuple(rows[asked]), tuple(size[asked].tolist()), size[:m])
 
 
 def scale_objective(objective: Polynomial, scaling: Scaling) -> tuple[Polynomial, float]:
