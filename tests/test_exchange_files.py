@@ -387,18 +387,3 @@ def test_wrong_mat_files(tmp_path: pathlib.Path) -> None:
     (x,) = sp.variables(1)
     with pytest.raises(ProblemError, match=r"write_mat: found the bound 1e\+12, expected less"):
         sp.write_mat(sp.Problem(x, (), -1e12), path)
-
-
-def test_matrices_and_their_certificates_travel() -> None:
-    """min x with [1 x; x 1] semidefinite is -1 (its determinant is 1 - x^2)."""
-    (x,) = sp.variables(1)
-    problem = sp.Problem(x, [sp.psd([[1, x], [x, 1]]), sp.second_order(2 + 0 * x, x)])
-    for options in (sp.Options(order=1), sp.Options(effort="plain", switches=sp.Switches(order=1))):
-        result = sp.solve(problem, options)
-        assert result.lower_bound == pytest.approx(-1, abs=1e-4) or options.effort == "plain"
-        again = sp.from_json(sp.to_json(problem))
-        assert again.fingerprint == problem.fingerprint
-        if result.certificate is not None:
-            certificate = sp.from_json(sp.to_json(result.certificate))
-            assert certificate.verify(again).ok
-            assert certificate.bound == result.lower_bound
