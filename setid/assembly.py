@@ -322,10 +322,11 @@ def _noise_rows(noise: Noise, layout: Layout) -> list[_Collected]:
     for place, item in enumerate(noise.constraints):
         for constraint in item(layout):
             good = isinstance(constraint, sp.Constraint)
+            good = good and not constraint.kind.is_matrix
             if not good or constraint.polynomial.dimension != layout.dimension:
                 raise NoiseError(
                     f"Noise.constraints[{place}]: found {type(constraint).__name__}, expected "
-                    "constraints in layout.variable(...) polynomials"
+                    "inequalities and equations in layout.variable(...) polynomials"
                 )
             rows.append(_Collected(constraint, "noise", item=place))
     return rows

@@ -311,6 +311,11 @@ def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
                     f"priors[{place}]: found a constraint in {item.polynomial.dimension} "
                     f"variables, expected {len(model.parameters)}, from setid.parameters(model)"
                 )
+            if item.kind.is_matrix:
+                raise PriorError(
+                    f"priors[{place}]: found a {item.kind.name} constraint, expected a "
+                    "polynomial inequality or equation"
+                )
             item = Given(item)
         if not isinstance(item, Prior):
             raise PriorError(

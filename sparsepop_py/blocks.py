@@ -1,8 +1,9 @@
 """The blocks of a relaxation: which polynomial, which clique, which monomials.
 
 Every generator (see :mod:`sparsepop_py.generators`) makes one block in its home clique; the
-bounds of a variable make one in every clique that holds it. Blocks of equal size are
-stacked, so that nothing here runs over monomials one by one.
+bounds of a variable make one in every clique that holds it. A matrix G of polynomials makes
+one with the entries L(G_pq b c), for all pairs (p, b) and (q, c) of a row of G and a monomial.
+Blocks of equal size are stacked, so that nothing here runs over monomials one by one.
 """
 
 from __future__ import annotations
@@ -15,16 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .basis import clique_bases, consistent_bases, reduced_bases
+from .basis import by_size, clique_bases, consistent_bases, reduced_bases
+from .generators import Generators
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
 from .sparsity import Cliques
 from .system import PolynomialSystem
 
-__all__ = ["BlockGroup", "Blocks", "block_groups", "row_monomials", "stacked_groups"]
-
-Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
+__all__ = [
+    "BlockGroup",
+    "Blocks",
+    "block_groups",
+    "matrix_block",
+    "matrix_blocks",
+    "ragged",
+    "row_monomials",
+    "stacked_groups",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +51,15 @@ class BlockGroup:
         The clique of each block.
     basis : (K, s, D) int32
         The monomials b of each block as words.
+    place : (K, s) int, optional
+        Of blocks made of matrices: the row of the matrix that goes with each monomial.
     """
 
     free: bool
     generator: NDArray[np.int64]
     clique: NDArray[np.int64]
     basis: Words
+    place: NDArray[np.int64] | None = None
 
     @property
     def size(self) -> int:
@@ -77,12 +89,32 @@ class BlockGroup:
         i, j = self.pairs
         return monomials.multiply(self.basis[:, i], self.basis[:, j])
 
+    def terms(self, system: Generators) -> tuple[NDArray[np.int64], Words, NDArray[np.float64]]:
+        """Every term of every row: the row, from 0 on, the monomial, and the coefficient."""
+        source: PolynomialSystem = system
+        number, products = self.generator, self.products()
+        if self.place is not None:
+            i, j = self.pairs
+            source = system.matrices.system
+            owner = self.generator[:, None] - 1
+            number = system.matrices.entry(owner, self.place[:, i], self.place[:, j]).ravel()
+            products = products.reshape(number.size, 1, products.shape[2])
+        each = products.shape[1]
+        block, term = source.terms_of(number)
+        row = block[:, None] * each + np.arange(each)
+        words = monomials.multiply(products[block], source.words[term][:, None, :])
+        words = monomials.trim(words.reshape(-1, words.shape[-1]))
+        return row.ravel(), words, np.repeat(source.coefficients[term], each)
+
+
+Blocks = list[BlockGroup]
+
 
 def block_groups(
     problem: Problem,
     cliques: Cliques,
     order: int,
-    system: PolynomialSystem,
+    system: Generators,
     objectives: Sequence[Polynomial],
     reduce: bool,
     lean: bool,
@@ -101,7 +133,9 @@ def block_groups(
         held += [f.words for f in (problem.objective, *objectives)]
         moment = consistent_bases(moment, held, problem.dimension)
     zero = [np.zeros(place.size, int) for place, _ in moment]
-    blocks += [(False, z, place, basis) for z, (place, basis) in zip(zero, moment, strict=True)]
+    blocks += [
+        BlockGroup(False, z, place, basis) for z, (place, basis) in zip(zero, moment, strict=True)
+    ]
     return stacked_groups(blocks)
 
 
@@ -113,7 +147,7 @@ def _localizing(
     cliques: Cliques,
     members: list[tuple[int, ...]],
     order: int,
-    system: PolynomialSystem,
+    system: Generators,
     lean: bool,
 ) -> Blocks:
     """Localizing blocks and equality rows in the homes of their generators.
@@ -122,6 +156,7 @@ def _localizing(
     """
     degree = np.zeros(system.size, int)
     np.maximum.at(degree, system.row, monomials.degrees(system.words))
+    degree[1 + system.matrices.constraints] = 0  # the block of the matrix says more
     box, lower, upper = generators.bound_family(len(problem.constraints), problem.dimension)
     if lean:
         degree[box] = 0
@@ -149,8 +184,33 @@ def _localizing(
             chosen = (free[number] == is_free) & (reach[number] == level)
             index, clique = number[chosen], place[chosen]
             for part, basis in clique_bases(members, clique, int(level)):
-                blocks.append((is_free, index[part], clique[part], basis))
+                blocks.append(BlockGroup(is_free, index[part], clique[part], basis))
+    return blocks + matrix_blocks(system, cliques, members, order)
+
+
+def matrix_blocks(
+    system: Generators, cliques: Cliques, members: list[tuple[int, ...]], order: int
+) -> Blocks:
+    """The localizing matrices of matrices: those of degree k with all monomials to d - k/2."""
+    matrices, blocks = system.matrices, []
+    degree = np.zeros(matrices.side.size, int)
+    entries = matrices.system
+    np.maximum.at(degree, matrices.owner[entries.row], monomials.degrees(entries.words))
+    for k in matrices.constraints[degree[matrices.constraints] > 0]:
+        home = int(cliques.home[k])
+        reach = order - (int(degree[k]) + 1) // 2 if home >= 0 else 0
+        [(_, basis)] = clique_bases(members, np.array([max(home, 0)]), reach)
+        blocks.append(matrix_block(int(k), max(home, 0), basis[0], int(matrices.side[k])))
     return blocks
+
+
+def matrix_block(constraint: int, clique: int, basis: Words, side: int) -> BlockGroup:
+    """The block of one matrix with the monomials (s, D) in every row of the matrix."""
+    place = np.repeat(np.arange(side), basis.shape[0])
+    repeated = np.tile(basis, (side, 1))
+    return BlockGroup(
+        False, np.array([constraint + 1]), np.array([clique]), repeated[None], place[None]
+    )
 
 
 def _elsewhere(
@@ -169,28 +229,40 @@ def _elsewhere(
     return variable[other], clique[other]
 
 
+def ragged(block: BlockGroup, keep: NDArray[np.bool_]) -> Blocks:
+    """Blocks (K, s, D) with only the monomials to keep (K, s), stacked by what is left of s."""
+    parts = []
+    for rows, basis in by_size(block.basis, keep):
+        place = block.place
+        if place is not None:
+            place = place[rows][keep[rows]].reshape(rows.size, basis.shape[1])
+        parts.append(
+            BlockGroup(block.free, block.generator[rows], block.clique[rows], basis, place)
+        )
+    return parts
+
+
 def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:
     """Blocks of equal kind and size in one group; free rows first, then by size."""
-    keyed: dict[tuple[bool, int], Blocks] = {}
+    keyed: dict[tuple[bool, int, bool], Blocks] = {}
     for block in blocks:
-        keyed.setdefault((not block[0], block[3].shape[1]), []).append(block)
+        key = (not block.free, block.size, block.place is not None)
+        keyed.setdefault(key, []).append(block)
     groups = []
-    for (matrix, _), parts in sorted(keyed.items(), key=lambda item: item[0]):
-        width = max(basis.shape[2] for *_, basis in parts)
+    for (square, _, matrix), parts in sorted(keyed.items(), key=lambda item: item[0]):
+        width = max(part.basis.shape[2] for part in parts)
         groups.append(
             BlockGroup(
-                not matrix,
-                np.concatenate([generator for _, generator, _, _ in parts]),
-                np.concatenate([clique for _, _, clique, _ in parts]),
-                np.concatenate([monomials.widen(basis, width) for *_, basis in parts]),
+                not square,
+                np.concatenate([part.generator for part in parts]),
+                np.concatenate([part.clique for part in parts]),
+                np.concatenate([monomials.widen(part.basis, width) for part in parts]),
+                np.concatenate([p.place for p in parts if p.place is not None]) if matrix else None,
             )
         )
     return tuple(groups)
 
 
-def row_monomials(group: BlockGroup, system: PolynomialSystem) -> Words:
+def row_monomials(group: BlockGroup, system: Generators) -> Words:
     """Every monomial of every row of a group, one row a term."""
-    block, term = system.terms_of(group.generator)
-    words = system.words[term][:, None, :]
-    joined = monomials.multiply(group.products()[block], words)
-    return monomials.trim(joined.reshape(-1, joined.shape[-1]))
+    return group.terms(system)[1]

@@ -273,8 +273,8 @@ def _full_sizes(recipe: Recipe, problem: Problem, cliques: Cliques) -> dict[int,
     members = np.array([len(c) for c in cliques.members], int)
     sizes: dict[int, float] = {}
 
-    def add(clique: int, degree: int, count: float = 1.0) -> None:
-        size = comb(clique + degree, degree)
+    def add(clique: int, degree: int, count: float = 1.0, side: int = 1) -> None:
+        size = comb(clique + degree, degree) * side
         sizes[size] = sizes.get(size, 0.0) + count
 
     for clique in members.tolist():
@@ -283,6 +283,7 @@ def _full_sizes(recipe: Recipe, problem: Problem, cliques: Cliques) -> dict[int,
             add(clique, order - 1, clique)
     for number, constraint in enumerate(problem.constraints):
         if not problem.equality[number]:
-            half = (constraint.polynomial.degree + 1) // 2
-            add(int(members[max(int(cliques.home[number]), 0)]), max(order - half, 0))
+            half, side = (constraint.degree + 1) // 2, max(constraint.side, 1)
+            home = int(members[max(int(cliques.home[number]), 0)])
+            add(home, max(order - half, 0), side=side)
     return sizes

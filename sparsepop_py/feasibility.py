@@ -10,7 +10,7 @@ constraint and bound is checked exactly.
 
 Krawczyk's test. As many variables as there are equalities are enclosed in a box that
 provably contains a zero (see :mod:`sparsepop_py.krawczyk`); inequalities and bounds are
-then checked over the box.
+then checked over the box. Matrices are checked by :mod:`sparsepop_py.semidefinite`.
 
 Before either, the vector is pulled off nearly active inequalities by a linear program,
 so that the last digits of the solved variables cannot violate them.
@@ -25,6 +25,7 @@ from typing import Literal
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from .enclosure import range_over
@@ -33,6 +34,7 @@ from .linear import solve_lp
 from .problem import Problem
 from .rational import solve_rationally
 from .rounding import Interval, exact_values
+from .semidefinite import hold_at, hold_over
 from .system import PolynomialSystem
 
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
@@ -40,6 +42,7 @@ __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
 _MANY_ROWS = 60  # equations from which exact repair is not tried
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
+_CUTS = 12  # linear programs at most that pull a point into a matrix
 _NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -173,7 +176,8 @@ def _pull_inside(
     maximise t, then minimise f' d, subject to the linearised rows h + h' d = 0,
     g + g' d >= t |g'| for nearly active g, bounds with a margin for variables off their
     bounds, and 0 <= t <= depth.
-    Variables on a bound stay there unless ``loose``.
+    Variables on a bound stay there unless ``loose``. A matrix enters by rows v' G v for
+    eigenvectors v, more of them as long as the point that is reached has negative ones.
     """
     n = problem.dimension
     values, jacobian = problem.rows.values(x), problem.rows.jacobian(x)
@@ -190,17 +194,28 @@ def _pull_inside(
     low, high = np.where(crossed, 0.0, low), np.where(crossed, 0.0, high)
     equal = np.flatnonzero(problem.equality & (size > 0))
     active = np.flatnonzero(near)
+    slopes, sizes, held = jacobian[active], size[active], values[active]
     slope = problem.objective_row.jacobian(x).toarray().ravel()
     slope = slope / max(1e-300, np.abs(slope).sum())
-    step = solve_lp(
-        np.append(1e-3 * slope, -1.0),
-        (jacobian[active], size[active], values[active]),
-        (jacobian[equal], -values[equal]),
-        (np.append(low, 0.0), np.append(high, depth)),
-    )
-    if step is None:
-        return None
-    return np.clip(x + step[:n], problem.lower, problem.upper)
+    moved = x
+    for _ in range(_CUTS if problem.matrices.constraints.size else 1):
+        value, row = problem.matrices.cuts(x, moved)
+        length = np.sqrt(np.asarray(row.power(2).sum(axis=1)).ravel())
+        tight = (value <= 1e3 * depth * (1.0 + length)) & (length > 0)
+        slopes = sps.csr_array(sps.vstack([slopes, row[tight]]))
+        sizes, held = np.append(sizes, length[tight]), np.append(held, value[tight])
+        step = solve_lp(
+            np.append(1e-3 * slope, -1.0),
+            (slopes, sizes, held),
+            (jacobian[equal], -values[equal]),
+            (np.append(low, 0.0), np.append(high, depth)),
+        )
+        if step is None:
+            return None
+        moved = np.clip(x + step[:n], problem.lower, problem.upper)
+        if problem.matrices.least_eigenvalue(moved[None])[0] >= 0:
+            break
+    return moved
 
 
 # ---- plans ----------------------------------------------------------------------------------
@@ -321,10 +336,11 @@ def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
             return False
     system = problem.rows
     values = exact_values(system.words, system.coefficients, system.row, system.size, x)
-    return all(
+    rows = all(
         value == 0 if equal else value >= 0
         for value, equal in zip(values, problem.equality.tolist(), strict=True)
     )
+    return rows and hold_at(problem.matrices, x)
 
 
 def _prove_by_krawczyk(
@@ -347,6 +363,8 @@ def _prove_by_krawczyk(
     values = range_over(problem.rows.take(others), box)
     equal = problem.equality[others]
     if not (np.all(values.lo >= 0) and np.all(values.hi[equal] <= 0)):
+        return None
+    if not hold_over(problem.matrices, box):
         return None
     value = float(range_over(problem.objective_row, box).hi[0])
     if not np.isfinite(value):

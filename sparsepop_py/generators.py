@@ -9,23 +9,28 @@ constraints, and three families of n follow for the bounds of each variable:
 
 the zero polynomial stands where a bound is missing or the variable is fixed. Products of
 two generators (reformulation-linearization, Sherali and Adams 1990) may follow as further
-ones, each given by the numbers of its factors, which may be products themselves.
+ones, each given by the numbers of its factors, which may be products themselves. The
+generator of a constraint with a matrix is the polynomial that follows from it; the matrix goes
+by the same number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import monomials
+from .cones import Matrices
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
 from .system import PolynomialSystem
 
 __all__ = [
+    "Generators",
     "are_products",
     "bound_family",
     "bound_products",
@@ -39,6 +44,13 @@ __all__ = [
     "stacked",
     "useful_products",
 ]
+
+
+@dataclass(frozen=True, eq=False)
+class Generators(PolynomialSystem):
+    """All generators stacked, and beside them the matrices of the constraints."""
+
+    matrices: Matrices
 
 
 def count(rows: int, dimension: int) -> int:
@@ -234,7 +246,7 @@ def partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
     return np.stack(np.divmod(unique, n), axis=1)
 
 
-def stacked(problem: Problem, products: NDArray[np.int64]) -> PolynomialSystem:
+def stacked(problem: Problem, products: NDArray[np.int64]) -> Generators:
     """Every generator of the problem, numbered as above; ``products`` has shape (P, 2)."""
     rows, n = problem.rows, problem.dimension
     words, values, index = bound_terms(problem.lower, problem.upper, rows.size)
@@ -256,7 +268,7 @@ def stacked(problem: Problem, products: NDArray[np.int64]) -> PolynomialSystem:
             single.size + len(level),
             n,
         )
-    return single
+    return Generators(**vars(single), matrices=problem.matrices)
 
 
 def levels(products: NDArray[np.int64], single: int) -> list[range]:

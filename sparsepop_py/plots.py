@@ -189,7 +189,7 @@ def _allowed(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float6
     for row, equal in zip(problem.constraints, problem.equality, strict=True):
         if not equal:
             slack = np.minimum(slack, row.polynomial(points))
-    return slack
+    return np.minimum(slack, problem.matrices.least_eigenvalue(points))
 
 
 def _curve(result: Result, ax: Axes) -> None:

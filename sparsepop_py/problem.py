@@ -1,6 +1,8 @@
 """The polynomial optimization problem: what is asked.
 
 minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
+
+and to matrices of polynomials being positive semidefinite.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import monomials, symbolic
+from .cones import Matrices, SymbolicCone
 from .errors import ProblemError
 from .polynomial import Constraint, Kind, Polynomial, total
 from .rounding import Interval
@@ -37,7 +40,8 @@ class Problem:
     objective : Polynomial, number or sympy expression
         The polynomial f to be minimised.
     constraints : iterable of Constraint or sympy relation
-        Inequalities g >= 0 and equalities h == 0, as comparisons make them.
+        Inequalities g >= 0 and equalities h == 0, as comparisons make them; cones and
+        matrices, as :func:`sparsepop_py.second_order` and :func:`sparsepop_py.psd` do.
     lower, upper : float or array_like (n,), optional
         Simple bounds, -inf and +inf where there are none.
     names : sequence of str, optional
@@ -83,7 +87,8 @@ class Problem:
         squares: Iterable[Any] | None = None,
         sense: Sense = "min",
     ) -> None:
-        rows = [constraints] if isinstance(constraints, Constraint) else list(constraints)
+        single = isinstance(constraints, (Constraint, SymbolicCone))
+        rows = [constraints] if single else list(constraints)
         objective, rows = symbolic.convert(objective, rows, names)
         objective = _as_objective(objective, rows)
         n = objective.dimension
@@ -119,12 +124,17 @@ class Problem:
     @property
     def degree(self) -> int:
         """Largest degree of objective and constraints."""
-        return max([self.objective.degree, *(c.polynomial.degree for c in self.constraints)])
+        return max([self.objective.degree, *(c.degree for c in self.constraints)])
 
     @cached_property
     def rows(self) -> PolynomialSystem:
         """The constraints stacked for fast evaluation; row i is constraint i."""
         return PolynomialSystem.stack([c.polynomial for c in self.constraints], self.dimension)
+
+    @cached_property
+    def matrices(self) -> Matrices:
+        """The matrices of those constraints that have one."""
+        return Matrices.of(self.constraints, self.dimension)
 
     @cached_property
     def objective_row(self) -> PolynomialSystem:
@@ -172,7 +182,8 @@ class Problem:
         Returns
         -------
         float
-            0.0 when every constraint and bound holds as evaluated in floating point.
+            0.0 when every constraint and bound holds as evaluated in floating point. A
+            matrix is violated by its negative eigenvalues.
         """
         point = np.asarray(x, float)
         if point.shape != (self.dimension,):
@@ -180,7 +191,8 @@ class Problem:
         with np.errstate(invalid="ignore", over="ignore"):
             values = self.rows.values(point)
             worst = np.where(self.equality, np.abs(values), -values)
-            parts = [worst, self.lower - point, point - self.upper, np.zeros(1)]
+            least = -self.matrices.least_eigenvalue(point[None])
+            parts = [worst, self.lower - point, point - self.upper, np.zeros(1), least]
             largest = np.concatenate(parts)
         return float("inf") if np.any(np.isnan(largest)) else float(np.max(largest))
 
@@ -232,10 +244,10 @@ class Problem:
     def fingerprint(self) -> str:
         """Hash of the exact doubles of objective, constraints and bounds."""
         digest = hashlib.sha256()
-        for polynomial, kind in [
-            (self.objective, "objective"),
-            *((c.polynomial, c.kind.name) for c in self.constraints),
-        ]:
+        named = [(self.objective, "objective")]
+        for c in self.constraints:
+            named += [(c.polynomial, c.kind.name), *((p, "entry") for p in c.entries)]
+        for polynomial, kind in named:
             digest.update(kind.encode())
             digest.update(np.array(polynomial.words.shape, "<i8").tobytes())
             digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
@@ -253,10 +265,12 @@ class Problem:
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        equalities = int(self.equality.sum())
+        equalities, matrices = int(self.equality.sum()), self.matrices.constraints.size
+        inequalities = len(self.constraints) - equalities - matrices
+        last = f", {matrices} matrices" if matrices else ""
         return (
-            f"<Problem: {self.dimension} variables, {len(self.constraints) - equalities} "
-            f"inequalities, {equalities} equalities, degree {self.degree}>"
+            f"<Problem: {self.dimension} variables, {inequalities} inequalities, "
+            f"{equalities} equalities{last}, degree {self.degree}>"
         )
 
 
@@ -278,10 +292,11 @@ def _check_constraint(number: int, row: Any, n: int) -> None:
             f"constraints[{number}]: found {type(row).__name__}, expected a comparison of "
             "polynomials such as x1 + x2 >= 1"
         )
-    if row.polynomial.dimension != n:
-        raise ProblemError(
-            f"constraints[{number}]: found {row.polynomial.dimension} variables, expected {n}"
-        )
+    for polynomial in (row.polynomial, *row.entries):
+        if polynomial.dimension != n:
+            raise ProblemError(
+                f"constraints[{number}]: found {polynomial.dimension} variables, expected {n}"
+            )
 
 
 def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDArray[np.float64]:

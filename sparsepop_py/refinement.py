@@ -25,6 +25,7 @@ from .feasibility import ProvedPoint, prove_feasible
 from .polynomial import Constraint, Kind
 from .problem import Problem
 from .rounding import Interval
+from .rowform import RowForm
 from .sequential import sequential_search
 from .shapes import Products
 
@@ -308,28 +309,29 @@ def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
 
 
 def _candidates(
-    problem: Problem, start: NDArray, tolerance: float, method: str | None, end: float
+    rows: RowForm, start: NDArray, tolerance: float, method: str | None, end: float
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Nearly feasible (value, vector) pairs that one start leads to, the start included."""
+    given, problem, start = rows.given, rows.problem, rows.start(start)
     tried = [start]
-    bilinear = problem.degree <= 2 and bool(problem.constraints)
+    bilinear = problem.degree <= 2 and bool(problem.constraints) and not rows.factored
     if bilinear and method is None:
         tried.append(local_search(problem, start, "sequential", end))
     star = bilinear and Products.of(problem).has_star  # made for linear programs
     large = problem.dimension > (_FEW if star else _DENSE_LIMIT)  # then the others are slow
     if bilinear and method is None and problem.dimension <= _SMALL:
         tried.append(sequential_search(problem.sharpened, start))  # nothing held
-    failed = len(tried) < 2 or problem.violation(tried[1]) > tolerance
+    failed = len(tried) < 2 or given.violation(rows.point(tried[1])) > tolerance
     if problem.dimension <= _SMALL or (failed and not (bilinear and large)):
         tried.append(local_search(problem, start, method, end))
     branch = _decide(problem, start)
     if branch is not problem:
         tried.append(local_search(branch, start, method, end))
     kept = []
-    for x in tried:
+    for x in map(rows.point, tried):
         if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < _FAR * 1e4:
             with np.errstate(all="ignore"):
-                value, violation = problem.objective(x), problem.violation(x)
+                value, violation = given.objective(x), given.violation(x)
             if np.isfinite(value) and violation <= tolerance:
                 kept.append((value, x))
     return kept
@@ -355,11 +357,12 @@ def best_attained(
         When to stop, on the monotonic clock; what was found until then is kept.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
+    rows = RowForm.of(problem)
     reached: list[float] = []  # the best value that each start led to
     for start in starts:
         if time.monotonic() >= end:
             break
-        ends = _candidates(problem, start, tolerance, method, end)
+        ends = _candidates(rows, start, tolerance, method, end)
         found += ends
         reached.append(min((value for value, _ in ends), default=np.inf))
         best_value = min(reached)

@@ -8,7 +8,8 @@ relaxation of order d asks of the moments y_a = L(x^a) that
     L(h x^a)                  = 0                        for each h(x) == 0 and
                                                          deg h + |a| <= 2d,
 
-with each constraint in one clique that holds its variables. A variable between finite
+with each constraint in one clique that holds its variables; a matrix G >= 0 of polynomials
+likewise has a localizing matrix L(G (x) v v'). A variable between finite
 bounds l <= x <= u enters by (u - x)(x - l) >= 0 (or by two linear rows, when lean).
 Equalities put vectors into the kernel
 of the moment matrix; facial reduction drops as many monomials from its basis, which
@@ -37,8 +38,9 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .blocks import BlockGroup, block_groups, row_monomials, stacked_groups
+from .blocks import BlockGroup, block_groups, stacked_groups
 from .errors import ProblemError
+from .generators import Generators
 from .monomials import Words
 from .polynomial import Polynomial
 from .problem import Problem
@@ -47,7 +49,7 @@ from .sparsity import Cliques, find_cliques
 from .system import PolynomialSystem
 from .terms import Terms, term_sparse
 
-__all__ = ["BlockGroup", "Relaxation", "least_order", "relax"]
+__all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "relax"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,9 @@ class Relaxation:
         Generators that are products, by the numbers of their factors.
     notes : tuple of str
         What was changed on the way, such as a raised order.
+    moment_bounds : PolynomialSystem or None
+        Bounds of single moments, +-(x^a - value) >= 0: generators behind all others, in
+        one group of their own.
     """
 
     problem: Problem
@@ -81,6 +86,7 @@ class Relaxation:
     entries: sps.csr_array
     products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     notes: tuple[str, ...] = ()
+    moment_bounds: PolynomialSystem | None = None
 
     @property
     def rows(self) -> int:
@@ -248,7 +254,7 @@ def relax(
         width = max(w.shape[1] for w in asked)
         support = np.concatenate([monomials.widen(w, width) for w in asked])
         groups = term_sparse(groups, system, support, problem.dimension, terms)
-    moments, entries = _entries(groups, system, asked, problem.dimension)
+    moments, entries = conic_rows(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
 
 
@@ -257,9 +263,9 @@ def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
 
 
-def _entries(
+def conic_rows(
     groups: tuple[BlockGroup, ...],
-    system: PolynomialSystem,
+    system: Generators,
     asked: list[Words],
     dimension: int,
 ) -> tuple[Words, sps.csr_array]:
@@ -269,11 +275,10 @@ def _entries(
     """
     words, values, rows, offset = [], [], [], 0
     for group in groups:
-        block, term = system.terms_of(group.generator)
-        row = offset + block[:, None] * group.rows_each + np.arange(group.rows_each)
-        words.append(row_monomials(group, system))
-        values.append(np.repeat(system.coefficients[term], group.rows_each))
-        rows.append(row.ravel())
+        row, word, value = group.terms(system)
+        words.append(word)
+        values.append(value)
+        rows.append(offset + row)
         offset += group.count * group.rows_each
     used = sum(w.shape[0] for w in words)
     words += [np.zeros((1, 1), np.int32), *asked]

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .monomials import Words
+from .blocks import BlockGroup, Blocks, matrix_block
 from .polynomial import Polynomial
 from .problem import Problem
 from .sparsity import Cliques
@@ -35,7 +35,6 @@ from .system import PolynomialSystem
 __all__ = ["Products", "Shape", "shaped_blocks"]
 
 Shape = Literal["full", "linear", "mixed", "star", "split"]
-Blocks = list[tuple[bool, NDArray[np.int64], NDArray[np.int64], Words]]
 
 _GLOBAL = 0.25  # a variable in this share of all constraints is one that all of them share
 
@@ -62,7 +61,8 @@ class Products:
     def of(problem: Problem, objectives: Sequence[Polynomial] = ()) -> Products:
         """Products of the constraints and objectives of a problem."""
         n = problem.dimension
-        tables = [problem.rows.words, problem.objective.words, *(f.words for f in objectives)]
+        tables = [problem.rows.words, problem.matrices.system.words, problem.objective.words]
+        tables += [f.words for f in objectives]
         mixed = generators.partners(tables, n)
         squares = []
         for table in tables:
@@ -160,17 +160,20 @@ class _Builder:
         self, free: bool, generator: int, clique: int, basis: Sequence[tuple[int, ...]]
     ) -> None:
         """One block; its basis is a list of words of at most two letters."""
-        words = np.zeros((1, len(basis), 2), np.int32)
-        for position, letters in enumerate(basis):
-            if letters:
-                words[0, position, 2 - len(letters) :] = sorted(letters)
-        self.blocks.append((free, np.array([generator]), np.array([clique]), words))
+        words = _words(basis)[None]
+        self.blocks.append(BlockGroup(free, np.array([generator]), np.array([clique]), words))
 
     def rows(self, numbers: NDArray[np.int64]) -> None:
         """Generators with a constant multiplier each."""
         nothing = np.zeros((numbers.size, 1, 1), np.int32)
         if numbers.size:
-            self.blocks.append((False, numbers, np.zeros(numbers.size, int), nothing))
+            self.blocks.append(BlockGroup(False, numbers, np.zeros(numbers.size, int), nothing))
+
+    def matrix(self, constraint: int, clique: int, basis: Sequence[tuple[int, ...]]) -> None:
+        """The block of a matrix that varies, with the monomials in each of its rows."""
+        found = self.problem.constraints[constraint]
+        if any(p.degree for p in found.entries):
+            self.blocks.append(matrix_block(constraint, clique, _words(basis), found.side))
 
     def bounds(self, inside: dict[int, list[int]] | None = None) -> None:
         """(1 - v^2) times {1} + partners of v; finite single bounds as rows."""
@@ -291,9 +294,10 @@ class _Builder:
         return list(groups.values())
 
     def constraints(self, multipliers: list[tuple[int, ...]], degree: int) -> None:
-        """Equalities times the multipliers, inequalities as rows."""
+        """Equalities times the multipliers, inequalities and matrices as they are."""
         for number, constraint in enumerate(self.problem.constraints):
-            if constraint.polynomial.degree == 0:
+            self.matrix(number, -1, [()])
+            if constraint.polynomial.degree == 0 or constraint.entries:
                 continue
             equal = bool(self.problem.equality[number])
             self.add(equal, number + 1, -1, multipliers if equal else [()])
@@ -311,30 +315,20 @@ class _Builder:
             allowed.append({tuple(sorted(a + b)) for a in basis for b in basis})
         for number, constraint in enumerate(self.problem.constraints):
             polynomial = constraint.polynomial
+            home = int(self.cliques.home[number])
+            basis, held_there = (bases[home], allowed[home]) if home >= 0 else ([()], set())
+            if constraint.entries:
+                entries = [t for p in constraint.entries for t in _terms(p)]
+                self.matrix(number, max(home, 0), _localized(basis, held_there, entries))
             if polynomial.degree == 0:
                 continue
-            home = int(self.cliques.home[number])
-            terms = [tuple(x for x in w if x) for w in polynomial.words.tolist()]
-            multipliers: list[tuple[int, ...]] = [()]
-            if home >= 0:
-                fits = [
-                    b
-                    for b in bases[home]
-                    if all(tuple(sorted(b + t)) in allowed[home] for t in terms)
-                ]
-                if self.problem.equality[number]:
-                    multipliers = fits or [()]
-                else:
-                    # the localizing matrix grows while all its entries are moments
-                    for b in bases[home][1:]:
-                        trial = [*multipliers, b]
-                        if all(
-                            tuple(sorted(b + other + t)) in allowed[home]
-                            for other in trial
-                            for t in terms
-                        ):
-                            multipliers = trial
-            self.add(bool(self.problem.equality[number]), number + 1, max(home, 0), multipliers)
+            terms = _terms(polynomial)
+            equal = bool(self.problem.equality[number])
+            multipliers = _localized(basis, held_there, terms)
+            if equal:
+                fits = [b for b in basis if all(tuple(sorted(b + t)) in held_there for t in terms)]
+                multipliers = fits or [()]
+            self.add(equal, number + 1, max(home, 0), multipliers)
         inside: dict[int, list[int]] = {}
         for v, others in self.products.partners.items():
             near = set(self.cliques.members[int(self.cliques.home_of_variable[v])])
@@ -355,3 +349,28 @@ class _Builder:
                     if j in sets[k]:
                         held[k].append((i + 1, j + 1))
         return held
+
+
+def _words(basis: Sequence[tuple[int, ...]]) -> monomials.Words:
+    """Words of at most two letters each, shape (s, 2)."""
+    words = np.zeros((len(basis), 2), np.int32)
+    for position, letters in enumerate(basis):
+        if letters:
+            words[position, 2 - len(letters) :] = sorted(letters)
+    return words
+
+
+def _terms(polynomial: Polynomial) -> list[tuple[int, ...]]:
+    return [tuple(x for x in word if x) for word in polynomial.words.tolist()]
+
+
+def _localized(
+    basis: list[tuple[int, ...]], held: set[tuple[int, ...]], terms: list[tuple[int, ...]]
+) -> list[tuple[int, ...]]:
+    """1 and as many monomials as leave all entries of a localizing matrix among the moments."""
+    grown: list[tuple[int, ...]] = [()]
+    for b in basis[1:]:
+        trial = [*grown, b]
+        if all(tuple(sorted(b + other + t)) in held for other in trial for t in terms):
+            grown = trial
+    return grown

@@ -215,12 +215,20 @@ def satisfies_running_intersection(cliques: Cliques) -> bool:
     return True
 
 
+def _constraint_terms(problem: Problem) -> tuple[Words, NDArray[np.int64]]:
+    """Every monomial of the constraints, entries of matrices included, and whose it is."""
+    rows, matrices = problem.rows, problem.matrices
+    width = max(rows.words.shape[1], matrices.system.words.shape[1])
+    words = [monomials.widen(s.words, width) for s in (rows, matrices.system)]
+    return np.concatenate(words), np.append(rows.row, matrices.owner[matrices.system.row])
+
+
 def _constraint_incidence(problem: Problem) -> sps.csr_array:
     """Which variables occur in which constraint, (m, n), indices sorted and distinct."""
-    system = problem.rows
-    term, variable, _ = monomials.runs(system.words)
+    words, row = _constraint_terms(problem)
+    term, variable, _ = monomials.runs(words)
     shape = (len(problem.constraints), problem.dimension)
-    groups = incidence(system.row[term], variable, shape)
+    groups = incidence(row[term], variable, shape)
     groups.sum_duplicates()
     groups.data[:] = 1  # counts could overflow in the product
     return groups
@@ -242,7 +250,7 @@ def _joined(problem: Problem, others: sps.csr_array, joined: Joined) -> sps.csr_
     """
     if joined == "constraints":
         return _constraint_incidence(problem)
-    terms = _terms([problem.rows.words], problem.dimension)
+    terms = _terms([_constraint_terms(problem)[0]], problem.dimension)
     if joined == "monomials":
         return terms
     every = sps.vstack([terms, others])

@@ -1,14 +1,17 @@
 """Problems in SparsePOP's own data format: structs of MATLAB, dicts of numpy arrays.
 
-A polynomial struct has the fields ``typeCone`` (1: p >= 0, -1: p == 0), ``sizeCone``,
-``dimVar``, ``degree``, ``noTerms``, ``supports`` (noTerms x dimVar exponents) and
-``coef``. What scipy.io.loadmat makes of such structs is read too, in all its shapes.
+A polynomial struct has the fields ``typeCone`` (1: p >= 0, -1: p == 0, 2: second-order cone
+f1 >= |(f2, ..., fk)|, 3: positive semidefinite matrix), ``sizeCone``, ``dimVar``, ``degree``,
+``noTerms``, ``supports`` (noTerms x dimVar exponents) and ``coef``: one column, one for each of
+f1, ..., fk, or one for each entry of the matrix, column by column. What scipy.io.loadmat makes
+of such structs is read too, in all its shapes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isqrt
 from typing import Any
 
 import numpy as np
@@ -16,14 +19,16 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from . import monomials
+from .cones import cone
 from .errors import ProblemError
 from .polynomial import Constraint, Kind, Polynomial, total
 from .problem import Problem
+from .system import PolynomialSystem
 
 __all__ = ["from_structs", "to_structs"]
 
 INFINITE = 1e10  # bounds of this magnitude stand for none
-_CONES = {2: "second-order cone", 3: "semidefinite"}
+_CONES = {2: Kind.SECOND_ORDER, 3: Kind.PSD}
 
 
 def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:
@@ -49,7 +54,7 @@ def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:
     ------
     ProblemError
         Naming the field, such as ``ineqPolySys[2].degree: found 3, expected 2``
-        (counted from 0). Fields ``degree`` and ``sizeCone`` may be left out.
+        (counted from 0). ``degree`` may be left out, ``sizeCone`` too for typeCone 1, -1.
 
     Examples
     --------
@@ -58,19 +63,23 @@ def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:
     >>> print(from_structs(square, [], [0], [1e10]))
     min -2 + x1^2
       0 <= x1 <= inf
+    >>> line = {"typeCone": 1, "dimVar": 1, "noTerms": 1, "supports": [[1]], "coef": [1.0]}
+    >>> matrix = {"typeCone": 3, "sizeCone": 2, "dimVar": 1, "degree": 1, "noTerms": 2,
+    ...           "supports": [[0], [1]], "coef": [[1, 0, 0, 1], [0, 1, 1, 0]]}
+    >>> print(from_structs(line, [matrix], [-1e10], [1e10]))
+    min x1
+      s.t. psd([[1, x1], [x1, 1]])
     """
     items = _elements(objPoly, "objPoly")
     if not items:
         raise ProblemError("objPoly: found no polynomial, expected a struct or a list of structs")
     single = len(items) == 1
     labels = ["objPoly"] if single else [f"objPoly[{i}]" for i in range(len(items))]
-    parts = [_read(item, label) for item, label in zip(items, labels, strict=True)]
-    n = parts[0][0].dimension
-    for (residual, cone), label in zip(parts, labels, strict=True):
-        if abs(cone) > 1:
-            raise ProblemError(f"{label}.typeCone: found {cone}, expected 1")
+    parts = [_read(item, label, (1, 0, -1)) for item, label in zip(items, labels, strict=True)]
+    residuals = [columns[0] for columns, _ in parts]
+    n = residuals[0].dimension
+    for residual, label in zip(residuals, labels, strict=True):
         _check_dimension(residual, n, label)
-    residuals = [residual for residual, _ in parts]
     objective = residuals[0] if single else total([p * p for p in residuals])
     rows = _elements(ineqPolySys, "ineqPolySys")
     constraints = [_constraint(row, f"ineqPolySys[{i}]", n) for i, row in enumerate(rows)]
@@ -95,7 +104,8 @@ def to_structs(
     -------
     objPoly : dict
     ineqPolySys : list of dict
-        With supports (noTerms, dimVar) and coef (noTerms, 1) as doubles, like MATLAB's.
+        With supports (noTerms, dimVar) and coef (noTerms, 1) as doubles, like MATLAB's; for
+        cones and matrices coef is (noTerms, sizeCone) and (noTerms, sizeCone^2).
     lbd, ubd : (n,) float
         With -1e10 and 1e10 where there is no bound.
 
@@ -107,27 +117,43 @@ def to_structs(
     >>> objective["supports"], rows[0]["typeCone"], lbd, ubd
     (array([[1., 1.]]), -1, array([0., 0.]), array([1.e+10, 1.e+10]))
     """
-    rows = [
-        _struct(row.polynomial, -1 if row.kind is Kind.ZERO else 1) for row in problem.constraints
-    ]
+    rows = [_constraint_struct(row) for row in problem.constraints]
     lower = np.where(problem.lower <= -INFINITE, -INFINITE, problem.lower)
     upper = np.where(problem.upper >= INFINITE, INFINITE, problem.upper)
     return _struct(problem.objective, 1), rows, lower, upper
 
 
+def _constraint_struct(row: Constraint) -> dict[str, Any]:
+    if not row.kind.is_matrix:
+        return _struct(row.polynomial, -1 if row.kind is Kind.ZERO else 1)
+    if row.kind is Kind.SECOND_ORDER:
+        return _struct_of(row.entries, 2, row.side)
+    square = range(row.side)
+    entries = [row.entries[row.position(i, j) or 0] for j in square for i in square]
+    return _struct_of(entries, 3, row.side)
+
+
 def _struct(polynomial: Polynomial, cone: int) -> dict[str, Any]:
-    supports = polynomial.exponents.toarray().astype(float)
-    values = polynomial.coefficients
-    if not polynomial.terms:  # SparsePOP has no empty polynomial: zero is one term
-        supports, values = np.zeros((1, polynomial.dimension)), np.zeros(1)
+    return _struct_of([polynomial], cone, 1)
+
+
+def _struct_of(columns: Sequence[Polynomial], cone: int, size: int) -> dict[str, Any]:
+    """The struct whose ``coef`` has one column for each polynomial."""
+    n = columns[0].dimension
+    system = PolynomialSystem.stack(columns, n)
+    words, number = monomials.collect(system.words, n)
+    if not words.shape[0]:  # SparsePOP has no empty polynomial: zero is one term
+        words = np.zeros((1, 1), np.int32)
+    values = np.zeros((words.shape[0], len(columns)))
+    values[number, system.row] = system.coefficients
     return {
         "typeCone": cone,
-        "sizeCone": 1,
-        "dimVar": polynomial.dimension,
-        "degree": polynomial.degree,
-        "noTerms": values.size,
-        "supports": supports,
-        "coef": values.reshape(-1, 1).copy(),
+        "sizeCone": size,
+        "dimVar": n,
+        "degree": int(monomials.degrees(words).max()),
+        "noTerms": words.shape[0],
+        "supports": monomials.to_exponents(words, n).toarray().astype(float),
+        "coef": values,
     }
 
 
@@ -216,37 +242,36 @@ def _array(value: Any, label: str) -> NDArray[np.float64]:
 # ---- polynomials ------------------------------------------------------------------------
 
 
-def _read(item: Any, label: str) -> tuple[Polynomial, int]:
-    """Polynomial and typeCone of a struct, every field checked."""
+def _read(item: Any, label: str, legal: tuple[int, ...]) -> tuple[list[Polynomial], int]:
+    """The polynomial of each column of ``coef``, and typeCone; every field checked."""
     while isinstance(item, np.ndarray) and item.size == 1:  # a struct in a cell
         item = item.ravel()[0]
     if item is None or isinstance(item, (list, tuple, str, float, int, np.ndarray, np.number)):
         raise ProblemError(f"{label}: found {_kind(item)}, expected a polynomial struct")
     struct = _Struct(item, label)
-    cone = struct.integer("typeCone")
-    if cone in _CONES:
-        raise struct.error(
-            "typeCone",
-            f"{cone} ({_CONES[cone]})",
-            "1 or -1: second-order cone and semidefinite constraints are not supported yet",
-        )
-    if cone not in (-1, 0, 1):
-        raise struct.error("typeCone", cone, "1 or -1")
+    typed = struct.integer("typeCone")
+    if typed not in legal:
+        raise struct.error("typeCone", typed, "1" if 0 in legal else "1, -1, 2 or 3")
     size = struct.optional("sizeCone", 1)
-    if size != 1:
-        raise struct.error("sizeCone", size, f"1 for typeCone {cone}")
+    if typed in _CONES and size < 2:
+        raise struct.error("sizeCone", size, f"at least 2 for typeCone {typed}")
+    if typed not in _CONES and size != 1:
+        raise struct.error("sizeCone", size, f"1 for typeCone {typed}")
     n, terms = struct.integer("dimVar"), struct.integer("noTerms")
     if n < 1:
         raise struct.error("dimVar", n, "a positive integer")
     supports = _supports(struct, n, terms)
-    coefficients = _coefficients(struct, terms)
+    if typed in _CONES:
+        coefficients = _columns(struct, terms, size, typed)
+    else:
+        coefficients = _coefficients(struct, terms)[:, None]
     degree = int(supports.sum(axis=1).max(initial=0))
     stated = struct.optional("degree", degree)
     if stated != degree:
         raise struct.error("degree", stated, f"{degree}, the largest row sum of supports")
     words = monomials.from_exponents(supports)
     _check_distinct(struct, words, n)
-    return Polynomial.from_words(words, coefficients, n), cone
+    return [Polynomial.from_words(words, column, n) for column in coefficients.T], typed
 
 
 def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
@@ -290,6 +315,29 @@ def _coefficients(struct: _Struct, terms: int) -> NDArray[np.float64]:
     return values
 
 
+def _columns(struct: _Struct, terms: int, size: int, cone: int) -> NDArray[np.float64]:
+    """Coefficients (noTerms, sizeCone or sizeCone^2) of a cone or a symmetric matrix."""
+    values = _array(struct.required("coef"), f"{struct.label}.coef")
+    count = size if cone == 2 else size**2
+    if values.ndim == 1 and terms == 1:  # squeezed
+        values = values[None]
+    if values.shape != (terms, count) and not values.size == terms == 0:
+        found = " x ".join(map(str, values.shape))
+        expected = f"noTerms x {'sizeCone' if cone == 2 else 'sizeCone^2'}"
+        raise struct.error("coef", f"{found} values", f"{terms} x {count}, which is {expected}")
+    values = values.reshape(terms, count)
+    if not np.all(np.isfinite(values)):
+        raise struct.error("coef", values[~np.isfinite(values)][0], "finite numbers")
+    if cone == 3:
+        square = values.reshape(terms, size, size)
+        wrong = np.flatnonzero((square != square.transpose(0, 2, 1)).any(axis=(1, 2)))
+        if wrong.size:
+            raise struct.error(
+                "coef", f"row {wrong[0] + 1}, which is not symmetric", "symmetric matrices"
+            )
+    return values
+
+
 def _check_distinct(struct: _Struct, words: monomials.Words, n: int) -> None:
     unique, where = monomials.collect(words, n)
     if unique.shape[0] < words.shape[0]:
@@ -299,11 +347,14 @@ def _check_distinct(struct: _Struct, words: monomials.Words, n: int) -> None:
 
 
 def _constraint(item: Any, label: str, n: int) -> Constraint:
-    polynomial, cone = _read(item, label)
-    if cone == 0:
-        raise ProblemError(f"{label}.typeCone: found 0, expected 1 or -1")
-    _check_dimension(polynomial, n, label)
-    return Constraint(polynomial, Kind.ZERO if cone == -1 else Kind.NONNEGATIVE)
+    columns, typed = _read(item, label, (1, -1, *_CONES))
+    _check_dimension(columns[0], n, label)
+    if typed == 2:
+        return cone(Kind.SECOND_ORDER, columns)
+    if typed == 3:
+        size = isqrt(len(columns))
+        return cone(Kind.PSD, [columns[i * size + j] for i in range(size) for j in range(i + 1)])
+    return Constraint(columns[0], Kind.ZERO if typed == -1 else Kind.NONNEGATIVE)
 
 
 def _check_dimension(polynomial: Polynomial, n: int, label: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .cones import SymbolicCone, cone
 from .errors import ProblemError
 from .polynomial import Constraint, Kind, Polynomial
 
@@ -24,16 +25,18 @@ def _is_symbolic(item: Any) -> bool:
 def convert(
     objective: Any, constraints: list[Any], names: Sequence[str] | None
 ) -> tuple[Any, list[Any]]:
-    """Replace sympy expressions and relations by polynomials and constraints.
+    """Replace sympy expressions, relations and cones by polynomials and constraints.
 
     The variables are the symbols named in ``names``, or all symbols that occur, in
     natural order (x2 before x10). What is not symbolic passes unchanged.
     """
-    if not _is_symbolic(objective) and not any(_is_symbolic(row) for row in constraints):
+    parts = [objective, *constraints]
+    parts += [e for row in constraints if isinstance(row, SymbolicCone) for e in row.entries]
+    if not any(_is_symbolic(item) for item in parts):
         return objective, constraints
     import sympy
 
-    given = [sympy.sympify(item) for item in [objective, *constraints] if _is_symbolic(item)]
+    given = [sympy.sympify(item) for item in parts if _is_symbolic(item)]
     if isinstance(objective, Polynomial) or any(isinstance(row, Constraint) for row in constraints):
         raise ProblemError("objective, constraints: sympy expressions and Polynomials are mixed")
     free = set().union(*(item.free_symbols for item in given))
@@ -78,6 +81,9 @@ def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: s
 def _constraint(row: Any, symbols: list[Any], labels: list[str], where: str) -> Constraint:
     import sympy
 
+    if isinstance(row, SymbolicCone):
+        entries = [_polynomial(sympy.sympify(e), symbols, labels, where) for e in row.entries]
+        return cone(row.kind, entries, row.name)
     relations = {
         sympy.Ge: (Kind.NONNEGATIVE, 1),
         sympy.Le: (Kind.NONNEGATIVE, -1),

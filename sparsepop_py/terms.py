@@ -44,9 +44,9 @@ from . import monomials
 from .blocks import BlockGroup, Blocks, row_monomials, stacked_groups
 from .chordal import chordal_extension, clique_tree
 from .errors import ProblemError
+from .generators import Generators
 from .monomials import Words
 from .signs import invariant_words, sign_codes
-from .system import PolynomialSystem
 
 __all__ = ["Closure", "Terms", "term_sparse"]
 
@@ -58,7 +58,7 @@ Cover = list[tuple[NDArray[np.int64], NDArray[np.int64]]]
 
 def term_sparse(
     groups: tuple[BlockGroup, ...],
-    system: PolynomialSystem,
+    system: Generators,
     support: Words,
     dimension: int,
     method: Closure,
@@ -69,7 +69,7 @@ def term_sparse(
     Parameters
     ----------
     groups : tuple of BlockGroup
-    system : PolynomialSystem
+    system : Generators
         All generators; blocks name theirs by its row.
     support : (T, D) int32
         The monomials of all objectives, and others that shall count as occurring. Those of
@@ -127,7 +127,9 @@ def term_sparse(
         step += 1
         grown, covers = alive.copy(), []
         for table in tables:
-            inside, cover = table.close(alive, method == "chordal")
+            # an arrow would lose its shape if it fell into cliques
+            chordal = method == "chordal" and table.group.place is None
+            inside, cover = table.close(alive, chordal)
             grown[table.words(inside)] = True
             covers.append(cover)
         grown &= even  # what a sign change negates may be zero
@@ -148,7 +150,8 @@ class _Table:
     """A group with the number of each monomial of each row.
 
     ``number`` is (L, r) for L pairs of a block and a term of its generator, r rows a block;
-    ``block`` (L,) ascends, ``first`` (K,) says where each block starts.
+    ``block`` (L,) ascends, ``first`` (K,) says where each block starts. Where each row has a
+    polynomial of its own, that is, in matrices, r is 1 and ``block`` says row; rows may be empty.
     """
 
     group: BlockGroup
@@ -159,10 +162,16 @@ class _Table:
 
     def any(self, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Rows (K, r) with a known monomial."""
+        if self.group.place is not None:
+            rows = np.zeros(self.group.count * self.group.rows_each, bool)
+            rows[self.block[known[self.number[:, 0]]]] = True
+            return rows.reshape(self.group.count, self.group.rows_each)
         return np.logical_or.reduceat(known[self.number], self.first, axis=0)
 
     def words(self, inside: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Monomials of the chosen rows (K, r)."""
+        if self.group.place is not None:
+            return self.number[inside.ravel()[self.block]]
         return self.number[inside[self.block]]
 
     def close(self, alive: NDArray[np.bool_], chordal: bool) -> tuple[NDArray[np.bool_], Cover]:
@@ -195,12 +204,14 @@ class _Table:
                 keep |= (group.generator[old] == 0) | self.negative[old]
                 old, place = old[keep], place[keep]
             if old.size:
-                basis = group.basis[old[:, None], place]
-                result.append((group.free, group.generator[old], group.clique[old], basis))
+                rows = old[:, None], place
+                within = None if group.place is None else group.place[rows]
+                generator, clique = group.generator[old], group.clique[old]
+                result.append(BlockGroup(group.free, generator, clique, group.basis[rows], within))
         return result
 
 
-def _merged(system: PolynomialSystem) -> PolynomialSystem:
+def _merged(system: Generators) -> Generators:
     """The same polynomials with equal monomials added up and zeros left out."""
     distinct, number = monomials.collect(system.words, system.dimension)
     shape = (system.size, distinct.shape[0])
@@ -208,18 +219,21 @@ def _merged(system: PolynomialSystem) -> PolynomialSystem:
     table.sum_duplicates()
     table.eliminate_zeros()
     row = np.repeat(np.arange(system.size), np.diff(table.indptr))
-    return PolynomialSystem(distinct[table.indices], table.data, row, system.size, system.dimension)
+    words, n = distinct[table.indices], system.dimension
+    return Generators(words, table.data, row, system.size, n, system.matrices)
 
 
 def _numbered(
-    groups: tuple[BlockGroup, ...], system: PolynomialSystem, start: Words, dimension: int
+    groups: tuple[BlockGroup, ...], system: Generators, start: Words, dimension: int
 ) -> tuple[list[_Table], Words, NDArray[np.int64]]:
     """Tables of all groups, their distinct monomials from 1 on, and the numbers of ``start``."""
     terms = np.bincount(system.row, minlength=system.size)
     constant = np.zeros(system.size)
     flat = ~system.words.any(axis=1)
     constant[system.row[flat]] = system.coefficients[flat]
-    used = [_part(group, np.flatnonzero(terms[group.generator] > 0)) for group in groups]
+    used = [
+        _part(g, np.flatnonzero(terms[g.generator] > 0)) if g.place is None else g for g in groups
+    ]
     used = [group for group in used if group.count and group.size]
     words = [start, *(row_monomials(group, system) for group in used)]
     width = max(w.shape[1] for w in words)
@@ -228,17 +242,21 @@ def _numbered(
     parts = np.split(number, np.cumsum([w.shape[0] for w in words])[:-1])
     tables = []
     for group, part in zip(used, parts[1:], strict=True):
-        block, _ = system.terms_of(group.generator)
-        first = np.searchsorted(block, np.arange(group.count))
         negative = constant[group.generator] < 0
+        if group.place is None:
+            block, _ = system.terms_of(group.generator)
+        else:
+            block = group.terms(system)[0]
+            negative[:] = True  # its rows are kept
+        first = np.searchsorted(block, np.arange(group.count))
         tables.append(_Table(group, part.reshape(block.size, -1), block, first, negative))
     return tables, distinct, parts[0]
 
 
 def _part(group: BlockGroup, chosen: NDArray) -> BlockGroup:
-    return BlockGroup(
-        group.free, group.generator[chosen], group.clique[chosen], group.basis[chosen]
-    )
+    place = None if group.place is None else group.place[chosen]
+    generator, clique = group.generator[chosen], group.clique[chosen]
+    return BlockGroup(group.free, generator, clique, group.basis[chosen], place)
 
 
 def _chosen(mask: NDArray[np.bool_]) -> Cover:
@@ -268,37 +286,40 @@ def _distinct(blocks: Blocks, dimension: int) -> Blocks:
     """Every pair of a generator and a basis once, and no single row that a matrix holds."""
     if not blocks:
         return blocks
-    width = max(basis.shape[2] for *_, basis in blocks)
-    flat = [monomials.widen(basis, width).reshape(-1, width) for *_, basis in blocks]
+    width = max(b.basis.shape[2] for b in blocks)
+    flat = [monomials.widen(b.basis, width).reshape(-1, width) for b in blocks]
     _, number = monomials.collect(np.concatenate(flat), dimension)
     parts = np.split(number, np.cumsum([w.shape[0] for w in flat])[:-1])
-    names = [part.reshape(basis.shape[:2]) for part, (*_, basis) in zip(parts, blocks, strict=True)]
     total = int(number.max()) + 1
+    names = [part.reshape(b.basis.shape[:2]) for part, b in zip(parts, blocks, strict=True)]
+    names = [  # a monomial in a row of a matrix has a name of its own
+        name if b.place is None else name + total * (1 + b.place)
+        for name, b in zip(names, blocks, strict=True)
+    ]
+    total *= 2 + max((int(b.place.max()) for b in blocks if b.place is not None), default=-1)
     held = [np.zeros(0, np.int64)]
-    for (free, generator, _, basis), name in zip(blocks, names, strict=True):
-        if not free and basis.shape[1] > 1:
-            held.append((generator[:, None] * total + name).ravel())
+    for b, name in zip(blocks, names, strict=True):
+        if not b.free and b.size > 1:
+            held.append((b.generator[:, None] * total + name).ravel())
     inner = np.unique(np.concatenate(held))
     seen: dict[tuple[bool, int], NDArray] = {}
     result: Blocks = []
-    for (free, generator, clique, basis), name in zip(blocks, names, strict=True):
-        key = (free, basis.shape[1])
-        table = np.column_stack([generator, name])
+    for b, name in zip(blocks, names, strict=True):
+        key = (b.free, b.size)
+        table = np.column_stack([b.generator, name])
         known = seen.get(key, table[:0])
         both = np.concatenate([known, table])
         _, first = np.unique(both, axis=0, return_index=True)
         keep = np.sort(first[first >= known.shape[0]]) - known.shape[0]
         if key == (False, 1):
-            keep = keep[~np.isin(generator[keep] * total + name[keep, 0], inner)]
+            keep = keep[~np.isin(b.generator[keep] * total + name[keep, 0], inner)]
         seen[key] = both
         if keep.size:
-            result.append((free, generator[keep], clique[keep], basis[keep]))
+            result.append(_part(b, keep))
     return result
 
 
-def _initial_support(
-    groups: tuple[BlockGroup, ...], system: PolynomialSystem, support: Words
-) -> Words:
+def _initial_support(groups: tuple[BlockGroup, ...], system: Generators, support: Words) -> Words:
     """The constant, ``support``, squares in moment matrices, and monomials of generators."""
     words = [np.zeros((1, 1), np.int32), support]
     for group in groups:
@@ -308,7 +329,7 @@ def _initial_support(
     none = [np.zeros(0, np.int64)]
     free = np.unique(np.concatenate(none + [g.generator for g in groups if g.free]))
     rest = np.unique(np.concatenate(none + [g.generator for g in groups if not g.free]))
-    words.append(system.words[system.terms_of(free)[1]])
+    words += [system.words[system.terms_of(free)[1]], system.matrices.system.words]
     words += invariant_words(system, np.setdiff1d(rest, free))
     width = max(w.shape[1] for w in words)
     return np.concatenate([monomials.widen(w, width) for w in words])

@@ -3,7 +3,8 @@
 From an exactly feasible point x and a rational direction d, every polynomial becomes a
 polynomial in s >= 0 with rational coefficients. If those of each inequality are all
 non-negative, those of each equality all zero, and the leading one of the objective is
-negative, the ray proves that there is no lower bound.
+negative, the ray proves that there is no lower bound. Matrices are semidefinite along the
+ray if all their coefficients in s are.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from .feasibility import ProvedPoint
 from .polynomial import Polynomial
 from .problem import Problem
+from .semidefinite import entries_hold
 
 __all__ = ["falling_ray"]
 
@@ -74,6 +76,16 @@ def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> boo
     for constraint, equal in zip(problem.constraints, problem.equality, strict=True):
         values = _along(constraint.polynomial, origin, step)
         if any(v != 0 for v in values) if equal else any(v < 0 for v in values):
+            return False
+    return _matrices_hold(problem, origin, step)
+
+
+def _matrices_hold(problem: Problem, origin: list[Fraction], step: list[Fraction]) -> bool:
+    """Whether every coefficient in s of every matrix is positive semidefinite."""
+    entries = [_along(p, origin, step) for c in problem.constraints for p in c.entries]
+    for power in range(max(map(len, entries), default=0)):
+        values = [p[power] if power < len(p) else Fraction(0) for p in entries]
+        if not entries_hold(problem.matrices, [*values, Fraction(0)]):
             return False
     return True
 

@@ -68,3 +68,36 @@ def least(rest):
         even = all(word.count(letter) % 2 == 0 for letter in word)
         bound -= max(Fraction(0), -value) if even else abs(value)
     return bound
+
+
+def exact_matrix(constraint, scaling):
+    """The matrix of a constraint in t, from its lower triangle or, of a cone, as an arrow."""
+    f, side = [in_t(p, scaling) for p in constraint.entries], range(constraint.side)
+    if constraint.kind.name == "PSD":
+        return [[f[max(i, j) * (max(i, j) + 1) // 2 + min(i, j)] for j in side] for i in side]
+    return [[f[0] if i == j else f[i + j] if 0 in (i, j) else {} for j in side] for i in side]
+
+
+def exact_bound(identity, problem):
+    """What an identity proves on the box of its scaling, with no rounding anywhere."""
+    generators = exact_generators(problem, identity)
+    rest = in_t(problem.objective, identity.scaling)
+    for group in identity.multipliers:
+        for k, generator in enumerate(group.generator.tolist()):
+            basis = [tuple(v for v in word if v) for word in group.basis[k].tolist()]
+            values = group.values[k].astype(float).reshape(len(basis), -1).tolist()
+            rows = [[Fraction(v) for v in row] for row in values]
+            if group.free:
+                for b, (value,) in zip(basis, rows, strict=True):
+                    rest = plus(rest, times({b: value}, generators[generator]), Fraction(-1))
+                continue
+            matrix, place = [[generators[generator]]], [0] * len(basis)
+            if group.place is not None:
+                row = problem.constraints[generator - 1]
+                matrix, place = exact_matrix(row, identity.scaling), group.place[k].tolist()
+            for (i, a), (j, b) in product(enumerate(basis), enumerate(basis)):
+                gram = sum((u * v for u, v in zip(rows[i], rows[j], strict=True)), Fraction(0))
+                gram += Fraction(group.floor) if i == j else 0
+                part = times({tuple(sorted(a + b)): gram}, matrix[place[i]][place[j]])
+                rest = plus(rest, part, Fraction(-1))
+    return least(rest)

@@ -259,7 +259,7 @@ def test_parts_of_a_dropped_tree_stay_counted(only_branch):
     auto.run()
     assert [rung.nodes for rung in auto.history] == [0, 3]
     auto.task = replace(auto.task, unit=1e-3)  # a smaller gap: its cut-off is a higher one
-    auto.recipes = list(ground.recipes)
+    auto.agenda.recipes = list(ground.recipes)
     auto.run(1)
     assert [rung.name for rung in auto.history] == ["linear", "branch", "linear"]
     assert auto.history[-1].nodes == 3

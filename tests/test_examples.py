@@ -47,7 +47,19 @@ def test_every_example_is_tested() -> None:
     studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates")
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
-    assert found == named | records | {"order_comparison"}
+    assert found == named | records | {"order_comparison", "interval_script"}
+
+
+def test_interval_script(tmp_path) -> None:
+    """The loop of scripts: truth inside, what is attained inside what is proved, and close."""
+    rows = run("interval_script", tmp_path).splitlines()[1:]
+    for row, true in zip(rows, (-0.8, 2.0), strict=True):
+        _, low, high, first, last = (
+            float(v) for v in re.findall(r"[-+]?\d+\.\d+(?:e[-+]\d+)?", row)
+        )
+        assert low <= true <= high
+        assert low <= first <= last <= high
+        assert (first - low) + (high - last) <= 1e-4 * (high - low)
 
 
 # Minima (the maximum of pooling) that follow by hand or from enumeration; chain, quartic

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from exact_polynomials import exact_generators, in_t, least, plus, times
+from exact_polynomials import exact_bound
 
 import sparsepop_py as sp
 from sparsepop_py.certificate.dual import identity_of, margin, repaired
@@ -53,29 +53,6 @@ def model(problem, order):
 
 
 # ---- the same bound in rational arithmetic ----------------------------------------------------
-
-
-def exact_bound(identity, problem):
-    """r_0 - sum |r_a| (max(0, -r_a) for even a), with no rounding anywhere."""
-    generators = exact_generators(problem, identity)
-    rest = in_t(problem.objective, identity.scaling)
-    for group in identity.multipliers:
-        for k, generator in enumerate(group.generator.tolist()):
-            basis = [tuple(v for v in word if v) for word in group.basis[k].tolist()]
-            values = [np.atleast_1d(v).tolist() for v in group.values[k].astype(float)]
-            rows = [[Fraction(v) for v in row] for row in values]
-            multiplier = {}
-            if group.free:
-                for b, (value,) in zip(basis, rows, strict=True):
-                    multiplier = plus(multiplier, {b: value})
-            else:
-                for i, a in enumerate(basis):
-                    for j, b in enumerate(basis):
-                        entry = sum((u * v for u, v in zip(rows[i], rows[j], strict=True)), 0)
-                        entry += Fraction(group.floor) if i == j else 0
-                        multiplier = plus(multiplier, {tuple(sorted(a + b)): Fraction(entry)})
-            rest = plus(rest, times(multiplier, generators[generator]), Fraction(-1))
-    return least(rest)
 
 
 def small_problem(seed):

@@ -15,8 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
+from relaxed import value
 from test_lifting import Bilinear
-from test_relaxation import generator_values, monomial_values, planted, value
+from test_relaxation import generator_values, monomial_values, planted
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic

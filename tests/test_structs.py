@@ -220,11 +220,20 @@ def bounds(lbd: Any, ubd: Any) -> tuple[Any, Any, Any, Any]:
         (change(dimVar=3, supports=np.eye(3)), "ineqPolySys[1].dimVar: found 3, expected 2"),
         (change(dimVar=0), "ineqPolySys[1].dimVar: found 0, expected a positive"),
         (change(dimVar=[1, 2]), "ineqPolySys[1].dimVar: found 2 values, expected one integer"),
-        (change(typeCone=2), "ineqPolySys[1].typeCone: found 2 (second-order cone)"),
-        (change(typeCone=3), "ineqPolySys[1].typeCone: found 3 (semidefinite)"),
-        (change(typeCone=3), "not supported yet"),
-        (change(typeCone=4), "ineqPolySys[1].typeCone: found 4, expected 1 or -1"),
-        (change(typeCone=0), "ineqPolySys[1].typeCone: found 0, expected 1 or -1"),
+        (change(typeCone=2), "ineqPolySys[1].sizeCone: found 1, expected at least 2"),
+        (change(typeCone=3), "ineqPolySys[1].sizeCone: found 1, expected at least 2"),
+        (change(typeCone=2, sizeCone=2), "ineqPolySys[1].coef: found 3 x 1 values, expected 3 x 2"),
+        (change(typeCone=3, sizeCone=2), "ineqPolySys[1].coef: found 3 x 1 values, expected 3 x 4"),
+        (
+            change(typeCone=3, sizeCone=2, coef=[[1, 2, 2, 1], [0, 1, 0, 0], [0, 0, 0, 1]]),
+            "ineqPolySys[1].coef: found row 2, which is not symmetric",
+        ),
+        (
+            change(typeCone=2, sizeCone=2, coef=[[1, 2], [0, np.inf], [0, 0]]),
+            "ineqPolySys[1].coef: found inf, expected finite numbers",
+        ),
+        (change(typeCone=4), "ineqPolySys[1].typeCone: found 4, expected 1, -1, 2 or 3"),
+        (change(typeCone=0), "ineqPolySys[1].typeCone: found 0, expected 1, -1, 2 or 3"),
         (change(sizeCone=2), "ineqPolySys[1].sizeCone: found 2, expected 1"),
         (change(typeCone=None), "ineqPolySys[1].typeCone: found nothing"),
         (change(dimVar=None), "ineqPolySys[1].dimVar: found nothing"),
@@ -232,7 +241,7 @@ def bounds(lbd: Any, ubd: Any) -> tuple[Any, Any, Any, Any]:
         (change(supports=None), "ineqPolySys[1].supports: found nothing"),
         (change(coef=None), "ineqPolySys[1].coef: found nothing"),
         (objective_with(degree=2), "objPoly.degree: found 2, expected 3"),
-        (objective_with(typeCone=3), "objPoly.typeCone: found 3 (semidefinite)"),
+        (objective_with(typeCone=3), "objPoly.typeCone: found 3, expected 1"),
         (([], *example()[1:]), "objPoly: found no polynomial"),
         ((None, *example()[1:]), "objPoly: found no polynomial"),
         (("poly", *example()[1:]), "objPoly: found str, expected a struct"),
@@ -281,27 +290,32 @@ polynomials = st.dictionaries(st.tuples(*[st.integers(0, 3)] * 2), doubles, max_
         np.array(list(table), int).reshape(-1, 2), list(table.values())
     )
 )
+constraints = (
+    st.builds(sp.Constraint, polynomials, st.sampled_from([sp.Kind.NONNEGATIVE, sp.Kind.ZERO]))
+    | st.lists(polynomials, min_size=2, max_size=4).map(lambda f: sp.second_order(*f))
+    | st.tuples(*[polynomials] * 3).map(lambda f: sp.psd([f[:2], f[1:]]))
+)
 limits = st.none() | st.floats(0, 1e9)
 
 
 @settings(max_examples=100, deadline=None)
 @given(
     polynomials,
-    st.lists(st.tuples(polynomials, st.sampled_from(list(sp.Kind))), max_size=3),
+    st.lists(constraints, max_size=3),
     st.lists(limits, min_size=2, max_size=2),
     st.lists(limits, min_size=2, max_size=2),
     st.booleans(),
 )
 def test_round_trips(
     objective: sp.Polynomial,
-    rows: list[tuple[sp.Polynomial, sp.Kind]],
+    rows: list[sp.Constraint],
     lower: list[float | None],
     upper: list[float | None],
     through_file: bool,
 ) -> None:
     problem = sp.Problem(
         objective,
-        [sp.Constraint(row, kind) for row, kind in rows],
+        rows,
         [-np.inf if value is None else -value for value in lower],
         [np.inf if value is None else value for value in upper],
     )

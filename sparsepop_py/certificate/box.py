@@ -20,11 +20,13 @@ from .. import monomials
 from ..polynomial import Polynomial
 from ..presolve.propagation import Rows, is_empty, propagate, sweep
 from ..problem import Problem
-from ..rounding import Interval, up
+from ..rounding import Interval
 from ..system import PolynomialSystem
-from .identity import Identity, are_indices
+from .identity import Identity
 from .inverse import LeftInverse
 from .linear import LinearDual
+from .multipliers import are_indices
+from .rows import box_rows, with_cutoff
 
 __all__ = [
     "BoxProof",
@@ -318,47 +320,6 @@ def tighten(replay: Replay, box: Interval, limit: int = 60) -> tuple[Interval, P
     return tighter, Propagation(sweeps, cutoff)
 
 
-def box_rows(problem: Problem, cutoff: float | None) -> Rows:
-    """The rows that propagation uses: constraints, and with a cut-off f <= value and squares.
-
-    From f = constant + sum w r^2 follows |r| <= sqrt((value - constant) / w).
-    """
-    high = [np.where(problem.equality, 0.0, np.inf)]
-    low = [np.zeros(len(problem.constraints))]
-    polynomials = [c.polynomial for c in problem.constraints]
-    if cutoff is not None:
-        polynomials.append(problem.objective)
-        low.append(np.array([-np.inf]))
-        high.append(np.array([cutoff]))
-        constant = problem.squares_constant
-        if constant is not None:
-            room = max(0.0, float(np.nextafter(cutoff - constant, np.inf)))
-            weights = np.array([w for w, _ in problem.squares if w > 0])
-            radius = up(np.sqrt(up(room / weights)))
-            polynomials += [r for w, r in problem.squares if w > 0]
-            low.append(-radius)
-            high.append(radius)
-    system = PolynomialSystem.stack(polynomials, problem.dimension)
-    return Rows(system, Interval(np.concatenate(low), np.concatenate(high)))
-
-
-def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
-    """Constraints and the row value - f >= 0 behind them, without rounding, and which are equal."""
-    rows, objective = problem.rows, problem.objective_row
-    width = max(rows.words.shape[1], objective.words.shape[1])
-    words = np.concatenate(
-        [
-            monomials.widen(rows.words, width),
-            monomials.widen(objective.words, width),
-            np.zeros((1, width), np.int32),
-        ]
-    )
-    values = np.concatenate([rows.coefficients, -objective.coefficients, [cutoff]])
-    index = np.concatenate([rows.row, np.full(objective.row.size + 1, rows.size)])
-    system = PolynomialSystem(words, values, index, rows.size + 1, problem.dimension)
-    return system, np.append(problem.equality, False)
-
-
 def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: Interval) -> Interval:
     """Intersect a box with what a sublevel identity proves where f <= cutoff <= its level."""
     scaling = step.identity.scaling
@@ -366,7 +327,7 @@ def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: In
         return box
     system, equality = with_cutoff(problem, step.level)
     nothing = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
-    proved = step.identity.evaluate(system, equality, nothing)
+    proved = step.identity.evaluate(system, equality, nothing, problem.matrices)
     if not proved.floor > 0 or not np.isfinite(proved.bound):
         return box
     size = Interval.point(-proved.bound) / Interval.point(proved.floor)

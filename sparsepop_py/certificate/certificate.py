@@ -128,7 +128,8 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
         value = float(argument.evaluate(problem.rows, problem.equality, objective)[0])
         correction = 1e-13 * abs(value)
     else:
-        found = argument.evaluate(problem.rows, problem.equality, objective)
+        rows, equality, matrices = problem.rows, problem.equality, problem.matrices
+        found = argument.evaluate(rows, equality, objective, matrices)
         value, correction, reason = found.bound, found.correction, found.reason
     if empty:
         return Proved(np.inf if value > 0 else -np.inf, correction, reason)

@@ -8,19 +8,24 @@ needs to be exact: what is lost shows in the remainder of the identity.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import lsmr
 
 from .. import monomials
+from ..blocks import BlockGroup
 from ..conic import ConicProgram, split_dual
 from ..generators import single_letters
 from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
 from ..problem import Problem
 from ..relaxation import Relaxation
-from .identity import Identity, Multipliers
+from .identity import Identity
+from .multipliers import Multipliers
+from .priced import Priced
 
 __all__ = ["identity_of", "margin", "repaired", "shortened"]
 
@@ -48,7 +53,11 @@ def identity_of(
     products = relaxation.products
     sizes = scaled.generator_sizes(products)
     multipliers = []
+    priced = None
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
+        if group.generator[0] >= sizes.size:
+            priced = _priced(relaxation, group, part.ravel() * objective_size, sizes.size)
+            continue
         weight = objective_size / sizes[group.generator]
         if group.free:
             values = _weighted(part, weight[:, None])
@@ -60,10 +69,23 @@ def identity_of(
             if chosen.size:
                 factor = _factor(_weighted(part[chosen], weight[chosen, None, None]))
                 own = floor * objective_size if with_floor else 0.0
+                place = None if group.place is None else group.place[chosen]
                 multipliers.append(
-                    Multipliers(group.generator[chosen], group.basis[chosen], factor, own)
+                    Multipliers(group.generator[chosen], group.basis[chosen], factor, own, place)
                 )
-    return Identity(scaled.scaling, tuple(multipliers), products)
+    return Identity(scaled.scaling, tuple(multipliers), products, priced)
+
+
+def _priced(
+    relaxation: Relaxation, group: BlockGroup, values: NDArray[np.float64], first: int
+) -> Priced:
+    """Multiples of the monomials whose bounds are the rows of a group."""
+    rows = relaxation.moment_bounds
+    assert rows is not None
+    block, term = rows.terms_of(group.generator - first)
+    moving = rows.words[term].any(axis=1)
+    block, term = block[moving], term[moving]
+    return Priced(rows.words[term], values[block] * rows.coefficients[term])
 
 
 def _weighted(part: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -101,17 +123,16 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
     largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
     kept = []
     for group in identity.multipliers:
-        values, floor = group.values, group.floor
+        values = group.values
         if group.free:
             used = np.any(values != 0, axis=1)
         else:
             weight = np.sum(np.square(values), axis=1)
             values = values[:, :, np.any(weight > share * largest, axis=0)]
-            used = np.any(weight > share * largest, axis=1) | (floor > 0)
+            used = np.any(weight > share * largest, axis=1) | (group.floor > 0)
         if used.any():
-            chosen = values[used].astype(np.float32)
-            kept.append(Multipliers(group.generator[used], group.basis[used], chosen, floor))
-    return Identity(identity.scaling, tuple(kept), identity.products)
+            kept.append(group.chosen(used, values[used].astype(np.float32)))
+    return replace(identity, multipliers=tuple(kept))
 
 
 def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:

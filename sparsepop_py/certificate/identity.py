@@ -5,12 +5,13 @@ With x = centre + scale * t, any multipliers at all give the identity
     f(x) = sum_k sigma_k(t) g_k(x) + sum_j lambda_j(t) h_j(x) + r(t),
     sigma_k = |L_k' b_k(t)|^2 + floor_k |b_k(t)|^2 >= 0,
 
-where r is whatever remains. On the feasible set g_k >= 0 and h_j = 0, so f(x) >= r(t).
-Where the variables are boxed, |t^a| <= 1 (and t^a in [0, 1] for even a), hence
-f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed variable is instead
-moved into the Gram matrix of a block of the constant 1 (or of t_v >= 0): a symmetric change E keeps
-floor * I + E positive semidefinite as long as the row sums of |E| stay below the floor
-(Gershgorin). Squares are stored by their factors, so no eigenvalue has to be verified:
+where r is whatever remains. Matrices G_k >= 0 add products <S_k(t), G_k(x)> with squares S_k of
+matrices (see :mod:`~sparsepop_py.certificate.multipliers`). On the feasible set g_k >= 0 and
+h_j = 0, so f(x) >= r(t). Where the variables are boxed, |t^a| <= 1 (and t^a in [0, 1] for
+even a), hence f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed variable is
+instead moved into the Gram matrix of a block of the constant 1 (or of t_v >= 0): a symmetric
+change E keeps floor * I + E positive semidefinite as long as the row sums of |E| stay below the
+floor (Gershgorin). Squares are stored by their factors, so no eigenvalue has to be verified:
 the bound holds for every L, every lambda and every rounding of them. Good multipliers
 make it good, none can make it wrong.
 
@@ -30,68 +31,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import generators, monomials
+from ..cones import Matrices
 from ..enclosure import expand_affine
 from ..monomials import Words
 from ..presolve.scaling import Scaling
-from ..rounding import Interval, gram, sum_by, up
+from ..rounding import Interval, sum_by, up
 from ..system import PolynomialSystem
+from .multipliers import Multipliers, ScaledGenerators, are_indices
+from .priced import Priced
 
-__all__ = ["Evaluated", "Identity", "Multipliers", "ScaledGenerators", "are_indices", "losses"]
-
-
-@dataclass(frozen=True, eq=False)
-class Multipliers:
-    """Multipliers of one shape.
-
-    Parameters
-    ----------
-    generator : (K,) int
-        What they multiply, numbered as in :mod:`sparsepop_py.generators`.
-    basis : (K, s, D) int32
-        Monomials in t, as words.
-    values : (K, s) or (K, s, r) float
-        Coefficients of the free multiplier of an equality, or the factor L of squares.
-    floor : float
-        The floor of these squares, >= 0.
-    """
-
-    generator: NDArray[np.int64]
-    basis: Words
-    values: NDArray
-    floor: float = 0.0
-
-    @property
-    def free(self) -> bool:
-        """Whether these multiply equalities."""
-        return self.values.ndim == 2
-
-    @property
-    def consistent(self) -> bool:
-        """Whether the shapes of generator, basis and values belong together."""
-        blocks = self.generator.shape[0] if self.generator.ndim == 1 else -1
-        return (
-            self.basis.ndim == 3
-            and self.values.ndim in (2, 3)
-            and self.basis.shape[0] == self.values.shape[0] == blocks
-            and self.basis.shape[1] == self.values.shape[1]
-            and self.basis.shape[2] > 0
-        )
-
-    def terms(self) -> tuple[Words, Interval]:
-        """Monomials and coefficients of each multiplier, shapes (K, R, D') and (K, R)."""
-        if self.free:
-            return self.basis, Interval.point(self.values.astype(float))
-        j, i = np.tril_indices(self.basis.shape[1])
-        matrix = gram(self.values.astype(float))
-        shift = np.where(i == j, self.floor, 0.0)
-        entry = Interval(matrix.lo[:, i, j], matrix.hi[:, i, j]) + Interval.point(shift)
-        weight = Interval.point(np.where(i == j, 1.0, 2.0))
-        return monomials.multiply(self.basis[:, i], self.basis[:, j]), entry * weight
-
-    @property
-    def numbers(self) -> int:
-        """How many numbers are stored."""
-        return self.values.size
+__all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 
 
 @dataclass(frozen=True)
@@ -128,17 +77,21 @@ class Identity:
     products : (P, 2) int
         Further generators: products of two earlier ones. Each factor is non-negative (or
         zero) on the feasible set, so the product is too.
+    priced : Priced or None
+        Multiples of monomials that are bounded by interval arithmetic.
     """
 
     scaling: Scaling
     multipliers: tuple[Multipliers, ...]
     products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    priced: Priced | None = None
 
     def evaluate(
         self,
         constraints: PolynomialSystem,
         equality: NDArray[np.bool_],
         objective: PolynomialSystem,
+        matrices: Matrices | None = None,
     ) -> Evaluated:
         """The bound that this identity proves on the box of its scaling.
 
@@ -150,11 +103,16 @@ class Identity:
             Which of them are equalities; only these may have free multipliers.
         objective : PolynomialSystem
             One row, the objective.
+        matrices : Matrices, optional
+            Those of the constraints; without it no multiplier may have places.
         """
+        matrices = matrices or Matrices.of((), constraints.dimension)
         reason = self._malformed(constraints.size, equality, constraints.dimension)
+        if not reason and not all(group.of_matrices(matrices.side) for group in self.multipliers):
+            reason = "a multiplier refers to a matrix that does not exist"
         if reason:
             return Evaluated(-np.inf, np.inf, 0.0, reason)
-        words, value = self._remainder(constraints, objective)
+        words, value = self._remainder(constraints, objective, matrices)
         constant = ~words.any(axis=1)
         covered = np.append(True, self.scaling.boxed)[words].all(axis=1)
         paid = covered & ~constant
@@ -164,6 +122,8 @@ class Identity:
         if reason:
             return Evaluated(-np.inf, loss, 0.0, reason)
         base = float(value.lo[constant][0]) if constant.any() else 0.0
+        if self.priced is not None:
+            base = float(np.nextafter(base + self.priced.least(self.scaling), -np.inf))
         bound = float(np.nextafter(base - loss, -np.inf)) if loss else base
         if not np.isfinite(bound):
             return Evaluated(-np.inf, loss, 0.0, "the multipliers overflow")
@@ -180,6 +140,11 @@ class Identity:
         equal[1 : size + 1] = equality
         if not self.scaling.fits(n):
             return "the scaling is malformed"
+        if self.priced is not None and not self.priced.consistent(n):
+            return "a multiple of a monomial is malformed"
+        return self._malformed_multipliers(equal, n)
+
+    def _malformed_multipliers(self, equal: NDArray[np.bool_], n: int) -> str:
         for group in self.multipliers:
             if not group.consistent:
                 return "the shapes of a multiplier do not fit"
@@ -194,21 +159,21 @@ class Identity:
         return ""
 
     def _remainder(
-        self, constraints: PolynomialSystem, objective: PolynomialSystem
+        self, constraints: PolynomialSystem, objective: PolynomialSystem, matrices: Matrices
     ) -> tuple[Words, Interval]:
         """Words and coefficients of r."""
         n, scaling = constraints.dimension, self.scaling
         made = ScaledGenerators.of(constraints, scaling, self.products)
+        entries = ScaledGenerators.entries(matrices, scaling)
         words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
         all_words, all_values = [words], [value]
+        if self.priced is not None:
+            all_words.append(self.priced.words)
+            all_values.append(-Interval.point(self.priced.values.astype(float)))
         for group in self.multipliers:
-            product, weight = group.terms()
-            block, term = made.system.terms_of(group.generator)
-            joined = monomials.multiply(product[block], made.system.words[term][:, None, :])
-            coefficient = made.value[term]
-            part = -(weight[block] * Interval(coefficient.lo[:, None], coefficient.hi[:, None]))
-            all_words.append(monomials.trim(joined.reshape(-1, joined.shape[-1])))
-            all_values.append(Interval(part.lo.ravel(), part.hi.ravel()))
+            words, value = group.times(made, entries)
+            all_words.append(words)
+            all_values.append(-value)
         width = max(w.shape[1] for w in all_words)
         distinct, number = monomials.collect(
             np.concatenate([monomials.widen(w, width) for w in all_words]), n
@@ -273,12 +238,6 @@ def _spend(
     return float(sums.hi.max(initial=0.0)), hit
 
 
-def are_indices(array: NDArray, stop: int) -> bool:
-    """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
-    whole = array.dtype in (np.int32, np.int64)
-    return bool(whole and np.all(array >= 0) and np.all(array < stop))
-
-
 def losses(
     words: Words, value: Interval, owner: NDArray[np.int64], size: int
 ) -> NDArray[np.float64]:
@@ -290,47 +249,3 @@ def losses(
     cost = np.where(odd, value.magnitude(), np.maximum(0.0, -value.lo))
     total = sum_by(owner, Interval.point(cost), size).hi
     return np.where(total == 0, 0.0, up(total))
-
-
-@dataclass(frozen=True, eq=False)
-class ScaledGenerators:
-    """What multipliers multiply, in t: 1, the constraints, and the bounds of each variable.
-
-    The coefficients of the terms of ``system`` are enclosed by ``value``.
-    """
-
-    system: PolynomialSystem
-    value: Interval
-
-    @staticmethod
-    def of(
-        constraints: PolynomialSystem, scaling: Scaling, products: NDArray[np.int64]
-    ) -> ScaledGenerators:
-        """Expand them around the centre of the scaling; products (P, 2) follow at the end."""
-        n, m = constraints.dimension, constraints.size
-        words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
-        lower, upper = scaling.bounds
-        bound_words, bound_values, bound_rows = generators.bound_terms(lower, upper, m)
-        lo = np.concatenate([np.ones(1), value.lo, bound_values])
-        hi = np.concatenate([np.ones(1), value.hi, bound_values])
-        system = PolynomialSystem(
-            generators.stack_words(words, bound_words),
-            lo,
-            np.concatenate([np.zeros(1, int), row + 1, bound_rows]),
-            generators.count(m, n),
-            n,
-        )
-        value = Interval(lo, hi)
-        for level in generators.levels(products, system.size):
-            words, number, first, second = generators.product_terms(system, products[level])
-            made = value[first] * value[second]
-            value = Interval(np.append(value.lo, made.lo), np.append(value.hi, made.hi))
-            width = max(words.shape[1], system.words.shape[1])
-            system = PolynomialSystem(
-                np.concatenate([monomials.widen(w, width) for w in (system.words, words)]),
-                value.lo,
-                np.append(system.row, number + system.size),
-                system.size + len(level),
-                n,
-            )
-        return ScaledGenerators(system, value)

@@ -29,7 +29,7 @@ from ..enclosure import range_over
 from ..problem import Problem
 from ..rounding import Interval, matmul
 from ..system import PolynomialSystem
-from .identity import are_indices
+from .multipliers import are_indices
 
 __all__ = ["LeftInverse", "left_inverse"]
 

@@ -29,7 +29,8 @@ from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by
 from ..system import PolynomialSystem
-from .identity import ScaledGenerators, are_indices, losses
+from .identity import losses
+from .multipliers import ScaledGenerators, are_indices
 
 __all__ = ["LinearDual"]
 

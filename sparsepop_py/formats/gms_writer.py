@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import ProblemError
 from ..polynomial import Kind, Polynomial
 from ..problem import Problem
 
@@ -37,6 +38,8 @@ def write_gms(problem: Problem, path: str | os.PathLike[str]) -> None:
     ------
     OSError
         If the file cannot be written.
+    ProblemError
+        If a constraint is a cone or a matrix, which the format has no rows for.
 
     Notes
     -----
@@ -81,6 +84,7 @@ class _Symbols:
 
 
 def _lines(problem: Problem) -> Iterator[str]:
+    _check(problem)
     symbols = _Symbols()
     names = [symbols.legal(name) for name in problem.names]
     objvar = symbols.legal("objvar")
@@ -103,6 +107,16 @@ def _lines(problem: Problem) -> Iterator[str]:
         yield from (*_wrap(f"{label}.. ", [*terms, relation]), "")
     yield from (*large, *_bounds(problem, names), "")
     yield from (f"Model {model} / all /;", solve)
+
+
+def _check(problem: Problem) -> None:
+    """Raise what says that the format has no rows for matrices."""
+    for number, row in enumerate(problem.constraints):
+        if row.kind.is_matrix:
+            raise ProblemError(
+                f"constraints[{number}]: found {row.kind.name}, expected polynomial rows: "
+                ".gms has none for cones and matrices; use to_structs"
+            )
 
 
 def _commas(names: list[str]) -> list[str]:

@@ -15,7 +15,7 @@ Optimization Methods and Software 24, 2009 (feasibility-based bound tightening).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,10 +37,13 @@ class Rows:
     ----------
     system : PolynomialSystem
     target : Interval (m,)
+    minors : (P, 3) int
+        Rows a, b, c with a(x)^2 <= b(x) c(x) and b, c >= 0, as in semidefinite matrices.
     """
 
     system: PolynomialSystem
     target: Interval
+    minors: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 3), np.int64))
 
     @cached_property
     def _quadratic(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
@@ -114,6 +117,8 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     quadratic = _quadratic_range(c1, c2, box[q_var])
     atoms = Interval(np.append(monomial.lo, quadratic.lo), np.append(monomial.hi, quadratic.hi))
     row = np.append(system.row[plain], q_row)
+    if rows.minors.size:
+        target = _within_minors(rows, sum_by(row, atoms, system.size).hi)
     allowed = _allowed(row, atoms, target, system.size)
     lo, hi = box.lo.copy(), box.hi.copy()
     if np.any(allowed.lo > allowed.hi):
@@ -123,6 +128,17 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
     lo, hi = np.where(np.isnan(lo), box.lo, lo), np.where(np.isnan(hi), box.hi, hi)
     return Interval(lo + 0.0, hi + 0.0)  # no negative zeros
+
+
+def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
+    """Where each row must lie, given upper ends of all: |a| <= sqrt(b c)."""
+    a, b, c = rows.minors.T
+    limit = Interval.point(np.maximum(high[b], 0.0)) * Interval.point(np.maximum(high[c], 0.0))
+    reach = up(np.sqrt(up(limit.hi)))
+    lo, hi = rows.target.lo.copy(), rows.target.hi.copy()
+    np.maximum.at(lo, a, -reach)
+    np.minimum.at(hi, a, reach)
+    return Interval(lo, hi)
 
 
 def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:

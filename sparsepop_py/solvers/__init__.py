@@ -42,6 +42,7 @@ def solve_conic(
     time_limit: float | None = None,
     accuracy: float = 1e-9,
     target: float | None = None,
+    max_iterations: int | None = None,
 ) -> ConicSolution:
     """Solve a conic program by the solver of the given name.
 
@@ -57,6 +58,8 @@ def solve_conic(
         Gap and residuals at which an interior-point method may stop, in scaled units.
     target : float, optional
         A dual value that is good enough; ``"cliquetree"`` stops there.
+    max_iterations : int, optional
+        Most iterations of Clarabel and of the clique-tree method.
 
     Raises
     ------
@@ -66,9 +69,9 @@ def solve_conic(
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     if solver == "clarabel":
-        return clarabel_.solve_squares_form(program, time_limit, accuracy)
+        return clarabel_.solve_squares_form(program, time_limit, accuracy, max_iterations)
     if solver == "clarabel-moment":
-        return clarabel_.solve_moment_form(program, time_limit, accuracy)
+        return clarabel_.solve_moment_form(program, time_limit, accuracy, max_iterations)
     if solver == "cliquetree":
         settings = cliquetree.Settings(gap=max(1e-7, accuracy))
         return cliquetree.run(

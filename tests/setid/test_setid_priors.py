@@ -224,6 +224,7 @@ def test_own_constraints_are_lifted() -> None:
         (lambda: setid.ZeroIn(0, 1), "ZeroIn: found no zero, expected at least one"),
         (lambda: "stable", r"priors\[0\]: found str"),
         (lambda: sp.variables(7)[0] >= 0, "found a constraint in 7 variables, expected 2"),
+        (lambda: sp.second_order(*sp.variables(2)), "found a SECOND_ORDER constraint"),
     ],
 )
 def test_wrong_priors(make, message: str) -> None:  # type: ignore[no-untyped-def]
