@@ -1,4 +1,4 @@
-"""The command line: ``python -m benchmarks {list,run,ablation,report,orders}``."""
+"""The command line: ``python -m benchmarks {list,run,ablation,report,orders,sparsepop_sizes}``."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from .registry import Selection
 from .report import report
 from .runner import SOLVERS, ablation, run
 from .settings import parsed, switches
+from .sizes import compare_sizes, read_reference, sizes_table
 from .tables import number, table
 
 __all__ = ["main"]
@@ -113,6 +114,18 @@ def _orders(chosen: argparse.Namespace) -> None:
     print(f"\nwritten: {', '.join(str(path) for path in written)}")
 
 
+def _sizes(chosen: argparse.Namespace) -> None:
+    files = [f for each in chosen.files for f in (_gms(each) if each.is_dir() else [each])]
+    if not files:
+        raise BenchmarkError("FILE: found no .gms files, expected some or a folder of them")
+    reference = read_reference(chosen.reference) if chosen.reference else {}
+    print(sizes_table(list(compare_sizes(files, reference, not chosen.no_solve))))
+
+
+def _gms(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.gms"))
+
+
 # ---- arguments --------------------------------------------------------------------------
 
 
@@ -125,7 +138,19 @@ def _parser() -> argparse.ArgumentParser:
     _ablation_parser(commands.add_parser("ablation", help="measure with one switch off in turn"))
     _report_parser(commands.add_parser("report", help="tables and pictures of JSON lines"))
     _orders_parser(commands.add_parser("orders", help="compare relaxation orders on .gms files"))
+    _sizes_parser(
+        commands.add_parser(
+            "sparsepop_sizes", help="sizes of plain relaxations, beside SparsePOP's"
+        )
+    )
     return parser
+
+
+def _sizes_parser(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.gms or FOLDER")
+    parser.add_argument("--reference", type=Path, help="a .csv table of SparsePOP's sizes")
+    parser.add_argument("--no-solve", action="store_true", help="sizes alone")
+    parser.set_defaults(act=_sizes)
 
 
 def _run_parser(parser: argparse.ArgumentParser) -> None:

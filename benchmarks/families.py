@@ -11,7 +11,7 @@ from pathlib import Path
 
 import sparsepop_py as sp
 
-from . import identification, networks, random_problems
+from . import block_structured, identification, networks, random_problems
 from .errors import BenchmarkError
 from .registry import Case, Family, Registry, Selection, Task
 
@@ -140,6 +140,12 @@ REGISTRY = Registry(
             "eiv",
             "errors-in-variables records, likewise",
             partial(identification.cases, "eiv"),
+            options=_WIDTH,
+        ),
+        Family(
+            "block_structured",
+            "Hammerstein, Wiener, Lur'e and two-input records, on boxes from the data",
+            block_structured.cases,
             options=_WIDTH,
         ),
         Family(

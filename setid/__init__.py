@@ -21,11 +21,13 @@ Examples
 from . import estimators
 from .assembly import Rows
 from .bands import FrequencyBand, StepBand, frequency_band, step_band
+from .block_bands import SignalBand, StaticBand, signal_band, static_band
 from .boxes import ParameterBox, parameter_box
 from .completion import Witness
 from .consistency import Consistency, consistency
 from .data import IOData
 from .discretisation import discretisation_error, estimate_delta
+from .equivalence import convert, convert_intervals, equivalent, unidentifiable
 from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from .estimators import Estimate, l1, least_squares, linf, recursive_least_squares
 from .exchange import ControlModels, to_control
@@ -35,6 +37,14 @@ from .indirect import ContinuousEstimate, to_continuous
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .layout import Layout
 from .members import Central, central, feasible, members, projection_estimate
+from .models.block import (
+    BlockStructured,
+    Hammerstein,
+    HammersteinWiener,
+    Lure,
+    StaticMap,
+    Wiener,
+)
 from .models.continuous import ContinuousTransferFunction
 from .models.lti import TransferFunction
 from .models.narx import PolynomialNARX
@@ -60,6 +70,7 @@ from .validation import Comparison, OutputBand, compare, predict, simulate_band
 from .verification import Verification
 
 __all__ = [
+    "BlockStructured",
     "Box",
     "Central",
     "Comparison",
@@ -74,11 +85,14 @@ __all__ = [
     "EstimatedBound",
     "Formulation",
     "FrequencyBand",
+    "Hammerstein",
+    "HammersteinWiener",
     "IOData",
     "Identification",
     "IntervalStatus",
     "Known",
     "Layout",
+    "Lure",
     "MinimumPhase",
     "ModelError",
     "Noise",
@@ -100,17 +114,24 @@ __all__ = [
     "SetidError",
     "SetidWarning",
     "Sign",
+    "SignalBand",
     "Simulated",
     "Stable",
+    "StaticBand",
+    "StaticMap",
     "StepBand",
     "TransferFunction",
     "Verification",
+    "Wiener",
     "Witness",
     "ZeroIn",
     "central",
     "compare",
     "consistency",
+    "convert",
+    "convert_intervals",
     "discretisation_error",
+    "equivalent",
     "estimate_delta",
     "estimate_noise_bound",
     "estimators",
@@ -130,10 +151,13 @@ __all__ = [
     "recursive_least_squares",
     "residuals",
     "select",
+    "signal_band",
     "simulate",
     "simulate_band",
     "simulate_record",
+    "static_band",
     "step_band",
     "to_continuous",
     "to_control",
+    "unidentifiable",
 ]

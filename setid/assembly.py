@@ -18,10 +18,12 @@ from .data import IOData
 from .errors import ModelError, NoiseError, PriorError
 from .layout import Layout, LayoutBuilder
 from .missing import missing_ranges
+from .models.block import BlockStructured
 from .models.equations import Equation, Structure
+from .monomials import MonomialRows, build_products
 from .noise import Noise
 from .priors.base import Facts, Prior
-from .regression import Regression, build_regression, usable_samples
+from .regression import Regression, build_regression, driven_signals, usable_samples
 from .signals import Signal, internal_range, measured, unknown
 from .smoothing import smoothed
 
@@ -67,6 +69,7 @@ class Built(NamedTuple):
     rows: Rows
     regression: Regression | None
     smoothed: Regression | None
+    products: MonomialRows | None
     equations: tuple[Equation, ...]
     dropped: int
 
@@ -93,11 +96,12 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
     equations = model.equations(_noisy(data, bounds))
     _check_errors(equations, bounds)
     ranges = missing_ranges(data, model, bounds, facts.bounds)
-    usable = usable_samples(data, ranges)
+    driven = driven_signals(data, model)
+    usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
     plans = plan(equations, data, usable, model.initial)
     layout = _number(data, model, noise, priors, bounds, plans)
     lower, upper = np.full(layout.dimension, -inf), np.full(layout.dimension, inf)
-    signals = _signals(data, bounds, layout, plans, ranges, (lower, upper))
+    signals = _signals(data, bounds, layout, plans, ranges, (lower, upper)) | driven
     _bound_noise(layout, bounds, (lower, upper))
     _bound_priors(layout, model, priors, facts, (lower, upper))
     rows = [
@@ -115,6 +119,7 @@ def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior])
         _rows(rows),
         regression,
         smoothed(regression, data, model, bounds),
+        build_products(data, model, signals, usable, bounds.equation),
         tuple(equations),
         sum(item.dropped for item in plans),
     )
@@ -339,6 +344,9 @@ def _prior_rows(
     numbers = np.concatenate([layout.group("theta"), slack])
     names = [layout.names[number] for number in numbers]
     symbols = dict(zip(names, sp.variables(len(names), names), strict=True))
+    if isinstance(model, BlockStructured):
+        one = next(iter(symbols.values())) * 0.0 + 1.0
+        symbols |= {name: value * one for name, value in model.fixed}
     rows = []
     for place, prior in enumerate(priors):
         for constraint in prior.rows(model, symbols, facts):

@@ -88,7 +88,7 @@ def _pruned(
     used: dict[str, Mask] = {}
     kept = []
     for item in reversed(plans):
-        if item.equation.defines not in measured and _static(item.equation):
+        if item.equation.defines not in measured and not _recursive(item.equation):
             wanted = used.get(item.equation.defines, np.zeros(data.samples, bool))
             item = Planned(item.equation, item.rows[wanted[item.rows]], 0)
         _mark(item, data, used)
@@ -98,9 +98,12 @@ def _pruned(
 
 def _static(equation: Equation) -> bool:
     """Whether a signal is defined without parameters and without its own past."""
-    return not equation.parametric and not any(
-        s.signal == equation.defines for t in equation.terms[1:] for s in t.signals
-    )
+    return not equation.parametric and not _recursive(equation)
+
+
+def _recursive(equation: Equation) -> bool:
+    """Whether a signal is defined by its own past."""
+    return any(s.signal == equation.defines for t in equation.terms[1:] for s in t.signals)
 
 
 def _mark(item: Planned, data: IOData, used: dict[str, Mask]) -> None:

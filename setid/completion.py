@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,8 +21,10 @@ from .models.equations import channel_of
 if TYPE_CHECKING:
     from .formulation import Formulation
 
-__all__ = ["Witness", "complete_point", "least_noise"]
+__all__ = ["Affine", "Witness", "affine", "complete_point", "held_unknowns", "least_noise"]
 
+_STEPS = 25  # most linear programs for one witness
+_SETTLED = 1e-9
 _DENSE = 1500  # unknowns up to which least squares are solved by a dense factorization
 
 
@@ -101,27 +104,21 @@ def _solve_definitions(x: NDArray[np.float64], formulation: Formulation) -> None
             x[open_] = -polynomial(trial)
 
 
-class _Affine(NamedTuple):
-    """Rows as matrix @ x[free] + constant, with their kinds."""
+class Affine(NamedTuple):
+    """Rows as matrix @ x[free] + constant, with their kinds; exact if they are linear."""
 
     matrix: sps.csr_array
     constant: NDArray[np.float64]
     equality: NDArray[np.bool_]
+    exact: bool
 
 
-def _affine(formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.int64]) -> _Affine:
-    """All rows in the free unknowns, the others fixed at x.
-
-    Raises
-    ------
-    ModelError
-        If two free unknowns are multiplied.
-    """
+def affine(formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.int64]) -> Affine:
+    """All rows in the free unknowns, the others fixed at x; linearised at x where need be."""
     constraints = formulation.problem.constraints
     number = np.full(x.size + 1, -1)
     number[free + 1] = np.arange(free.size)
     value = np.append(1.0, x)
-    value[free + 1] = 1.0
     width = max(c.polynomial.words.shape[1] for c in constraints)
     words = np.concatenate(
         [
@@ -131,26 +128,35 @@ def _affine(formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.i
     )
     row = np.repeat(np.arange(len(constraints)), [c.polynomial.terms for c in constraints])
     coefficient = np.concatenate([c.polynomial.coefficients for c in constraints])
-    coefficient = coefficient * np.prod(value[words], axis=1)
-    column = number[words].max(axis=1)
-    if np.any(np.count_nonzero(number[words] >= 0, axis=1) > 1):
-        raise ModelError(
-            "theta: found products of unknown samples for fixed theta, expected rows that are "
-            "linear in the noise and in what is not given"
-        )
-    bare = column < 0
+    column, factor = number[words], value[words]
+    count = np.count_nonzero(column >= 0, axis=1)
+    slopes, rows, columns = [], [], []
+    for place in range(width):
+        used = column[:, place] >= 0
+        others = np.prod(np.delete(factor[used], place, axis=1), axis=1)
+        slopes.append(coefficient[used] * others)
+        rows.append(row[used])
+        columns.append(column[used, place])
     shape = (len(constraints), free.size)
-    matrix = sps.csr_array((coefficient[~bare], (row[~bare], column[~bare])), shape=shape)
-    constant = np.bincount(row[bare], weights=coefficient[bare], minlength=len(constraints))
+    places = (np.concatenate(rows), np.concatenate(columns))
+    matrix = sps.csr_array((np.concatenate(slopes), places), shape=shape)
+    weight = coefficient * np.prod(factor, axis=1) * (1 - count)
+    weight = np.where(count == 1, 0.0, weight)  # 0 * x, also where x is not finite
+    constant = np.bincount(row, weights=weight, minlength=len(constraints))
     equality = np.array([c.kind is sp.Kind.ZERO for c in constraints], bool)
-    return _Affine(matrix, constant.astype(float), equality)
+    return Affine(matrix, constant.astype(float), equality, not np.any(count > 1))
 
 
 def _best_fit(
     x: NDArray[np.float64], formulation: Formulation, rest: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Least-squares values of unknowns that nothing else gives (initial partial outputs)."""
-    rows = _affine(formulation, np.where(np.isnan(x), 0.0, x), rest)
+    rows = affine(formulation, np.where(np.isnan(x), 0.0, x), rest)
+    if not rows.exact:
+        raise ModelError(
+            "theta: found products of unknown samples for fixed theta, expected rows that are "
+            "linear in what is not given; give the internal signals"
+        )
     matrix, right = rows.matrix[rows.equality], -rows.constant[rows.equality]
     if matrix.shape[1] > _DENSE:
         return np.asarray(lsqr(matrix, right, atol=1e-14, btol=1e-14, iter_lim=10**5)[0])
@@ -159,48 +165,99 @@ def _best_fit(
 
 def least_noise(formulation: Formulation, theta: NDArray[np.float64]) -> Witness:
     """Minimise the noise level over everything but theta; see :meth:`Formulation.witness`."""
-    problem, layout, rows = formulation.problem, formulation.layout, formulation.rows
+    layout = formulation.layout
     x = np.full(layout.dimension, np.nan)
     x[layout.group("theta")] = theta
     _place_slack(x, formulation, theta)
     free = np.flatnonzero(np.isnan(x))
-    affine = _affine(formulation, x, free)
-    model = np.array([origin == "model" for origin in rows.origin], bool)
-    scaled = np.zeros(layout.dimension, bool)  # unknowns whose bounds are noise bounds
+    scaled = held_unknowns(formulation)
+    given = x.copy()
+    x[free] = 0.0
+    rows, before = affine(formulation, x, free), inf
+    if not rows.exact:  # begin with the readings, and what follows from them
+        given[scaled] = 0.0
+        _solve_definitions(given, formulation)
+        given[np.isnan(given)] = 0.0
+        x = given
+    for step in range(_STEPS):
+        if step or not rows.exact:
+            rows = affine(formulation, x, free)
+        found = _least_step(formulation, rows, free, scaled)
+        if found is None:
+            break
+        x[free], level = found
+        if rows.exact or abs(level - before) <= _SETTLED * (1.0 + level):
+            return Witness(x, level if rows.exact or _holds(formulation, x) else inf)
+        before = level
+    x[free] = np.nan
+    return Witness(x, inf)
+
+
+def held_unknowns(formulation: Formulation) -> NDArray[np.bool_]:
+    """Unknowns whose bounds are noise bounds, shape (n,)."""
+    found = np.zeros(formulation.layout.dimension, bool)
     for group in ("eta", "xi", "e"):
-        numbers = layout.group(group)
-        scaled[numbers[numbers >= 0]] = True
+        numbers = formulation.layout.group(group)
+        found[numbers[numbers >= 0]] = True
+    return found
+
+
+def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:
+    """Whether equations that were linearised hold, up to rounding."""
+    return all(
+        abs(c.polynomial(x)) <= 1e-9 * (1.0 + np.abs(c.polynomial.coefficients).max())
+        for c, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True)
+        if origin == "model" and c.kind is sp.Kind.ZERO
+    )
+
+
+def _defined(formulation: Formulation) -> NDArray[np.bool_]:
+    """Unknowns whose bounds follow from those of others: samples of internal signals."""
+    groups = formulation.layout.groups
+    found = np.zeros(formulation.layout.dimension, bool)
+    for name in groups.keys() & set(formulation.rows.equation):
+        found[groups[name][groups[name] >= 0]] = True
+    return found
+
+
+def _least_step(
+    formulation: Formulation,
+    rows: Affine,
+    free: NDArray[np.int64],
+    scaled: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], float] | None:
+    """Unknowns and noise level of one linear program."""
+    problem = formulation.problem
+    model = np.array([origin == "model" for origin in formulation.rows.origin], bool)
     noise = np.flatnonzero(scaled[free])
     width = _band_width(formulation)
     limits = sps.csr_array(
         (np.ones(noise.size), (np.arange(noise.size), noise)), shape=(noise.size, free.size)
     )
     size = problem.upper[free][noise]
-    bands = np.flatnonzero(model & ~affine.equality)
+    bands = np.flatnonzero(model & ~rows.equality)
     below = sps.vstack(
         [
             sps.hstack([limits, sps.csr_array(-size[:, None])]),
             sps.hstack([-limits, sps.csr_array(-size[:, None])]),
-            sps.hstack([-affine.matrix[bands], sps.csr_array(-width[bands][:, None])]),
+            sps.hstack([-rows.matrix[bands], sps.csr_array(-width[bands][:, None])]),
         ]
     ).tocsr()
-    right = np.concatenate([np.zeros(2 * noise.size), affine.constant[bands] - width[bands]])
-    equal = np.flatnonzero(model & affine.equality)
-    lower = np.where(scaled[free], -np.inf, problem.lower[free])
-    upper = np.where(scaled[free], np.inf, problem.upper[free])
+    right = np.concatenate([np.zeros(2 * noise.size), rows.constant[bands] - width[bands]])
+    equal = np.flatnonzero(model & rows.equality)
+    loose = scaled[free] | _defined(formulation)[free]
+    lower = np.where(loose, -np.inf, problem.lower[free])
+    upper = np.where(loose, np.inf, problem.upper[free])
     solution = minimise(
         np.append(np.zeros(free.size), 1.0),
         (below, right),
         (
-            sps.hstack([affine.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr(),
-            -affine.constant[equal],
+            sps.hstack([rows.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr(),
+            -rows.constant[equal],
         ),
         (np.append(lower, 0.0), np.append(upper, np.inf)),
     )
-    if solution is None:
-        return Witness(x, float("inf"))
-    x[free] = solution[:-1]
-    return Witness(x, float(solution[-1]))
+    return None if solution is None else (solution[:-1], float(solution[-1]))
 
 
 def _band_width(formulation: Formulation) -> NDArray[np.float64]:

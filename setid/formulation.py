@@ -18,12 +18,15 @@ from .completion import Witness, complete_point, least_noise
 from .data import IOData
 from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from .layout import Layout
+from .models.block import BlockStructured
 from .models.continuous import ContinuousTransferFunction, at_rate
 from .models.equations import Equation, Structure
+from .monomials import MonomialRows
 from .noise import Noise
 from .printing import equation_text
 from .priors.base import Prior
 from .priors.coefficients import Given
+from .priors.normalisation import UnitGain
 from .regression import Regression, check_channels
 
 __all__ = ["Formulation", "formulate", "settled"]
@@ -48,6 +51,9 @@ class Formulation:
     smoothed : Regression or None
         The same rows, and where they are differences over time also their sums through
         low-pass filters (:mod:`setid.smoothing`): what boxes of the parameters rest on.
+    products : MonomialRows or None
+        The same in products of parameters, for block structures whose internal signals can
+        be eliminated.
     data, model, noise, priors
         What was given; a continuous-time model at the sampling interval of the data, and
         the noise with its discretisation error.
@@ -73,6 +79,7 @@ class Formulation:
     rows: Rows
     regression: Regression | None
     smoothed: Regression | None
+    products: MonomialRows | None
     data: IOData
     model: Structure
     noise: Noise
@@ -172,10 +179,10 @@ class Formulation:
             ``level`` is the factor on all noise bounds that is needed, 1 or less where theta
             is consistent (up to rounding; nothing is proved), and ``x`` the unknowns.
 
-        Raises
-        ------
-        ModelError
-            If rows are not linear in the noise for fixed theta (products of noisy samples).
+        Notes
+        -----
+        Where unknown samples are multiplied (powers of noisy or internal signals) the rows are
+        linearised again and again; the level is then that of a local minimum.
         """
         return least_noise(self, self._theta(theta))
 
@@ -278,6 +285,7 @@ def formulate(
         rows=built.rows,
         regression=built.regression,
         smoothed=built.smoothed,
+        products=built.products,
         data=data,
         model=model,
         noise=noise,
@@ -323,7 +331,15 @@ def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
                 "or a constraint in setid.parameters(model)"
             )
         found.append(item)
-    return tuple(found)
+    return _normalised(model, found)
+
+
+def _normalised(model: Structure, priors: Sequence[Prior]) -> tuple[Prior, ...]:
+    """With the static gains that the structure itself asks for."""
+    if not isinstance(model, BlockStructured) or not model.unit_gain:
+        return tuple(priors)
+    own = UnitGain(model.unit_gain)
+    return tuple(priors) if own in priors else (*priors, own)
 
 
 def _assumptions(

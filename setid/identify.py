@@ -11,11 +11,10 @@ then narrows all 2 p ends together.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from math import inf
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,26 +23,31 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .boxes import ParameterBox, parameter_box
+from .cells import CellBox, cell_box
 from .data import IOData
 from .discretisation import remark, with_estimate
+from .equivalence import unidentifiable
 from .errors import SetidError
 from .formulation import Formulation, formulate
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .lifted import LiftedBox, lifted_box, lifted_rows
+from .models.block import BlockStructured
 from .models.equations import Structure
 from .models.lti import TransferFunction
 from .noise import Noise
 from .options import Options
 from .priors.base import Prior
 from .progress import Progress
-from .reports import active_priors
+from .results import empty_result, result_of, unbounded_text
+from .search import attained_ends, checked, coupled
 from .starts import first_point, repair
+from .unnormalised import reference_model, refuse
 from .verification import boxed, objectives
 
-__all__ = ["identify"]
+__all__ = ["identify", "start_box"]
 
 Ends = tuple[float, float]
-Box = ParameterBox | LiftedBox
+Box = ParameterBox | LiftedBox | CellBox
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
     "keeps every consistent parameter vector (and may keep more)"
@@ -100,6 +104,10 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    if isinstance(model, BlockStructured) and isinstance(data, IOData):
+        if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
+            return _reported(data, model, noise, priors, settings, set(affected))
+        refuse(model)
     timings: dict[str, float] = {}
     model, noise, given = _timed(
         timings, "delta", lambda: with_estimate(data, model, noise, priors)
@@ -124,6 +132,36 @@ def _with_remarks(found: Identification) -> Identification:
     middle = np.array([interval.centre for interval in found.intervals.values()])
     told = "" if found.empty else remark(found.formulation, middle)
     return replace(found, notes=(*found.notes, told)) if told else found
+
+
+def _reported(
+    data: IOData,
+    model: BlockStructured,
+    noise: Noise,
+    priors: Any,
+    settings: Options,
+    affected: set[str],
+) -> Identification:
+    """Intervals of what does not depend on a normalisation."""
+    formulation = formulate(data, model, noise, priors)
+    reference = reference_model(data, model, noise, formulation.priors)
+    found = identify(data, reference, noise, formulation.priors, settings)
+    if found.empty:
+        return replace(empty_result(formulation, settings, found.timings), reference=found)
+    items = []
+    for name in formulation.parameters:
+        free = ParameterInterval(name, (-inf, inf), None, IntervalStatus.UNIDENTIFIABLE)
+        items.append(free if name in affected else found.intervals[name])
+    items = [replace(item, witnesses=(None, None)) for item in items]
+    note = f"{', '.join(sorted(affected))} are not unique; the rest is that of {reference!r}"
+    return result_of(
+        formulation,
+        settings,
+        found.timings,
+        items,
+        notes=(note, *found.notes),
+        reference=found,
+    )
 
 
 def _direct(formulation: Formulation) -> Formulation | None:
@@ -155,8 +193,14 @@ def _identify(
     start = np.array([problem.lower[:p], problem.upper[:p]])
     box, driving = _timed(timings, "box", lambda: _bounded(formulation, start))
     if box is not None and box.empty:
-        return _empty(formulation, settings, timings, box, samples=driving, notes=notes)
+        return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
     return _engine(formulation, settings, timings, box, notes)
+
+
+def start_box(formulation: Formulation) -> Box | None:
+    """The box of the parameters that data and priors prove before the engine works."""
+    p, problem = len(formulation.parameters), formulation.problem
+    return _bounded(formulation, np.array([problem.lower[:p], problem.upper[:p]]))[0]
 
 
 def _bounded(
@@ -166,6 +210,9 @@ def _bounded(
     if formulation.smoothed is not None:
         box = parameter_box(formulation.smoothed, start)
         return box, tuple(box.driving(formulation.smoothed)) if box.empty else ()
+    cells = cell_box(formulation, start)
+    if cells is not None:
+        return cells, ()
     rows = lifted_rows(formulation)
     if rows is None:
         return None, ()
@@ -181,52 +228,6 @@ def _timed(timings: dict[str, float], stage: str, work: Callable[[], Any]) -> An
         timings[stage] = timings.get(stage, 0.0) + time.process_time() - begin
 
 
-def _result(
-    formulation: Formulation,
-    settings: Options,
-    timings: Mapping[str, float],
-    intervals: Sequence[ParameterInterval],
-    **parts: Any,
-) -> Identification:
-    points = [w for item in intervals for w in item.witnesses if w is not None]
-    parts.setdefault("box", None)
-    parts.setdefault("problem", formulation.problem)
-    return Identification(
-        formulation=formulation,
-        intervals=MappingProxyType({item.name: item for item in intervals}),
-        assumptions=formulation.assumptions,
-        options=settings,
-        active=MappingProxyType(active_priors(formulation, points) if points else {}),
-        timings=MappingProxyType(dict(timings)),
-        **parts,
-    )
-
-
-def _empty(
-    formulation: Formulation,
-    settings: Options,
-    timings: Mapping[str, float],
-    box: Box | None = None,
-    **parts: Any,
-) -> Identification:
-    status = IntervalStatus.EMPTY
-    items = [ParameterInterval(n, (inf, -inf), None, status) for n in formulation.parameters]
-    parts["notes"] = (*parts.get("notes", ()), *_exactness(formulation))
-    return _result(formulation, settings, timings, items, box=box, **parts)
-
-
-def _exactness(formulation: Formulation) -> list[str]:
-    """Readings are rounded, so noise of exactly zero is almost never consistent."""
-    if any(np.any(bound > 0) for bound in formulation.noise.bounds(formulation.data)):
-        return []
-    y = formulation.data.y
-    size = float(np.nanmax(np.abs(y))) * 2.0**-50
-    return [
-        "readings are rounded, so that no parameters explain them with noise of exactly zero; "
-        f"give the resolution of the record as a bound, such as Noise(equation={size:.1e})"
-    ]
-
-
 # ---- linear problems --------------------------------------------------------------------
 
 
@@ -240,7 +241,7 @@ def _linear(
         used = [number for number, _ in bounds[0].multipliers if number < len(rows.origin)]
         samples = {(int(rows.record[r]), int(rows.sample[r])) for r in used if rows.sample[r]}
         found = tuple(sorted(samples))
-        return _empty(formulation, settings, timings, bounds=bounds, samples=found)
+        return empty_result(formulation, settings, timings, bounds=bounds, samples=found)
     items = []
     for place, name in enumerate(formulation.parameters):
         low, high = bounds[2 * place], bounds[2 * place + 1]
@@ -251,7 +252,7 @@ def _linear(
             status = IntervalStatus.UNIDENTIFIABLE
         outer, inner = (low.lower, -high.lower), (low.upper, -high.upper)
         items.append(ParameterInterval(name, outer, inner, status, (low.x, high.x)))
-    return _result(formulation, settings, timings, items, bounds=bounds)
+    return result_of(formulation, settings, timings, items, bounds=bounds)
 
 
 def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
@@ -285,8 +286,9 @@ def _engine(
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     parts: dict[str, Any] = {"box": box, "problem": problem}
     results: tuple[sp.Result, ...] = ()
-    if loose.size and box is not None:
-        parts["notes"] = (*notes, _unbounded_text(formulation, loose))
+    blocks = isinstance(formulation.model, BlockStructured)
+    if loose.size and (box is not None or blocks):
+        parts["notes"] = (*notes, unbounded_text(formulation, loose))
     else:
         results = _timed(timings, "engine", lambda: _solved(formulation, problem, settings))
         told = (note for found in results for note in found.notes)
@@ -297,17 +299,9 @@ def _engine(
     parts["results"] = results
     if any(r.status is sp.Status.INFEASIBLE for r in results):
         parts.pop("box")
-        return _empty(formulation, settings, timings, box, **parts)
+        return empty_result(formulation, settings, timings, box, **parts)
     items = _intervals(formulation, problem, results, settings.tol, set(idle.tolist()))
-    return _result(formulation, settings, timings, items, **parts)
-
-
-def _unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
-    names = ", ".join(formulation.parameters[i] for i in loose)
-    return (
-        f"the data give no finite bounds of {names}: the noise is strong for this input; give "
-        "a prior such as Box or Stable, a longer record, or more excitation"
-    )
+    return result_of(formulation, settings, timings, items, **parts)
 
 
 def _solved(
@@ -316,16 +310,25 @@ def _solved(
     """All ends over one feasible set."""
     progress = Progress(formulation.parameters, settings.tol, settings.progress)
     start = first_point(formulation, problem)
+    engine = settings.for_engine()
+    points: list[sp.ProvedPoint] = []
+    branch_on = None
+    if coupled(formulation):
+        branch_on = range(len(formulation.parameters))
+        points = [] if start is None else attained_ends(formulation, problem, start)
+        engine = replace(engine, refine="none") if points else engine
     try:
         found = sp.solve_each(
             problem,
             objectives(formulation),
-            settings.for_engine(),
+            engine,
             start=start,
             repair=repair(formulation, problem),
+            points=points,
+            branch_on=branch_on,
             on_progress=progress.told,
         )
-        return tuple(found)
+        return checked(problem, found) if points else tuple(found)
     finally:
         progress.close()
 

@@ -167,6 +167,8 @@ class Identification:
         CPU seconds of each stage.
     notes : tuple of str
         What was observed on the way.
+    reference : Identification, optional
+        For a structure without a normalisation: the result with the one that was used.
 
     Examples
     --------
@@ -192,6 +194,7 @@ class Identification:
     samples: tuple[tuple[int, int], ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    reference: Identification | None = None
 
     @property
     def status(self) -> IntervalStatus:

@@ -15,59 +15,16 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .bounds import Bounds, gained
-from .boxes import ParameterBox, parameter_box
+from .boxes import ParameterBox, linear_rows, parameter_box
 from .checks import frozen
 from .formulation import Formulation
+from .monomials import Monomial, MonomialRows
 from .regression import Regression
 
 __all__ = ["LiftedBox", "lifted_box", "lifted_rows"]
 
 Reals = NDArray[np.float64]
-Monomial = tuple[int, ...]
 _ROUNDS = 3
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LiftedRows:
-    """Regression rows in monomials of theta.
-
-    Parameters
-    ----------
-    regression : Regression
-        Its names are those of the monomials.
-    monomials : tuple of tuple of int
-        Parameters (from 0) of each column.
-    parameters : tuple of str
-    """
-
-    regression: Regression
-    monomials: tuple[Monomial, ...]
-    parameters: tuple[str, ...]
-
-    def start(self, box: Reals) -> Reals:
-        """Bounds (2, q) of all monomials on a box (2, p) of theta, rounded outwards."""
-        ends = [_product(box[:, list(monomial)]) for monomial in self.monomials]
-        return np.array(ends).T
-
-    def shrunk(self, box: Reals, found: ParameterBox) -> Reals:
-        """The box of theta after the monomials of degree one are bounded."""
-        low, high = box.copy()
-        if found.empty:
-            return np.array([np.full(low.size, np.inf), np.full(low.size, -np.inf)])
-        for column, monomial in enumerate(self.monomials):
-            if len(monomial) == 1:
-                low[monomial[0]] = max(low[monomial[0]], found.lower[column])
-                high[monomial[0]] = min(high[monomial[0]], found.upper[column])
-        return np.array([low, high])
-
-
-def _product(ends: Reals) -> tuple[float, float]:
-    """Range of a product over a box (2, d), with 0 * inf = 0."""
-    low, high = float(ends[0, 0]), float(ends[1, 0])
-    for other in ends[:, 1:].T.tolist():
-        corners = [0.0 if 0.0 in (a, b) else a * b for a in (low, high) for b in other]
-        low, high = np.nextafter(min(corners), -np.inf), np.nextafter(max(corners), np.inf)
-    return float(low), float(high)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -79,44 +36,81 @@ class LiftedBox(Bounds):
     names : tuple of str
     lower, upper : (p,) float
     rounds : tuple of ParameterBox
+    sums : tuple of tuple of sp.LinearBound
+        For each round, bounds of the sums of monomials that static gains of 1 speak of.
     """
 
     rounds: tuple[ParameterBox, ...]
+    sums: tuple[tuple[sp.LinearBound, ...], ...]
 
-    def verify(self, rows: LiftedRows, start: Reals) -> bool:
+    def verify(self, rows: MonomialRows, start: Reals) -> bool:
         """Replay all rounds from the rows of the data, without any solver."""
         box = start
-        for found in self.rounds:
+        if len(self.rounds) != len(self.sums):
+            return False
+        for found, sums in zip(self.rounds, self.sums, strict=True):
             if not found.verify(rows.regression, rows.start(box)):
                 return False
-            box = rows.shrunk(box, found)
+            if sums and not _sums_hold(rows, found, sums):
+                return False
+            box = _shrunk(rows, box, found, sums)
         return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
 
-    def driving(self, rows: LiftedRows) -> list[tuple[int, int]]:
+    def driving(self, rows: MonomialRows) -> list[tuple[int, int]]:
         """(record, sample) of the rows whose multipliers prove emptiness."""
         return self.rounds[-1].driving(rows.regression)
 
 
-def lifted_box(rows: LiftedRows, start: Reals) -> LiftedBox:
+def _shrunk(
+    rows: MonomialRows, box: Reals, found: ParameterBox, sums: tuple[sp.LinearBound, ...]
+) -> Reals:
+    empty = np.array([np.full(box.shape[1], np.inf), np.full(box.shape[1], -np.inf)])
+    if found.empty or any(b.status is sp.Status.INFEASIBLE for b in sums):
+        return empty
+    ends = [(a.lower, -b.lower) for a, b in zip(sums[0::2], sums[1::2], strict=True)]
+    box = rows.shrunk(box, found.lower, found.upper, ends)
+    return empty if np.any(box[0] > box[1]) else box
+
+
+def _sum_bounds(rows: MonomialRows, found: ParameterBox) -> tuple[sp.LinearBound, ...]:
+    """Linear programs for the sums, on the rows and the box that was found."""
+    objectives = rows.objectives()
+    if found.empty or not objectives:
+        return ()
+    problem = linear_rows(rows.regression, (found.lower, found.upper))
+    return tuple(sp.linear_bounds(problem, objectives))
+
+
+def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBound, ...]) -> bool:
+    problem = linear_rows(rows.regression, (found.lower, found.upper))
+    asked = rows.objectives()
+    return len(asked) == len(sums) and all(
+        bound.verify(problem, objective).ok for bound, objective in zip(sums, asked, strict=True)
+    )
+
+
+def lifted_box(rows: MonomialRows, start: Reals) -> LiftedBox:
     """Bound all parameters from rows in their monomials.
 
     Parameters
     ----------
-    rows : LiftedRows
+    rows : MonomialRows
     start : (2, p) float
         Bounds from priors.
     """
-    box, rounds = start, list[ParameterBox]()
+    box, rounds, sums = start, list[ParameterBox](), list[tuple[sp.LinearBound, ...]]()
     for _ in range(_ROUNDS):
         found = parameter_box(rows.regression, rows.start(box))
         rounds.append(found)
-        before, box = box, rows.shrunk(box, found)
+        sums.append(_sum_bounds(rows, found))
+        before, box = box, _shrunk(rows, box, found, sums[-1])
         if found.empty or not gained(before, box):
             break
-    return LiftedBox(rows.parameters, frozen(box[0].copy()), frozen(box[1].copy()), tuple(rounds))
+    ends = frozen(box[0].copy()), frozen(box[1].copy())
+    return LiftedBox(rows.parameters, *ends, tuple(rounds), tuple(sums))
 
 
-def lifted_rows(formulation: Formulation) -> LiftedRows | None:
+def lifted_rows(formulation: Formulation) -> MonomialRows | None:
     """The equations of a formulation as rows in monomials of theta.
 
     Parameters
@@ -125,9 +119,11 @@ def lifted_rows(formulation: Formulation) -> LiftedRows | None:
 
     Returns
     -------
-    LiftedRows or None
+    MonomialRows or None
         None where an unknown other than theta has no finite bounds, or no row is left.
     """
+    if formulation.products is not None:
+        return formulation.products
     problem, p = formulation.problem, len(formulation.parameters)
     kept = [
         row
@@ -162,7 +158,7 @@ def lifted_rows(formulation: Formulation) -> LiftedRows | None:
     where = formulation.data.starts[record - 1] + sample - 1
     arrays = (target, regressors, radius, radii, where, record, sample, channel)
     regression = Regression(names, *(frozen(np.array(array)) for array in arrays))
-    return LiftedRows(regression, tuple(monomials), formulation.parameters)
+    return MonomialRows(regression, tuple(monomials), formulation.parameters)
 
 
 def _cells(p: sp.Polynomial, count: int, reach: Reals) -> dict[Monomial, list[float]] | None:

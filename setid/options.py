@@ -27,6 +27,10 @@ class Options:
         Conic solver of the engine.
     progress : bool
         Whether to draw a progress line when standard error is a terminal.
+    unidentifiable : {"refuse", "report"}
+        What :func:`identify` does with a block structure whose parameters are not unique for
+        want of a normalisation: refuse, or report which ones these are, with proved
+        intervals of the others.
     engine : sparsepop_py.Options, optional
         Settings of the engine instead of the usual ones; the fields above take precedence.
 
@@ -47,6 +51,7 @@ class Options:
     solver: str = "clarabel"
     progress: bool = True
     engine: sp.Options | None = None
+    unidentifiable: Literal["refuse", "report"] = "refuse"
 
     def __post_init__(self) -> None:
         if not number(self.tol, "Options.tol", SetidError) > 0:
@@ -56,6 +61,11 @@ class Options:
                 raise SetidError(
                     f"Options.time_limit: found {self.time_limit!r}, expected seconds > 0"
                 )
+        if self.unidentifiable not in ("refuse", "report"):
+            raise SetidError(
+                f"Options.unidentifiable: found {self.unidentifiable!r}, expected 'refuse' or "
+                "'report'"
+            )
         if not isinstance(self.progress, bool):
             raise SetidError(f"Options.progress: found {self.progress!r}, expected True or False")
         if self.engine is not None and not isinstance(self.engine, sp.Options):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .validation import Comparison, OutputBand
 
 __all__ = [
+    "new_axes",
     "plot_comparison",
     "plot_frequency_band",
     "plot_intervals",
@@ -39,7 +40,8 @@ _PROVED, _ATTAINED, _DATA = "#0072B2", "#D55E00", "black"  # Okabe and Ito
 _COLOUR = {"proved": _PROVED, "sampled": _ATTAINED}
 
 
-def _one_axis(ax: Axes | None, size: tuple[float, float] = (7.0, 4.5)) -> Axes:
+def new_axes(ax: Axes | None, size: tuple[float, float] = (7.0, 4.5)) -> Axes:
+    """The given axes, or those of a new figure."""
     plt = require_matplotlib()
     if ax is not None:
         return ax
@@ -61,7 +63,7 @@ def plot_intervals(result: Identification, ax: Axes | None = None) -> Axes:
         from its centre in per cent of the centre (in half widths where it is about zero).
     """
     intervals = list(result.intervals.values())
-    axes = _one_axis(ax, (7.0, 0.45 * len(intervals) + 1.4))
+    axes = new_axes(ax, (7.0, 0.45 * len(intervals) + 1.4))
     labels = []
     for place, interval in enumerate(intervals):
         low, high = interval.outer
@@ -144,7 +146,7 @@ def _bode(band: FrequencyBand) -> NDArray[Any]:
 
 
 def _nyquist(band: FrequencyBand) -> Axes:
-    ax = _one_axis(None, (5.5, 5.5))
+    ax = new_axes(None, (5.5, 5.5))
     colour = _COLOUR[band.kind]
     if band.kind == "proved":
         for corners in band.regions[np.all(np.isfinite(band.regions), axis=1)]:
@@ -163,7 +165,7 @@ def _nyquist(band: FrequencyBand) -> Axes:
 
 
 def _nichols(band: FrequencyBand) -> Axes:
-    ax = _one_axis(None, (5.5, 5.5))
+    ax = new_axes(None, (5.5, 5.5))
     decibel, phase = _finite(band.decibel), np.degrees(band.phase)
     for (low, high), (left, right) in zip(decibel, phase, strict=True):
         ax.fill(
@@ -199,7 +201,7 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    axes = _one_axis(ax)
+    axes = new_axes(ax)
     _fill(axes, band.time, band.low, band.high, _COLOUR[band.kind], band.kind)
     axes.step(band.time, band.nominal, color=_DATA, lw=1, where="post", label="nominal")
     axes.set_xlabel("time")
@@ -266,7 +268,7 @@ def plot_residuals(residuals: Residuals, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    axes = _one_axis(ax, (8.0, 3.0))
+    axes = new_axes(ax, (8.0, 3.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         share = residuals.values / residuals.bound
     for output in np.unique(residuals.output):
@@ -310,7 +312,7 @@ def plot_projection(projection: Projection, ax: Axes | None = None) -> Axes:
     -------
     matplotlib Axes
     """
-    axes = _one_axis(ax, (5.5, 5.0))
+    axes = new_axes(ax, (5.5, 5.0))
     word = "exact" if projection.exact else "proved outline"
     axes.fill(*projection.outline.T, color=_PROVED, alpha=0.3, label=word)
     axes.plot(*projection.attained.T, "o", color=_ATTAINED, ms=4, label="attained")

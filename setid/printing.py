@@ -52,6 +52,8 @@ def _factor(lagged: Lagged, sample: int, data: IOData, layout: Layout) -> str:
     if place < data.first[sample]:
         return "0"
     found = channel_of(signal)
+    if found is None and signal not in layout.groups:
+        return f"{signal}[{place - data.first[sample] + 1}]"  # a known function of an input
     if found is None:
         return layout.names[int(layout.group(signal)[place])]
     letter, channel = found

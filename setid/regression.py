@@ -12,6 +12,7 @@ from .checks import frozen
 from .compiler import Planned, plan
 from .data import IOData
 from .errors import DataError, ModelError
+from .models.block import BlockStructured
 from .models.continuous import at_rate
 from .models.equations import Structure
 from .signals import Integers, Reals, Signal, measured, product
@@ -20,7 +21,9 @@ __all__ = [
     "Regression",
     "build_regression",
     "check_channels",
+    "driven_signals",
     "regression_of_data",
+    "rows_of",
     "usable_samples",
 ]
 
@@ -79,6 +82,19 @@ def usable_samples(
     }
 
 
+def driven_signals(data: IOData, model: Structure) -> dict[str, Signal]:
+    """Known functions of exact inputs that a block structure asks for; NaN where unknown."""
+    if not isinstance(model, BlockStructured):
+        return {}
+    none = np.full(data.samples, -1)
+    found = {}
+    for name, values in model.driven(data.u).items():
+        centre = np.nan_to_num(values)
+        zero = np.zeros(data.samples)
+        found[name] = Signal(values, zero, none, centre, np.where(np.isnan(values), np.inf, 0.0))
+    return found
+
+
 def build_regression(
     data: IOData,
     model: Structure,
@@ -103,7 +119,30 @@ def build_regression(
     if not equations:
         return None
     plans = plan(equations, data, usable, model.initial)
-    parts = [_rows(item, data, model, signals) for item in plans]
+    place: dict[tuple[str, ...], int] = {(n,): i for i, n in enumerate(model.parameters)}
+    return rows_of(plans, place, model.parameters, data, signals, equation_bound)
+
+
+def rows_of(
+    plans: Sequence[Planned],
+    columns: Mapping[tuple[str, ...], int],
+    names: tuple[str, ...],
+    data: IOData,
+    signals: Mapping[str, Signal],
+    equation_bound: Reals,
+) -> Regression:
+    """Rows of planned equations of outputs, linear in products of parameters.
+
+    Parameters
+    ----------
+    plans : sequence of Planned
+    columns : mapping of products of parameters to columns
+    names : tuple of str
+        Of the columns.
+    data, signals, equation_bound
+        As for :func:`build_regression`.
+    """
+    parts = [_rows(item, data, columns, len(names), signals) for item in plans]
     row = np.concatenate([item.rows for item in plans])
     channels = [int(item.equation.defines[1:]) for item in plans]
     output = np.repeat(channels, [item.rows.size for item in plans])
@@ -114,7 +153,7 @@ def build_regression(
     bounded = np.isfinite(radius) & np.all(np.isfinite(radii), axis=1)
     place = (row, data.record[row] + 1, row - data.first[row] + 1, output)
     chosen = [target, regressors, radius, radii, *place]
-    return Regression(model.parameters, *(frozen(array[bounded]) for array in chosen))
+    return Regression(names, *(frozen(array[bounded]) for array in chosen))
 
 
 def _sum(left: Reals, right: Reals) -> Reals:
@@ -124,16 +163,19 @@ def _sum(left: Reals, right: Reals) -> Reals:
 
 
 def _rows(
-    item: Planned, data: IOData, model: Structure, signals: Mapping[str, Signal]
+    item: Planned,
+    data: IOData,
+    columns: Mapping[tuple[str, ...], int],
+    size: int,
+    signals: Mapping[str, Signal],
 ) -> tuple[Reals, Reals, Reals, Reals]:
-    count, names = item.rows.size, model.parameters
-    place = {name: column for column, name in enumerate(names)}
+    count = item.rows.size
     target, radius = np.zeros(count), np.zeros(count)
-    regressors, radii = np.zeros((count, len(names))), np.zeros((count, len(names)))
+    regressors, radii = np.zeros((count, size)), np.zeros((count, size))
     for term in item.equation.terms:
         ball = product(term.signals, dict(signals), item.rows, data.first, term.coefficient)
         if term.parameters:
-            column = place[term.parameters[0]]
+            column = columns[tuple(sorted(term.parameters))]
             regressors[:, column] += ball.centre
             radii[:, column] = _sum(radii[:, column], ball.radius)
         else:
@@ -162,7 +204,10 @@ def regression_of_data(data: IOData, model: Structure) -> Regression:
     }
     no_range = np.tile([-np.inf, np.inf], (data.samples, 1))
     signals = {name: measured(c, exact, none, none, no_range) for name, c in columns.items()}
+    driven = driven_signals(data, model)
+    signals |= driven
     known = {name: ~np.isnan(column) for name, column in columns.items()}
+    known |= {name: ~np.isnan(signal.known) for name, signal in driven.items()}
     found = build_regression(data, model, signals, known, np.zeros(data.y.shape))
     if found is None:
         raise ModelError(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .checks import frozen, real_array
 from .data import IOData
 from .errors import DataError, ModelError, NoiseError, SetidError
+from .models.block import BlockStructured
 from .models.equations import Equation, Structure, Term, channel_of
 from .noise import Noise
 
@@ -168,11 +169,13 @@ def _simulate(
 ) -> dict[str, NDArray[np.float64]]:
     """All signals, sample by sample: each equation gives the signal that it defines."""
     equations = model.equations()
-    _check_causal(equations, {f"u{i + 1}" for i in range(inputs.shape[1])})
+    given = model.driven(inputs) if isinstance(model, BlockStructured) else {}
+    _check_causal(equations, {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given))
     samples, pad = inputs.shape[0], max(e.lag for e in equations)
     signals: dict[str, list[float]] = {
         f"u{i + 1}": [0.0] * pad + column.tolist() for i, column in enumerate(inputs.T)
     }
+    signals |= {name: [0.0] * pad + column.tolist() for name, column in given.items()}
     for equation in equations:
         signals[equation.defines] = [0.0] * (pad + samples)
     steps: list[tuple[list[float], float, list[float], list[Any]]] = []

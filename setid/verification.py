@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 
 from .boxes import ParameterBox
+from .cells import CellBox
 from .data import IOData
 from .errors import ModelError
 from .formulation import Formulation, formulate
@@ -21,9 +22,9 @@ from .lifted import LiftedBox, lifted_rows
 if TYPE_CHECKING:
     from .intervals import Identification
 
-Box = ParameterBox | LiftedBox
+Box = ParameterBox | LiftedBox | CellBox
 
-__all__ = ["Verification", "boxed", "consistent", "objectives", "verify"]
+__all__ = ["Verification", "boxed", "consistent", "objectives", "proved_point", "verify"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,10 @@ def boxed(formulation: Formulation, box: Box | None) -> sp.Problem:
     p = len(formulation.parameters)
     if box is not None:
         lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
+    if isinstance(box, CellBox):
+        samples = box.unknowns
+        lower[samples] = np.maximum(lower[samples], box.low)
+        upper[samples] = np.minimum(upper[samples], box.high)
     silent = np.array([i for i in range(p) if not _occurs(problem, i)], int)
     idle = silent[(lower[silent] <= 0) & (upper[silent] >= 0)]
     lower[idle] = upper[idle] = 0.0
@@ -74,6 +79,8 @@ def _occurs(problem: sp.Problem, variable: int) -> bool:
 def verify(result: Identification, data: IOData | None = None) -> Verification:
     """Check formulation, box, outer and inner ends; see :meth:`Identification.verify`."""
     given = result.formulation
+    if result.reference is not None:
+        return _verify_reference(result, data)
     again = formulate(given.data if data is None else data, given.model, given.noise, given.priors)
     if again.problem.fingerprint != given.problem.fingerprint:
         return Verification(False, "the result belongs to other data")
@@ -92,9 +99,24 @@ def verify(result: Identification, data: IOData | None = None) -> Verification:
     return _verify_results(result, again, problem)
 
 
+def _verify_reference(result: Identification, data: IOData | None) -> Verification:
+    """The result with a normalisation holds, and nothing more is claimed than follows."""
+    found = result.reference
+    assert found is not None
+    for name, item in result.intervals.items():
+        if str(item.status) in ("unidentifiable", "empty"):
+            continue
+        known = found.intervals.get(name)
+        if known is None or item.outer != known.outer or item.inner != known.inner:
+            return Verification(False, f"the interval of {name} is not that of the reference")
+    return verify(found, data)
+
+
 def _box_follows(box: Box, again: Formulation, start: NDArray[np.float64]) -> bool:
     if isinstance(box, ParameterBox):
         return again.smoothed is not None and box.verify(again.smoothed, start)
+    if isinstance(box, CellBox):
+        return box.verify(again, start)
     rows = lifted_rows(again)
     return rows is not None and box.verify(rows, start)
 
@@ -178,21 +200,37 @@ def consistent(
     problem, p = formulation.problem, len(formulation.parameters)
     if not np.isfinite(witness.level) or witness.level > 1.0 + 1e-9:
         return None
+    point = proved_point(formulation, problem, witness.x)
+    return None if point is None or not np.array_equal(point.x[:p], witness.x[:p]) else point.x
+
+
+def proved_point(
+    formulation: Formulation, problem: sp.Problem, x: NDArray[np.float64]
+) -> sp.ProvedPoint | None:
+    """A proof that a feasible point exists near x, each equation solved for its newest sample.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sp.Problem
+        Its problem, or that on a box of the parameters.
+    x : (n,) float
+    """
     rows = np.flatnonzero(problem.equality)
     solved = _newest(formulation, rows)
     if solved is None:
         return None
     for proof in ("exact", "krawczyk") if rows.size else ("exact",):
-        claim = sp.ProvedPoint(witness.x, inf, 0.0, proof, rows, solved)
-        point = claim.recheck(problem)
-        if point is not None and np.array_equal(point.x[:p], witness.x[:p]):
-            return point.x
+        point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
+        if point is not None:
+            return point
     return None
 
 
 def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:
     """For each equality an unknown of its own that it gives: the newest noise sample."""
     problem, taken = formulation.problem, set(range(len(formulation.parameters)))
+    layout = formulation.layout
     age = np.full(problem.dimension, -1)
     for group, numbers in formulation.layout.groups.items():
         if group != "theta":
@@ -206,7 +244,13 @@ def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int
     solved = []
     for row in rows.tolist():
         support = problem.constraints[row].polynomial.support.tolist()
-        free = [v for v in support if v not in taken]
+        own = layout.groups.get(formulation.rows.equation[row])
+        mine = set() if own is None else set(own[own >= 0].tolist())
+        free = [v for v in support if v in mine and v not in taken] or [
+            v for v in support if v not in taken
+        ]
+        if not free and formulation.rows.origin[row] == "prior":
+            free = support[-1:]  # the normalisation gives a parameter
         if not free:
             return None
         best = max(free, key=lambda v: (age[v], rank[v]))

@@ -28,6 +28,9 @@ from .errors import (
 )
 from .feasibility import ProvedPoint
 from .formats.gms import read_gms, write_gms
+from .formats.json_ import from_json, read_json, to_json, write_json
+from .formats.mat import read_mat, write_mat
+from .formats.sdpa import read_sdpa, write_sdpa
 from .formats.text import parse
 from .options import Options
 from .polynomial import Constraint, Kind, Polynomial, total, variables
@@ -41,6 +44,7 @@ from .sparsepop import sparsePOP
 from .sparsepop_output import SparsePOPOutput
 from .sparsity import Cliques, find_cliques
 from .structs import from_structs, to_structs
+from .waki import Switches
 
 __all__ = [
     "Certificate",
@@ -64,23 +68,32 @@ __all__ = [
     "SparsePOPError",
     "SparsePOPOutput",
     "Status",
+    "Switches",
     "Verdict",
     "assemble",
     "find_cliques",
+    "from_json",
     "from_structs",
     "linear_bounds",
     "parse",
     "problems",
     "psd",
     "read_gms",
+    "read_json",
+    "read_mat",
+    "read_sdpa",
     "relax",
     "second_order",
     "solve",
     "solve_conic",
     "solve_each",
     "sparsePOP",
+    "to_json",
     "to_structs",
     "total",
     "variables",
     "write_gms",
+    "write_json",
+    "write_mat",
+    "write_sdpa",
 ]

@@ -19,7 +19,7 @@ from . import monomials
 from .monomials import Words
 from .problem import Problem
 
-__all__ = ["Bases", "clique_bases", "reduced_bases"]
+__all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]
 
 Bases = list[tuple[NDArray[np.int64], Words]]
 
@@ -74,6 +74,16 @@ def reduced_bases(
         (np.concatenate([p for p, _ in parts]), np.concatenate([b for _, b in parts]))
         for parts in stacked.values()
     ]
+
+
+def by_size(basis: Words, keep: NDArray[np.bool_]) -> Bases:
+    """Bases (K, s, D) with only the monomials to keep (K, s), stacked by what is left of s."""
+    count, parts = keep.sum(axis=1), []
+    for size in np.unique(count).tolist():
+        rows = np.flatnonzero(count == size)
+        words = basis[rows][keep[rows]].reshape(rows.size, size, basis.shape[2])
+        parts.append((rows, words))
+    return parts
 
 
 def _independent(

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .basis import clique_bases, reduced_bases
+from .basis import by_size, clique_bases, reduced_bases
 from .generators import Generators
 from .monomials import Words
 from .newton import consistent_bases
@@ -30,6 +30,8 @@ __all__ = [
     "Blocks",
     "block_groups",
     "matrix_block",
+    "matrix_blocks",
+    "ragged",
     "row_monomials",
     "stacked_groups",
 ]
@@ -184,10 +186,10 @@ def _localizing(
             index, clique = number[chosen], place[chosen]
             for part, basis in clique_bases(members, clique, int(level)):
                 blocks.append(BlockGroup(is_free, index[part], clique[part], basis))
-    return blocks + _matrix_blocks(system, cliques, members, order)
+    return blocks + matrix_blocks(system, cliques, members, order)
 
 
-def _matrix_blocks(
+def matrix_blocks(
     system: Generators, cliques: Cliques, members: list[tuple[int, ...]], order: int
 ) -> Blocks:
     """The localizing matrices of matrices: those of degree k with all monomials to d - k/2."""
@@ -226,6 +228,19 @@ def _elsewhere(
     if variable.size > _SHARED * max(1, int(boxed.sum())):
         other[:] = False
     return variable[other], clique[other]
+
+
+def ragged(block: BlockGroup, keep: NDArray[np.bool_]) -> Blocks:
+    """Blocks (K, s, D) with only the monomials to keep (K, s), stacked by what is left of s."""
+    parts = []
+    for rows, basis in by_size(block.basis, keep):
+        place = block.place
+        if place is not None:
+            place = place[rows][keep[rows]].reshape(rows.size, basis.shape[1])
+        parts.append(
+            BlockGroup(block.free, block.generator[rows], block.clique[rows], basis, place)
+        )
+    return parts
 
 
 def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:

@@ -17,7 +17,7 @@ from .monomials import Words
 from .rounding import Interval, sum_by
 from .system import PolynomialSystem
 
-__all__ = ["Factors", "expand_affine", "jacobian_range", "range_over"]
+__all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,3 +150,18 @@ def merge_terms(
     row, number = np.divmod(key, max(1, distinct.shape[0]))
     keep = (sums.lo != 0) | (sums.hi != 0)
     return distinct[number[keep]], row[keep], sums[keep]
+
+
+def monomial_ranges(words: Words, box: Interval) -> Interval:
+    """Ranges of monomials (T, D) over a box, shape (T,); exact but for rounding."""
+    count = words.shape[0]
+    value = Interval(np.ones(count), np.ones(count))
+    row, variable, power = monomials.runs(words)
+    slot = np.arange(row.size) - np.searchsorted(row, row)
+    for k in range(int(slot.max(initial=-1)) + 1):
+        here = slot == k
+        part = Interval(box.lo[variable[here]], box.hi[variable[here]]).power(power[here])
+        low, high = np.ones(count), np.ones(count)
+        low[row[here]], high[row[here]] = part.lo, part.hi
+        value = value * Interval(low, high)
+    return value

@@ -67,6 +67,8 @@ class Family:
         Improves candidate vectors before local searches.
     active : (m,) bool or None
         Constraints that linear relaxations use.
+    points : list of ProvedPoint
+        Known feasible points; with any, no local search runs before the first climb.
     """
 
     problem: Problem
@@ -130,7 +132,8 @@ class Family:
 
     def _first_points(self) -> None:
         """Local searches from the starts; what they find is tried on all objectives."""
-        if not self.starts:
+        if not self.starts or self.points:
+            self._carry(self.points)
             return
         several = self.ground.products.has_star  # then a local search costs little
         for auto in self.autos if several else self.autos[:1]:

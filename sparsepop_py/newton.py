@@ -19,19 +19,25 @@ Automatic Control 54 (2009) (diagonal inconsistency).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import monomials
-from .basis import Bases
+from .basis import Bases, by_size
 from .monomials import Words
 
 __all__ = ["consistent_bases"]
 
 
-def consistent_bases(bases: Bases, held: Sequence[Words], dimension: int) -> Bases:
+def consistent_bases(
+    bases: Bases,
+    held: Sequence[Words],
+    dimension: int,
+    rewrite: Callable[[Words], Words] | None = None,
+    degree: int = 0,
+) -> Bases:
     """Drop monomials whose squares no other product and none of ``held`` can match.
 
     The value of the relaxation stays: the diagonal entries of what is dropped are zero in every
@@ -43,6 +49,10 @@ def consistent_bases(bases: Bases, held: Sequence[Words], dimension: int) -> Bas
     held : sequence of (T, D) words
         Monomials of the objective and of all other multipliers' products.
     dimension : int
+    rewrite : callable, optional
+        What becomes of words (T, D) where equations are substituted.
+    degree : int
+        Monomials below it stay.
 
     Examples
     --------
@@ -55,10 +65,11 @@ def consistent_bases(bases: Bases, held: Sequence[Words], dimension: int) -> Bas
     >>> kept[0].tolist()
     [[0, 0, 0], [0, 1, 2], [1, 1, 2], [1, 2, 2]]
     """
-    width = max([*(2 * b.shape[2] for _, b in bases), *(w.shape[1] for w in held)])
+    width = max([1, *(2 * b.shape[2] for _, b in bases), *(w.shape[1] for w in held)])
 
     def keys(words: Words) -> NDArray:
-        return monomials.pack(monomials.widen(words, width), dimension)
+        words = monomials.widen(words, width)
+        return monomials.pack(words if rewrite is None else rewrite(words), dimension)
 
     fixed = np.unique(np.concatenate([keys(np.zeros((1, 1), np.int32)), *map(keys, held)]))
     squares, products = [], []
@@ -69,23 +80,23 @@ def consistent_bases(bases: Bases, held: Sequence[Words], dimension: int) -> Bas
         mixed = monomials.multiply(basis[:, i], basis[:, j]).reshape(-1, 2 * d)
         products.append(keys(mixed).reshape(k, i.size))
     kept = [np.ones(square.shape, bool) for square in squares]
+    low = [monomials.degrees(basis) < degree for _, basis in bases]
     while True:
         alive = [fixed]
         for keep, product in zip(kept, products, strict=True):
             j, i = np.tril_indices(keep.shape[1], -1)
             alive.append(product[keep[:, i] & keep[:, j]])
         matched = np.unique(np.concatenate(alive))
-        shrunk = [k & np.isin(sq, matched) for k, sq in zip(kept, squares, strict=True)]
+        shrunk = [
+            k & (few | np.isin(sq, matched)) for k, sq, few in zip(kept, squares, low, strict=True)
+        ]
         if all(np.array_equal(a, b) for a, b in zip(kept, shrunk, strict=True)):
             break
         kept = shrunk
     stacked: dict[int, Bases] = {}
     for (place, basis), keep in zip(bases, kept, strict=True):
-        count = keep.sum(axis=1)
-        for size in np.unique(count):
-            chosen = np.flatnonzero(count == size)
-            rows = basis[chosen][keep[chosen]].reshape(chosen.size, int(size), -1)
-            stacked.setdefault(int(size), []).append((place[chosen], rows))
+        for chosen, rows in by_size(basis, keep):
+            stacked.setdefault(rows.shape[1], []).append((place[chosen], rows))
     return [
         (np.concatenate([p for p, _ in parts]), np.concatenate([b for _, b in parts]))
         for parts in stacked.values()

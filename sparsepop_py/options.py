@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from .errors import ProblemError
+from .waki import Switches
 
 __all__ = ["SKIPPED", "Options"]
 
@@ -85,6 +86,14 @@ class Options:
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.
+    accuracy : float, optional
+        Gap and residuals at which a conic solver may stop, in scaled units; chosen where
+        left out.
+    max_iterations : int, optional
+        Most iterations of a conic solver (Clarabel and the clique-tree method).
+    switches : Switches, optional
+        With effort ``"plain"``: the relaxation of Waki, Kim, Kojima and Muramatsu under
+        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.waki`.
     seed : int
         Seed of random starting points.
     progress : bool
@@ -110,6 +119,9 @@ class Options:
     executor: Executor | None = None
     skip: Sequence[str] = ()
     time_limit: float | None = None
+    accuracy: float | None = None
+    max_iterations: int | None = None
+    switches: Switches | None = None
     seed: int = 0
     progress: bool = False
 
@@ -131,6 +143,22 @@ class Options:
             if not isinstance(value, numbers.Real) or not float(value) >= 0:
                 raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
         self._check_kinds()
+        self._check_solver()
+
+    def _check_solver(self) -> None:
+        accuracy, most, switches = self.accuracy, self.max_iterations, self.switches
+        if accuracy is not None and (
+            not isinstance(accuracy, numbers.Real) or not 0 < float(accuracy) < np.inf
+        ):
+            raise ProblemError(f"Options.accuracy: found {accuracy!r}, expected a number > 0")
+        if most is not None and (not isinstance(most, numbers.Integral) or int(most) < 1):
+            raise ProblemError(f"Options.max_iterations: found {most!r}, expected an integer >= 1")
+        if switches is not None and not isinstance(switches, Switches):
+            raise ProblemError(f"Options.switches: found {switches!r}, expected Switches")
+        if switches is not None and self.effort != "plain":
+            raise ProblemError(
+                f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
+            )
 
     def _check_kinds(self) -> None:
         limit = self.time_limit

@@ -23,25 +23,69 @@ class Field:
     name : str
     default : object
         Of SparsePOP 3.03 (of this package for a field that the original lacks).
-    effect : {"works", "later", "none"}
-        It works; it is accepted and will work later; it has no meaning here.
+    effect : {"works", "none"}
+        It works, or it has no meaning here.
     option : str
         The option of :class:`~sparsepop_py.options.Options` it sets, or ``""``.
-    note_on_proof : str
-        What it changes in what is proved.
+    original : str
+        What the original does with it.
+    ours : str
+        What it does here, and what it changes in what is proved.
+    test : str
+        The test that holds it, as ``file::function``.
     legal : tuple
         The legal values of a switch; empty when other values are legal too.
+    plain : bool
+        It shapes the plain relaxation and has an effect with ``tighten = 0`` only.
     """
 
     name: str
     default: Any
-    effect: Literal["works", "later", "none"]
+    effect: Literal["works", "none"]
     option: str
-    note_on_proof: str
+    original: str
+    ours: str
+    test: str
     legal: tuple[Any, ...] = ()
+    plain: bool = False
 
 
-_MULTIPLIERS = "None: it only chooses the multipliers, and any multipliers prove a bound."
+_MULTIPLIERS = "It only chooses the multipliers, and any multipliers prove a bound."
+_SAME = "The same."
+_DEVELOPERS = tuple(
+    Field(
+        name,
+        0,
+        "none",
+        "",
+        original,
+        "No effect: it is no matter of the problem or its relaxation.",
+        "test_parameters.py::test_fields_without_effect_are_named",
+    )
+    for name, original in (
+        ("reduceEqualitiesSW", "A developer's switch."),
+        ("elimFrSW", "A developer's switch."),
+        ("aggressiveSW", "A developer's switch; 1 may lose the candidate solution."),
+        ("developmentSW", "Set by the original for itself."),
+    )
+)
+_OLD_NAMES = tuple(
+    Field(
+        old,
+        default,
+        "works",
+        option,
+        f"SparsePOP 2's name of {new}.",
+        _SAME,
+        "test_parameters.py::test_names_of_version_two",
+        legal,
+    )
+    for old, default, option, new, legal in (
+        ("SeDuMiSW", 1, "", "SDPsolverSW", _SWITCH),
+        ("SeDuMiEpsilon", 1e-9, "accuracy", "SDPsolverEpsilon", ()),
+        ("SeDuMiOutFile", 0, "", "SDPsolverOutFile", ()),
+    )
+)
 
 FIELDS: tuple[Field, ...] = (
     Field(
@@ -49,154 +93,306 @@ FIELDS: tuple[Field, ...] = (
         1,
         "works",
         "order",
-        "A higher order can only prove more. Raised to the least legal order; a fraction is "
-        "rounded up.",
+        "Raised silently to omega_max, the least legal order; a fraction is kept.",
+        "The same. With `tighten = 0`, a fraction gives matrices of the whole order below it and "
+        "multipliers of equations up to the degree floor(2 (order - ceil(deg / 2))); with "
+        "`tighten = 1` the next whole order is used. A higher order can only prove more.",
+        "test_switches.py::test_a_fraction_is_kept_and_lies_between_orders",
     ),
     Field(
         "sparseSW",
         1,
         "works",
         "sparse",
-        "0 makes one clique of all variables, which can prove more and costs more. 2 and 3, "
-        "the original's perturbed variants, are treated as 0 and 1.",
+        "0 dense, 1 correlative sparsity; 2 and 3 are smaller, perturbed variants of 0 and 1.",
+        "0 makes one clique of all variables, which can prove more and costs more. 2 and 3 are "
+        "treated as 0 and 1, with a warning: what the variants leave out is not published in a "
+        "form that determines their SDP, and the full ones prove at least as much.",
+        "test_parameters.py::test_perturbed_variants_become_plain_ones",
         (0, 1, 2, 3),
     ),
     Field(
-        "POPsolver",
+        "multiCliquesFactor",
+        1,
+        "works",
+        "switches.merge",
+        "How far cliques that cover a constraint are merged: the union may grow to this factor "
+        "times the largest clique. Any string: without limit.",
+        "The same; larger unions can prove more.",
+        "test_switches.py::test_merged_cliques_grow_the_blocks",
+        plain=True,
+    ),
+    Field(
+        "scalingSW",
+        1,
+        "works",
+        "switches.scaled",
+        "Boxed variables are divided by their larger bound in size, objective and constraints by "
+        "their largest coefficient.",
+        "0 gives the solver the unscaled program; its multipliers are scaled before they are "
+        "certified. Bounds always refer to the problem as given.",
+        "test_switches.py::test_the_unscaled_program_has_the_same_value",
+        _SWITCH,
+        True,
+    ),
+    Field(
+        "boundSW",
+        2,
+        "works",
+        "switches.moment_bounds",
+        "Bounds on all lifted monomials (1), or on those that are not redundant (2).",
+        "The same. What they add to the proof is interval arithmetic of monomials.",
+        "test_switches.py::test_bounds_of_moments",
+        (0, 1, 2),
+        True,
+    ),
+    Field(
+        "eqTolerance",
+        0,
+        "works",
+        "",
+        "Each equation f = 0 becomes f >= 0 and f <= eps after scaling, one-sided in spite of "
+        "the guide.",
+        "The same, one-sided. The bound is that of the larger set, so it holds for the given "
+        "problem and is weaker. `POP.upperBound` is attained in the given problem.",
+        "test_sparsepop_problem.py::test_relaxed_equations_keep_the_bound_valid",
+    ),
+    Field(
+        "perturbation",
+        0,
+        "works",
+        "switches.perturbation",
+        "Adds eps (2 rand - 1) to every linear coefficient, seed 2008 (the guide says [0, 1]); "
+        "the value returned is that of the perturbed objective.",
+        "The same seed and range, on the scaled objective. The multipliers found are certified "
+        "for the objective as given, which pays for the difference on the box. "
+        "`param.perturbation` and `POP.objValue` come back as given.",
+        "test_switches.py::test_a_perturbed_objective_proves_the_given_one",
+        plain=True,
+    ),
+    Field(
+        "reduceMomentMatSW",
+        1,
+        "works",
+        "switches.consistent",
+        "Drops redundant rows of moment matrices; 2 is stronger.",
+        "Monomials of degree two and more whose squares nothing can match go, until nothing "
+        "changes, for 1 as for 2. " + _MULTIPLIERS,
+        "test_switches.py::test_reduced_moment_matrices",
+        (0, 1, 2),
+        True,
+    ),
+    Field(
+        "complementaritySW",
+        0,
+        "works",
+        "switches.substituted",
+        "Lifted monomials that contain x_i x_j of an equation x_i x_j = 0 are set to 0.",
+        _SAME + " " + _MULTIPLIERS,
+        "test_switches.py::test_substitutions",
+        _SWITCH,
+        True,
+    ),
+    Field(
+        "SquareOneSW",
+        1,
+        "works",
+        "switches.substituted",
+        "Reduction for x^2 = 1; the MATLAB path applies it to any x^2 = c, wrongly.",
+        "Substitutes x^2 = c for every c, read off the equation. " + _MULTIPLIERS,
+        "test_switches.py::test_squares_with_any_coefficient",
+        _SWITCH,
+        True,
+    ),
+    Field(
+        "binarySW",
+        1,
+        "works",
+        "switches.substituted",
+        "Reduction for x^2 = x; the MATLAB path applies it to any x^2 = c x, wrongly.",
+        "Substitutes x^2 = c x for every c; bounds that then say nothing new leave. "
+        + _MULTIPLIERS,
+        "test_switches.py::test_squares_with_any_coefficient",
+        _SWITCH,
+        True,
+    ),
+    Field(
+        "reduceAMatSW",
+        1,
+        "works",
+        "switches.independent",
+        "Eliminates fixed variables (also x_i = c) and linearly dependent rows of A.",
+        "Substitutes x_i = c and drops equations of the program that have become empty. "
+        "Variables with equal bounds are always eliminated.",
+        "test_switches.py::test_substitutions",
+        _SWITCH,
+        True,
+    ),
+    *_DEVELOPERS,
+    Field(
+        "SDPsolver",
+        "sedumi",
+        "works",
+        "solver",
+        "One of six SDP solvers.",
+        "All six are replaced by `'auto'`; `'auto'`, `'clarabel'`, `'clarabel-moment'`, "
+        "`'cliquetree'` and `'cvxpy:NAME'` are taken as they are. The bound is recomputed from "
+        "whatever multipliers a solver returns.",
+        "test_parameters.py::test_solvers",
+    ),
+    Field(
+        "SDPsolverSW",
+        1,
+        "works",
+        "",
+        "0 builds the SDP and reports its size; `SDPobjValue` is empty, pinf and dinf NaN.",
+        "The same: `SDPobjValue` is None.",
+        "test_sparsepop_problem.py::test_sizes_without_a_solve",
+        _SWITCH,
+    ),
+    Field(
+        "SDPsolverEpsilon",
+        1e-9,
+        "works",
+        "accuracy",
+        "Tolerance of the solver.",
+        "The same. A coarse tolerance proves a weaker bound.",
+        "test_sparsepop_problem.py::test_a_coarse_tolerance_proves_less",
+    ),
+    Field(
+        "SDPsolverMaxIter",
+        None,
+        "works",
+        "max_iterations",
+        "Passed to SeDuMi if present.",
+        "Passed to Clarabel. Few iterations prove a weaker bound.",
+        "test_sparsepop_problem.py::test_few_iterations_prove_less",
+    ),
+    Field(
+        "SDPsolverOutFile",
+        0,
+        "works",
+        "",
+        "The solver's log: off, on the screen, or appended to a file.",
+        "The same: one line for the last solve.",
+        "test_sparsepop_files.py::test_the_log_of_the_solver",
+    ),
+    Field(
+        "sdpaDataFile",
         "",
         "works",
-        "refine",
-        "None: it fills the fields `xVectL` to `scaledErrorL`. `'ipopt'` chooses IPOPT, any "
-        "other name SciPy.",
+        "",
+        "Writes the SDP in SDPA sparse format, and a `.info` file that maps variables.",
+        "The same, of the SDP that was solved; `.info` is complete with `tighten = 0`.",
+        "test_sparsepop_files.py::test_the_sdpa_file_has_the_value_of_the_sdp",
+    ),
+    Field(
+        "detailedInfFile",
+        "",
+        "works",
+        "",
+        "Appends parameters, the problem before and after scaling, cliques, supports, the SDP.",
+        _SAME,
+        "test_sparsepop_files.py::test_the_detailed_file",
+    ),
+    Field(
+        "printFileName",
+        1,
+        "works",
+        "",
+        "A file name: results are appended there. Numbers only set the file's print level to 0.",
+        _SAME,
+        "test_sparsepop_files.py::test_the_printed_file",
     ),
     Field(
         "printLevel",
         (2, 0),
         "works",
         "progress",
-        "None. 0 is silent, 1 leaves out the solution vector. The second number (a file) has "
-        "no effect yet.",
+        "Screen and file: 0, 1 (without the solution vector), 2. A banner and solver lines "
+        "appear even at 0.",
+        "0 is silent.",
+        "test_sparsepop_face.py::test_report_levels",
+    ),
+    Field(
+        "symbolicMath",
+        1,
+        "none",
+        "",
+        "Needed for parentheses in files; with scaling it also shifts variables, so that the "
+        "SDP depends on what is installed.",
+        "No effect: parentheses and right-hand sides in files are always read, and the SDP does "
+        "not depend on what is installed.",
+        "test_parameters.py::test_fields_that_follow_the_installation_are_silent",
+        _SWITCH,
+    ),
+    Field(
+        "POPsolver",
+        "",
+        "works",
+        "refine",
+        "Local refinement from the SDP's point by a MATLAB solver.",
+        "Fills `xVectL` to `scaledErrorL` with a point that provably exists. `'ipopt'` chooses "
+        "IPOPT, any other name SciPy.",
+        "test_sparsepop_face.py::test_refined_point_only_when_asked_for",
+    ),
+    Field(
+        "mex",
+        1,
+        "none",
+        "",
+        "C++ conversion, with slightly different SDPs.",
+        "No effect: there is one implementation. Sizes are those of the C++ path.",
+        "test_parameters.py::test_fields_that_follow_the_installation_are_silent",
+        _SWITCH,
+    ),
+    Field(
+        "errorBdIdx",
+        "",
+        "works",
+        "",
+        "`'a'`, indices, or a cell of these: balls |x - xCenter|^2 <= zeta that hold every "
+        "feasible x with f <= fValueUbd.",
+        "The same, proved: zeta comes from a certified maximum of the distance from `xCenter`.",
+        "test_sparsepop_problem.py::test_error_bounds_hold_every_minimiser",
+    ),
+    Field(
+        "fValueUbd",
+        "",
+        "works",
+        "",
+        "The level of errorBdIdx; an error if that is empty.",
+        "The same; by default the attained value.",
+        "test_sparsepop_problem.py::test_error_bounds_hold_every_minimiser",
     ),
     Field(
         "tighten",
         1,
         "works",
         "effort",
-        'Not in the original. 1 is `"presolve"`: finite boxes by propagation and by the '
-        'attained value, each step part of the certificate. 0 is `"plain"`: the bounds as '
-        "given; without finite ones often nothing can be proved.",
+        "(Not in the original.)",
+        '1 is `"presolve"`: finite boxes by propagation and by the attained value, each step part '
+        'of the certificate. 0 is `"plain"`: the relaxation of Waki, Kim, Kojima and Muramatsu '
+        "of that order under the switches; without finite bounds often nothing can be proved.",
+        "test_switches.py::test_values_are_those_of_the_original",
         _SWITCH,
     ),
-    Field(
-        "SDPsolver",
-        "sedumi",
-        "works",
-        "solver",
-        "None: the bound is recomputed from whatever multipliers a solver returns. The "
-        "original's six solvers are replaced by `'auto'`; `'auto'`, `'clarabel'`, "
-        "`'clarabel-moment'`, `'cliquetree'` and `'cvxpy:NAME'` are taken as they are.",
-    ),
-    Field("SDPsolverEpsilon", 1e-9, "later", "", "None; a coarse tolerance proves a weaker bound."),
-    Field("SDPsolverMaxIter", None, "later", "", "None; few iterations prove a weaker bound."),
-    Field("SDPsolverSW", 1, "later", "", "0 builds the SDP without solving it.", _SWITCH),
-    Field("SDPsolverOutFile", 0, "later", "", "None: a log."),
-    Field("sdpaDataFile", "", "later", "", "None: a file."),
-    Field("detailedInfFile", "", "later", "", "None: a file."),
-    Field("printFileName", 1, "later", "", "None: a file."),
-    Field(
-        "multiCliquesFactor",
-        1,
-        "later",
-        "",
-        "Larger cliques can prove more. Each constraint is put into one clique that holds it.",
-    ),
-    Field("scalingSW", 1, "later", "", "None: bounds refer to the problem as given.", _SWITCH),
-    Field(
-        "boundSW",
-        2,
-        "later",
-        "",
-        "None. Bounds enter as (u - x)(x - l) >= 0; the proof uses the box in any case.",
-        (0, 1, 2),
-    ),
-    Field(
-        "eqTolerance",
-        0,
-        "later",
-        "",
-        "It relaxes equalities, so bounds would stay valid and become weaker.",
-    ),
-    Field(
-        "perturbation",
-        0,
-        "later",
-        "",
-        "It changes the objective, so a bound would refer to another problem.",
-    ),
-    Field("reduceMomentMatSW", 1, "later", "", _MULTIPLIERS, (0, 1, 2)),
-    Field("complementaritySW", 0, "later", "", _MULTIPLIERS, _SWITCH),
-    Field(
-        "SquareOneSW",
-        1,
-        "later",
-        "",
-        "None. The reduction is read off the equations themselves, coefficients included.",
-        _SWITCH,
-    ),
-    Field("binarySW", 1, "later", "", "None, as for SquareOneSW.", _SWITCH),
-    Field(
-        "reduceAMatSW",
-        1,
-        "later",
-        "",
-        "None. Fixed variables are always eliminated; with tighten = 1 an infeasible fixed "
-        "point is proved infeasible.",
-        _SWITCH,
-    ),
-    Field(
-        "errorBdIdx",
-        "",
-        "later",
-        "",
-        "It would add proved balls around the minimisers.",
-    ),
-    Field(
-        "fValueUbd",
-        "",
-        "later",
-        "",
-        "It belongs to errorBdIdx; a number not attained proves nothing by itself.",
-    ),
-    Field("reduceEqualitiesSW", 0, "none", "", "None: a developer's switch."),
-    Field("elimFrSW", 0, "none", "", "None: a developer's switch."),
-    Field("aggressiveSW", 0, "none", "", "None: a developer's switch."),
-    Field(
-        "symbolicMath",
-        1,
-        "none",
-        "",
-        "None: parentheses and right-hand sides in files are always read, and the SDP does "
-        "not depend on what is installed.",
-        _SWITCH,
-    ),
-    Field("mex", 1, "none", "", "None: there is one implementation.", _SWITCH),
-    Field("SeDuMiSW", 1, "none", "", "None: SparsePOP 2's name of SDPsolverSW.", _SWITCH),
-    Field("SeDuMiEpsilon", 1e-9, "none", "", "None: SparsePOP 2's name of SDPsolverEpsilon."),
-    Field("SeDuMiOutFile", 0, "none", "", "None: SparsePOP 2's name of SDPsolverOutFile."),
-    Field("developmentSW", 0, "none", "", "None: set by the original for itself."),
+    *_OLD_NAMES,
 )
 
 
 def render_table() -> str:
     """The table of all fields in Markdown, as the documentation shows it."""
-    words = {"works": "works", "later": "accepted, no effect yet", "none": "accepted, no meaning"}
     lines = [
-        "| field | default | effect | option | what it changes in the proof |",
-        "|---|---|---|---|---|",
+        "| field | default | the original | here | option | test |",
+        "|---|---|---|---|---|---|",
     ]
     for entry in FIELDS:
         option = f"`{entry.option}`" if entry.option else ""
         default = "" if entry.default is None else f"`{entry.default!r}`"
-        note = entry.note_on_proof.replace("|", "\\|")
-        lines.append(f"| `{entry.name}` | {default} | {words[entry.effect]} | {option} | {note} |")
+        original, ours = (text.replace("|", "\\|") for text in (entry.original, entry.ours))
+        if entry.plain:
+            ours = "(`tighten = 0`) " + ours
+        cells = (f"`{entry.name}`", default, original, ours, option, f"`{entry.test}`")
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

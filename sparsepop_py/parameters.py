@@ -7,18 +7,26 @@ from __future__ import annotations
 
 import difflib
 import math
-import numbers
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import SimpleNamespace
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from .errors import ParameterWarning, ProblemError
 from .options import Options
 from .parameter_table import FIELDS
+from .parameter_values import (
+    CHECKS,
+    check_error_bounds,
+    check_level,
+    check_one_of,
+    check_order,
+    wrong,
+)
+from .waki import Switches
 
 __all__ = ["Parameters", "read_parameters"]
 
@@ -28,19 +36,30 @@ _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin"
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
 _EITHER = ("symbolicMath", "mex")
+_OLD_NAMES = {
+    "SeDuMiSW": "SDPsolverSW",
+    "SeDuMiEpsilon": "SDPsolverEpsilon",
+    "SeDuMiOutFile": "SDPsolverOutFile",
+}
+_SUBSTITUTED = {
+    "SquareOneSW": "square",
+    "binarySW": "binary",
+    "reduceAMatSW": "fixed",
+    "complementaritySW": "zero",
+}
 
 
 @dataclass(frozen=True)
 class Parameters:
     """What :func:`read_parameters` understood.
 
-    A field of the original that has no effect is readable too, with the value given or
-    the original's default: ``parameters.eqTolerance``.
+    Every other field of the original is readable too, with the value given or the
+    original's default: ``parameters.eqTolerance``.
 
     Parameters
     ----------
-    relaxOrder : int
-        At least 1; :func:`~sparsepop_py.sparsepop.sparsePOP` returns the order it used.
+    relaxOrder : int or float
+        :func:`~sparsepop_py.sparsepop.sparsePOP` returns it raised to the least legal one.
     sparseSW : {0, 1}
     POPsolver : str
         Empty: no refined point in the output.
@@ -55,7 +74,7 @@ class Parameters:
         The other fields that were given, known or not.
     """
 
-    relaxOrder: int = 1
+    relaxOrder: float = 1
     sparseSW: int = 1
     POPsolver: str = ""
     printLevel: tuple[int, int] = (2, 0)
@@ -100,7 +119,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     -----
     ParameterWarning
         For unknown fields (with the nearest known name), and for known ones whose value
-        asks for something that has no effect yet.
+        asks for something that has no effect.
 
     Examples
     --------
@@ -110,28 +129,57 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     """
     values = {name: _plain(value) for name, value in _items(param).items()}
     values = {name: value for name, value in values.items() if value is not None}
+    for old, new in _OLD_NAMES.items():
+        if old in values:
+            values.setdefault(new, values[old])
     says: list[str] = []
+    tighten = int(check_one_of("tighten", values.get("tighten", 1), (0, 1)))
     for name, value in values.items():
-        _check(name, value, strict, says)
-    order = _order(values.get("relaxOrder", 1), says)
+        _check(name, value, strict, tighten, says)
+    order = check_order(values.get("relaxOrder", 1))
     sparse = _sparse(values.get("sparseSW", 1), says)
     local = _local(values.get("POPsolver", ""), strict, says)
-    level = _level(values.get("printLevel", (2, 0)))
-    tighten = int(values.get("tighten", 1))
+    named = isinstance(values.get("printFileName", 1), str)
+    level = check_level(values.get("printLevel", (2, 2 if named else 0)))
     name, solver = _solver(values.get("SDPsolver", "sedumi"), says)
+    for key, check in CHECKS.items():
+        if key in values:
+            values[key] = check(key, values[key])
+    check_error_bounds(values)
     for message in says:
         warnings.warn(message, ParameterWarning, stacklevel=stacklevel)
     options = Options(
-        order=order,
+        order=max(1, math.ceil(order)) if tighten else max(1, math.floor(order)),
         sparse=bool(sparse),
         effort="presolve" if tighten else "plain",
         refine="ipopt" if local == "ipopt" else "scipy",
         solver=solver,
         progress=level[0] > 0,
+        accuracy=values.get("SDPsolverEpsilon"),
+        max_iterations=values.get("SDPsolverMaxIter"),
+        switches=None if tighten else _switches(order, values),
     )
-    known = {entry.name for entry in FIELDS if entry.effect == "works"}
-    given = {key: item for key, item in values.items() if key not in known}
+    own = {f.name for f in fields(Parameters)}
+    given = {key: item for key, item in values.items() if key not in own}
     return Parameters(order, sparse, local, level, tighten, name, options, given)
+
+
+def _switches(order: float, values: Mapping[str, Any]) -> Switches:
+    """The switches of the plain relaxation."""
+
+    def on(name: str) -> bool:
+        return bool(values.get(name, _BY_NAME[name].default))
+
+    return Switches(
+        order=order,
+        merge=values.get("multiCliquesFactor", 1.0),
+        scaled=on("scalingSW"),
+        moment_bounds=int(values.get("boundSW", 2)),
+        consistent=on("reduceMomentMatSW"),
+        substituted=tuple(kind for name, kind in _SUBSTITUTED.items() if on(name)),
+        independent=on("reduceAMatSW"),
+        perturbation=values.get("perturbation", 0.0),
+    )
 
 
 # ---- containers -------------------------------------------------------------------------
@@ -173,7 +221,8 @@ def _plain(value: Any) -> Any:
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
     if isinstance(value, np.ndarray):
-        value = value.ravel().tolist()
+        cells = value.dtype == object
+        value = [_plain(v) for v in value.ravel()] if cells else value.ravel().tolist()
     if isinstance(value, np.generic):
         value = value.item()
     return None if isinstance(value, (list, tuple)) and len(value) == 0 else value
@@ -182,22 +231,12 @@ def _plain(value: Any) -> Any:
 # ---- values -----------------------------------------------------------------------------
 
 
-def _wrong(name: str, found: Any, expected: str) -> NoReturn:
-    raise ProblemError(f"param.{name}: found {found!r}, expected {expected}")
-
-
-def _number(name: str, value: Any, expected: str) -> float:
-    if not isinstance(value, numbers.Real) or not math.isfinite(value):
-        _wrong(name, value, expected)
-    return float(value)
-
-
 def _same(value: Any, default: Any) -> bool:
     """Whether a value asks for what the original does anyway."""
     return default is not None and type(value) is not list and bool(value == default)
 
 
-def _check(name: str, value: Any, strict: bool, says: list[str]) -> None:
+def _check(name: str, value: Any, strict: bool, tighten: int, says: list[str]) -> None:
     """Unknown names, illegal switches, and values without effect."""
     entry = _BY_NAME.get(name)
     if entry is None:
@@ -207,22 +246,14 @@ def _check(name: str, value: Any, strict: bool, says: list[str]) -> None:
             raise ProblemError(found)
         says.append(found)
         return
-    if entry.legal and value not in entry.legal:
-        _wrong(name, value, "one of " + ", ".join(map(str, entry.legal)))
-    if entry.effect == "works" or name in _EITHER or _same(value, entry.default):
+    if entry.legal:
+        check_one_of(name, value, entry.legal)
+    if name in _EITHER or _same(value, entry.default):
         return
-    when = "has no effect yet" if entry.effect == "later" else "has no effect here"
-    says.append(f"param.{name} = {value!r} {when}")
-
-
-def _order(value: Any, says: list[str]) -> int:
-    number = _number("relaxOrder", value, "a number >= 0")
-    if number < 0:
-        _wrong("relaxOrder", value, "a number >= 0")
-    order = math.ceil(number)
-    if order != number:
-        says.append(f"param.relaxOrder = {number:g} is rounded up to {order}")
-    return max(1, order)
+    if entry.effect == "none":
+        says.append(f"param.{name} = {value!r} has no effect here")
+    elif entry.plain and tighten:
+        says.append(f"param.{name} = {value!r} has an effect with tighten = 0 only")
 
 
 def _sparse(value: Any, says: list[str]) -> int:
@@ -234,31 +265,23 @@ def _sparse(value: Any, says: list[str]) -> int:
 
 def _local(value: Any, strict: bool, says: list[str]) -> str:
     if not isinstance(value, str):
-        _wrong("POPsolver", value, "the name of a local solver")
+        wrong("POPsolver", value, "the name of a local solver")
     if value and value not in _LOCAL:
         if strict:
-            _wrong("POPsolver", value, "one of " + ", ".join(map(repr, _LOCAL)))
+            wrong("POPsolver", value, "one of " + ", ".join(map(repr, _LOCAL)))
         says.append(f"param.POPsolver = {value!r} is unknown and treated as {_LOCAL[0]!r}")
     return value
-
-
-def _level(value: Any) -> tuple[int, int]:
-    expected = "0, 1 or 2, or two of these (screen, file)"
-    pair = list(value) if isinstance(value, (list, tuple)) else [value, 0]
-    if len(pair) > 2 or any(not isinstance(v, numbers.Real) or v not in (0, 1, 2) for v in pair):
-        _wrong("printLevel", value, expected)
-    return int(pair[0]), int(pair[1]) if len(pair) == 2 else 0
 
 
 def _solver(value: Any, says: list[str]) -> tuple[str, str]:
     """The name as given, and the solver it stands for."""
     expected = "one of " + ", ".join(map(repr, (*_SOLVERS, *_OURS))) + " or 'cvxpy:NAME'"
     if not isinstance(value, str):
-        _wrong("SDPsolver", value, expected)
+        wrong("SDPsolver", value, expected)
     if value in _OURS or value.startswith("cvxpy:"):
         return value, value
     if value not in _SOLVERS:
-        _wrong("SDPsolver", value, expected)
+        wrong("SDPsolver", value, expected)
     if value != _SOLVERS[0]:
         says.append(f"param.SDPsolver = {value!r} is replaced by 'auto'")
     return value, "auto"

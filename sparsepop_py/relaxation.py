@@ -46,9 +46,10 @@ from .polynomial import Polynomial
 from .problem import Problem
 from .shapes import Shape, shaped_blocks
 from .sparsity import Cliques, find_cliques
+from .system import PolynomialSystem
 from .terms import Terms, term_sparse
 
-__all__ = ["BlockGroup", "Relaxation", "least_order", "on_groups", "relax"]
+__all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +73,9 @@ class Relaxation:
         Generators that are products, by the numbers of their factors.
     notes : tuple of str
         What was changed on the way, such as a raised order.
+    moment_bounds : PolynomialSystem or None
+        Bounds of single moments, +-(x^a - value) >= 0: generators behind all others, in
+        one group of their own.
     """
 
     problem: Problem
@@ -82,6 +86,7 @@ class Relaxation:
     entries: sps.csr_array
     products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     notes: tuple[str, ...] = ()
+    moment_bounds: PolynomialSystem | None = None
 
     @property
     def rows(self) -> int:
@@ -249,7 +254,7 @@ def relax(
         width = max(w.shape[1] for w in asked)
         support = np.concatenate([monomials.widen(w, width) for w in asked])
         groups = term_sparse(groups, system, support, problem.dimension, terms)
-    moments, entries = _entries(groups, system, asked, problem.dimension)
+    moments, entries = conic_rows(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
 
 
@@ -257,7 +262,7 @@ def on_groups(relaxation: Relaxation, groups: tuple[BlockGroup, ...]) -> Relaxat
     """The relaxation of the same problem with other blocks."""
     problem = relaxation.problem
     system = generators.stacked(problem, relaxation.products)
-    moments, entries = _entries(groups, system, [problem.objective.words], problem.dimension)
+    moments, entries = conic_rows(groups, system, [problem.objective.words], problem.dimension)
     return replace(relaxation, groups=groups, moments=moments, entries=entries)
 
 
@@ -266,7 +271,7 @@ def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
 
 
-def _entries(
+def conic_rows(
     groups: tuple[BlockGroup, ...],
     system: Generators,
     asked: list[Words],

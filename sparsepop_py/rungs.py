@@ -16,6 +16,7 @@ from .certificate.box import BoxProof, Propagation, Replay
 from .certificate.certificate import Certificate, Node, Proved, certify, claim, prove
 from .certificate.dual import identity_of, margin, repaired, shortened
 from .certificate.identity import Identity
+from .condense import Condensed, condensed
 from .conic import ConicProgram, ConicSolution, assemble
 from .options import Options
 from .polynomial import Polynomial
@@ -28,6 +29,7 @@ from .sizing import fitting_relaxations
 from .solvers import preferred, solve_conic
 from .sparsity import find_cliques
 from .task import Task
+from .waki import Switches
 
 __all__ = [
     "Argued",
@@ -103,34 +105,58 @@ def argue(
     outcome = start or Argued(prove(replay, box, None, False), Node())
     boxed = bool(np.all(scaled.scaling.boxed))
     scaled_objective, size = scale_objective(task.problem.objective, scaled.scaling)
-    for share in (0.0,) if boxed else _MARGINS:
+    switches = task.options.switches
+    shares = (0.0,) if boxed else _MARGINS if switches is None else (0.0, *_MARGINS)
+    first: Argued | None = None
+    for share in shares:
         with task.stages.stage("assemble"):
             minimised = scaled_objective
             if share:
                 minimised = minimised - margin(relaxation) * share
-            program = assemble(relaxation, minimised)
+            program, small = _programs(relaxation, scaled, minimised, switches)
         for solver in _solvers(task.options, relaxation, boxed):
             with task.stages.stage("solve"):
-                solution = solve_conic(
-                    program,
-                    solver,
-                    task.clock.left,
-                    _accuracy(task, size),
-                    _target(task, size),
-                )
+                solution = _solution(task, program, small, solver, size)
             with task.stages.stage("certify"):
                 attempt = Attempt(replay, box, scaled, relaxation, program, solution, size, share)
                 outcome = _certified(task, attempt, outcome)
+            first = first or outcome
             if task.closed(outcome.proved.bound) or task.clock.over:
                 break
             if solution.status not in ("almost", "failed") or not _loses(task, outcome):
                 break
         if outcome.proved.bound > -np.inf or task.clock.over:
             break
+    if switches is not None and first is not None:  # later margins and solvers are for the proof
+        return replace(outcome, solution=first.solution, value=first.value)
     if task.options.effort != "auto":
         return outcome
     with task.stages.stage("certify"):
         return short_if(task.closed, replay, box, outcome)
+
+
+def _programs(
+    relaxation: Relaxation, scaled: Scaled, minimised: Polynomial, switches: Switches | None
+) -> tuple[ConicProgram, Condensed | None]:
+    """The program of a relaxation, and under switches the smaller one to be solved."""
+    if switches is None:
+        return assemble(relaxation, minimised), None
+    small = condensed(relaxation, scaled, switches.perturbed(minimised), switches)
+    return small.whole, small
+
+
+def _solution(
+    task: Task, program: ConicProgram, small: Condensed | None, solver: str, size: float
+) -> ConicSolution:
+    solution = solve_conic(
+        program if small is None else small.program,
+        solver,
+        task.clock.left,
+        _accuracy(task, size),
+        _target(task, size),
+        task.options.max_iterations,
+    )
+    return solution if small is None else small.restored(solution)
 
 
 def short_if(
@@ -150,6 +176,8 @@ def short_if(
 
 def _accuracy(task: Task, size: float) -> float:
     """How far a solver should go: a hundredth of the gap that counts as closed is enough."""
+    if task.options.accuracy is not None:
+        return task.options.accuracy
     if task.best is None or task.options.effort != "auto":
         return 1e-9
     return float(np.clip(1e-2 * task.allowed / size, 1e-9, 1e-6))
@@ -293,7 +321,11 @@ def relaxed(
     typical: NDArray | None = None,
 ) -> Model:
     """Scale the problem to the box of the model and build the relaxations on it."""
-    scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
+    switches = options.switches
+    if switches is None:
+        scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
+    else:
+        scaled = Scaled.of(problem, Scaling.without_shift(model.box), objectives, whole=True)
     cliques = find_cliques(
         scaled.problem, sparse=options.sparse, method=options.chordal, objectives=scaled.objectives
     )

@@ -21,6 +21,7 @@ from .polynomial import Polynomial
 from .problem import Problem
 from .relaxation import Relaxation, least_order, relax
 from .sparsity import Cliques
+from .waki import plain_relaxation
 
 __all__ = ["fitting_relaxations", "solver_bytes"]
 
@@ -80,6 +81,10 @@ def fitting_relaxations(
     """
     least = least_order(problem, objectives)
     asked = options.order or least
+    if options.switches is not None:
+        whole = plain_relaxation(problem, cliques, objectives, options.switches)
+        fits = solver_bytes(whole) <= _BYTES
+        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order))
     notes: tuple[str, ...] = ()
     if asked < least:
         notes = (f"order {asked} raised to {least}, the least for these degrees",)

@@ -84,6 +84,7 @@ def solve_each(
     *,
     start: NDArray | None = None,
     repair: Callable[[NDArray], NDArray] | None = None,
+    points: Sequence[ProvedPoint] = (),
     branch_on: Sequence[int] | None = None,
     on_progress: Callable[[int, float, float], None] | None = None,
 ) -> list[Result]:
@@ -104,6 +105,8 @@ def solve_each(
         ``gap_kind="width"`` every objective p needs its negative -p among the others.
     repair : callable, optional
         Given a candidate vector (n,), a better one: used before local searches.
+    points : sequence of ProvedPoint
+        Feasible points that are known already (effort ``"auto"``); each is proved again.
     branch_on : sequence of int, optional
         Takes the place of ``options.branch_on``.
     on_progress : callable, optional
@@ -153,6 +156,7 @@ def solve_each(
             clock,
             told,
             repair=repair,
+            points=[p for p in (point.recheck(problem) for point in points) if p is not None],
             active=active,
         )
         return [_result(climbed) for climbed in family.run()]

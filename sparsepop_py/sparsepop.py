@@ -6,30 +6,35 @@ proved, whatever the solver returned, and the raw value of the SDP is ``POP.solv
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .boxes import find_box
+from .error_bounds import error_bounds, index_sets
 from .errors import ProblemError
-from .formats.gms import read_gms
+from .feasibility import ProvedPoint
+from .incumbents import attain
 from .monomials import evaluate
+from .options import Options
 from .parameters import Parameters, read_parameters
 from .problem import Problem
-from .relaxation import Relaxation
+from .progress import Stages
+from .relaxation import least_order
 from .result import Result, Status
+from .rungs import Model, relaxed
 from .solve import solve
-from .sparsepop_output import CpuTime, POPOutput, SDPInfo, SolverInfo, SparsePOPOutput
+from .sparsepop_files import write_files
+from .sparsepop_input import Input, read_input, with_tolerance
+from .sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
 from .sparsepop_report import write_report
-from .structs import from_structs
+from .sparsepop_sizes import BuiltSDP, sizes_of, solver_info
+from .task import Clock, Task
 
 __all__ = ["sparsePOP"]
-
-_FORMS = "sparsePOP(objPoly, ineqPolySys, lbd, ubd, param) or sparsePOP('file.gms', param)"
 
 
 def sparsePOP(
@@ -45,9 +50,12 @@ def sparsePOP(
 
     Parameters
     ----------
-    objPoly : struct, list of structs, path or Problem
+    objPoly : struct, list of structs, path, function, its name or Problem
         A list of two or more polynomials is a least-squares problem. A path ends in
-        ``.gms``; then, and for a :class:`Problem`, ``param`` is the second argument.
+        ``.gms``. A function returns ``objPoly, ineqPolySys, lbd, ubd`` or a Problem; it is
+        called without arguments, or named as ``"module:function(3, 2)"``, or without a
+        module as one of :mod:`sparsepop_py.problems`. In all but the first two cases
+        ``param`` is the second argument.
     ineqPolySys : list of structs
         ``[]`` or None without constraints.
     lbd, ubd : array_like (n,)
@@ -86,80 +94,132 @@ def sparsePOP(
     (True, <Status.OPTIMAL: 'OPTIMAL'>, array([1.]))
     """
     start = time.process_time()
-    source, param = _source(objPoly, ineqPolySys, lbd, ubd, param)
+    read, param = read_input(objPoly, ineqPolySys, lbd, ubd, param)
     parameters = read_parameters(param, strict, stacklevel=3)
-    if isinstance(objPoly, Problem):
-        problem = objPoly
-    elif source:
-        problem = read_gms(source)
-    else:
-        problem = from_structs(objPoly, ineqPolySys, lbd, ubd)
-    read = time.process_time() - start
-    result = solve(problem, parameters.options)
+    given = read()
+    problem = given.problem
+    _check_sizes(parameters, problem)
+    spent = time.process_time() - start
+    larger = with_tolerance(problem, parameters.eqTolerance, bool(parameters.scalingSW))
+    asked = bool(parameters.SDPsolverSW)
+    result = solve(larger, parameters.options) if asked else _unsolved(larger, parameters.options)
+    built = BuiltSDP.of(result)
     sign = -1.0 if problem.sense == "max" else 1.0
+    point = _point(problem, result, built, parameters, sign)
     output = SparsePOPOutput(
-        replace(parameters, relaxOrder=_order_used(parameters, result)),
-        sign * result.lower_bound,
-        _point(result, bool(parameters.POPsolver), sign),
-        _times(result, read),
-        _solver_info(result),
-        _sizes(result),
+        replace(parameters, relaxOrder=_order_used(parameters, problem)),
+        sign * result.lower_bound if asked else None,
+        _with_error_bounds(point, problem, parameters, sign),
+        _times(result, spent, given),
+        solver_info(built, asked),
+        sizes_of(result, built),
     )
-    write_report(output, source, parameters.printLevel[0])
+    write_report(output, given.source, parameters.printLevel[0])
+    write_files(output, given.source, parameters, built)
     return output
 
 
-# ---- input ------------------------------------------------------------------------------
-
-
-def _source(
-    first: Any, ineqPolySys: Any, lbd: Any, ubd: Any, param: Any
-) -> tuple[str | os.PathLike[str] | None, Any]:
-    """The file, if the first argument names one, and param wherever it stands."""
-    if not isinstance(first, (str, os.PathLike, Problem)):
-        absent = [name for name, given in (("lbd", lbd), ("ubd", ubd)) if given is None]
-        if absent:
-            raise ProblemError(f"sparsePOP: found no {' and no '.join(absent)}, expected {_FORMS}")
-        return None, param
-    if lbd is not None or ubd is not None or (ineqPolySys is not None and param is not None):
+def _check_sizes(parameters: Parameters, problem: Problem) -> None:
+    """What can be checked only when the number of variables is known."""
+    factor, n = parameters.multiCliquesFactor, problem.dimension
+    if n < factor < np.inf:
         raise ProblemError(
-            f"sparsePOP: found more than a problem and its parameters, expected {_FORMS}"
+            f"param.multiCliquesFactor: found {factor:g}, expected a number from 0 to dimVar "
+            f"({n}), or a string"
         )
-    if isinstance(first, str) and Path(first).suffix.lower() != ".gms":
-        raise ProblemError(
-            f"objPoly: found the string {first!r}, expected the name of a .gms file or a "
-            "struct; calls written as strings are not evaluated"
-        )
-    param = param if ineqPolySys is None else ineqPolySys
-    return (None if isinstance(first, Problem) else first), param
+    index_sets(parameters.errorBdIdx, n)
 
 
-def _order_used(parameters: Parameters, result: Result) -> int:
-    if result.relaxation is not None:
-        return result.relaxation.order
-    return max(parameters.relaxOrder, (result.problem.degree + 1) // 2)
+def _order_used(parameters: Parameters, problem: Problem) -> float:
+    return max(parameters.relaxOrder, least_order(problem))
+
+
+def _unsolved(problem: Problem, options: Options) -> Result:
+    """The SDP that would be solved, without a solve."""
+    stages = Stages(options.progress)
+    with stages.stage("presolve"):
+        model = Model(*find_box(problem, None, options))
+    with stages.stage("relax"):
+        model = relaxed(problem, (problem.objective,), model, options)
+    stages.close()
+    return Result(
+        problem=problem,
+        options=options,
+        status=Status.UNPROVED,
+        lower_bound=-np.inf,
+        upper_bound=np.inf,
+        x=None,
+        certificate=None,
+        attained=None,
+        points=(),
+        relaxation=model.relaxations[-1] if model.relaxations else None,
+        solution=None,
+        solver_value=np.nan,
+        timings=stages.seconds,
+        notes=(*model.notes, "SDPsolverSW = 0: the SDP was built and not solved"),
+    )
 
 
 # ---- output -----------------------------------------------------------------------------
 
 
-def _point(result: Result, refine: bool, sign: float) -> POPOutput:
-    problem, attained = result.problem, result.attained
-    refined = attained.x if refine and attained is not None else None
-    ends = (sign * result.lower_bound, sign * result.upper_bound)
-    if result.status is Status.INFEASIBLE:
+def _point(
+    problem: Problem, result: Result, built: BuiltSDP | None, parameters: Parameters, sign: float
+) -> POPOutput:
+    attained, status = result.attained, result.status
+    if result.problem is not problem:
+        attained, status = _in_the_given_problem(problem, result)
+    refined = attained.x if parameters.POPsolver and attained is not None else None
+    upper = attained.value if attained is not None else np.inf
+    upper = -np.inf if status is Status.UNBOUNDED else upper
+    ends = (sign * result.lower_bound, sign * upper)
+    if status is Status.INFEASIBLE:
         ends = (ends[0], ends[0])
-    x, xL = _shown(problem, result.x, sign), _shown(problem, refined, sign)
+    shown = result.x
+    if built is not None and built.scaled is not None:
+        shown = built.first_moments()
+    x, xL = _shown(problem, shown, sign), _shown(problem, refined, sign)
     return POPOutput(
         *x,
         *xL,
         lowerBound=min(ends),
         upperBound=max(ends),
-        status=result.status,
+        status=status,
         certificate=result.certificate,
         solverValue=None if np.isnan(result.solver_value) else sign * result.solver_value,
         result=result,
+        objValueScaled=x[1],
     )
+
+
+def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint | None, Status]:
+    """A point that is attained there, from one of the larger set, and what is then known."""
+    options = result.options
+    task = Task(problem, options, Stages(False), Clock(options.time_limit))
+    best, _ = attain(problem, [] if result.x is None else [result.x], task)
+    task = replace(task, best=best)
+    if result.status is Status.INFEASIBLE:
+        return None, result.status
+    if task.closed(result.lower_bound):
+        return best, Status.OPTIMAL
+    return best, Status.BOUNDED if result.lower_bound > -np.inf else Status.UNPROVED
+
+
+def _with_error_bounds(
+    point: POPOutput, problem: Problem, parameters: Parameters, sign: float
+) -> POPOutput:
+    sets = index_sets(parameters.errorBdIdx, problem.dimension)
+    if not sets or not point.xVect.size:
+        return point
+    level = parameters.fValueUbd
+    end = point.lowerBound if sign < 0 else point.upperBound
+    level = sign * (end if level == "" else float(level))
+    if not np.isfinite(level):
+        return point
+    options = replace(parameters.options, effort="presolve", switches=None, progress=False)
+    results = error_bounds(problem, point.xVect, level, sets, options)
+    zeta = [float(max(0.0, -result.lower_bound)) for result in results]
+    return replace(point, xCenter=[point.xVect.copy() for _ in sets], zeta=zeta)
 
 
 def _shown(
@@ -190,74 +250,10 @@ def _errors(problem: Problem, x: NDArray[np.float64]) -> tuple[float, float]:
     return float(short.min(initial=0.0)), float((short / size).min(initial=0.0))
 
 
-def _times(result: Result, read: float) -> CpuTime:
+def _times(result: Result, read: float, given: Input) -> CpuTime:
     spent = result.timings
     conversion = sum(spent.get(stage, 0.0) for stage in ("presolve", "relax", "assemble"))
-    local = sum(spent.get(stage, 0.0) for stage in ("search", "extract"))
+    local = sum(spent.get(stage, 0.0) for stage in ("search", "extract", "refine"))
     solver, certify = spent.get("solve", 0.0), spent.get("certify", 0.0)
-    return CpuTime(conversion, solver, certify, read, local, conversion + solver + certify)
-
-
-def _solver_info(result: Result) -> SolverInfo:
-    solution = result.solution
-    if solution is None:
-        return SolverInfo("", 0, 0, 0, 0, 0.0, None, None, "no SDP was solved")
-    return SolverInfo(
-        solution.solver,
-        solution.iterations,
-        0 if solution.status in ("solved", "infeasible", "unbounded") else 1,
-        int(solution.status == "unbounded"),
-        int(solution.status == "infeasible"),
-        solution.seconds,
-        None,
-        solution.residual,
-        solution.detail,
-    )
-
-
-def _sizes(result: Result) -> SDPInfo:
-    problem, relaxation = result.problem, result.relaxation
-    fixed = np.flatnonzero(problem.lower == problem.upper)
-    linear, free, blocks = 0, 0, np.zeros(0, int)
-    if relaxation is not None:
-        counts = relaxation.block_sizes
-        blocks = np.repeat(sorted(counts), [counts[size] for size in sorted(counts)])
-        linear, free = counts[1], relaxation.equality_rows
-        blocks = blocks[blocks > 1].astype(int)
-    sign = -1.0 if problem.sense == "max" else 1.0
-    return SDPInfo(
-        relaxation.moments.shape[0] if relaxation is not None else 0,
-        free + linear + int((blocks**2).sum()),
-        _nonzeros(relaxation) if relaxation is not None else 0,
-        free,
-        linear,
-        (),
-        tuple(blocks.tolist()),
-        _infeasible_switch(result, fixed.size == problem.dimension),
-        sign * problem.objective.constant_term,
-        problem.dimension,
-        problem.dimension - fixed.size,
-        np.stack([fixed + 1.0, problem.lower[fixed]], axis=1),
-    )
-
-
-def _nonzeros(relaxation: Relaxation) -> int:
-    """Nonzeros of A, where an off-diagonal entry of a block has two columns."""
-    weight = [np.zeros(0, int)]
-    for group in relaxation.groups:
-        i, j = group.pairs
-        each = np.ones(group.size, int) if group.free else np.where(i == j, 1, 2)
-        weight.append(np.tile(each, group.count))
-    entries = relaxation.entries
-    row = np.repeat(np.arange(relaxation.rows), np.diff(entries.indptr))
-    return int(np.concatenate(weight)[row][entries.indices > 0].sum())
-
-
-def _infeasible_switch(result: Result, all_fixed: bool) -> float:
-    if all_fixed and result.status is Status.INFEASIBLE:
-        return 2.0
-    if all_fixed and result.attained is not None:
-        return -2.0
-    if result.solution is None:
-        return 1.0 if result.status is Status.INFEASIBLE else 0.0
-    return 0.5 if result.solution.status in ("infeasible", "unbounded") else 0.0
+    total = conversion + solver + certify
+    return CpuTime(conversion, solver, certify, read, local, total, given.single)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from .certificate.certificate import Certificate
@@ -22,7 +23,9 @@ class POPOutput:
     Parameters
     ----------
     xVect : (n,) float
-        The attained point, else the best nearly feasible one; empty without one.
+        With ``tighten = 1`` the attained point, else the best nearly feasible one. With
+        ``tighten = 0`` the moments of degree one, as in the original: mostly not feasible.
+        Empty without one.
     objValue : float or None
         Objective at ``xVect``.
     absError : float or None
@@ -43,7 +46,13 @@ class POPOutput:
         The optimal value of the SDP as the solver returned it: NOT a bound. None when no
         SDP was solved.
     result : Result
-        Everything else; always about the minimisation.
+        Everything else; always about the minimisation, and with ``eqTolerance`` about the
+        problem with the larger set.
+    objValueScaled : float or None
+        The same number as ``objValue``, as in the original.
+    xCenter, zeta : list of (n,) float, list of float, or None
+        For each set of ``errorBdIdx``: |x_I - xCenter_I|^2 <= zeta is proved for every
+        feasible x with f(x) <= fValueUbd.
     """
 
     xVect: NDArray[np.float64]
@@ -60,6 +69,9 @@ class POPOutput:
     certificate: Certificate | None
     solverValue: float | None
     result: Result
+    objValueScaled: float | None = None
+    xCenter: list[NDArray[np.float64]] | None = None
+    zeta: list[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -79,6 +91,8 @@ class CpuTime:
         Local search and its proofs.
     total : float
         As in the original without ``readData`` and ``localMethod``.
+    singleObj : float or None
+        From residuals to their sum of squares (part of ``readData``); None for one objective.
     """
 
     conversion: float
@@ -87,9 +101,10 @@ class CpuTime:
     readData: float
     localMethod: float
     total: float
+    singleObj: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SolverInfo:
     """``SDPsolverInfo``: the last call of the conic solver. Nothing proved rests on it.
 
@@ -103,24 +118,33 @@ class SolverInfo:
     pinf, dinf : int
         pinf is 1 when it reports that there is no sum of squares (a higher order or bounds
         may give one), dinf when it reports that the moment relaxation has no point.
+        Both are NaN when no SDP was solved on request.
     cpusec : float
     feasratio : None
-        SeDuMi's alone.
+        SeDuMi's alone, as are r0 and wallsec.
     residual : float or None
         Largest entry of the stationarity residual.
     detail : str
         The solver's own words.
+    timing : (float, float, float)
+        CPU seconds before, in and after the solver's iterations; only the second is known.
+    err : (6,) float or None
+        The DIMACS error measures, recomputed from the program.
     """
 
     solver: str
     iter: int
     numerr: int
-    pinf: int
-    dinf: int
+    pinf: float
+    dinf: float
     cpusec: float
     feasratio: None
     residual: float | None
     detail: str
+    timing: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    err: NDArray[np.float64] | None = None
+    r0: None = None
+    wallsec: None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +170,22 @@ class SDPInfo:
         Number of variables, and of those that are not fixed by their bounds.
     fixedVar : (k, 2) float
         Index (from 1) and value of the fixed variables.
+    reduceAMatSW : int
+        0: nothing was reduced; 1: equations or moments left the program; 2: all variables are
+        fixed.
+    objValScale : float
+        Objective = ``objValScale`` times the objective of the SDP.
+    y : (M,) float or None
+        The moments, scaled as ``Amat`` says; the SDP's dual variables in SeDuMi's form.
+    x : (N,) float or None
+        The multipliers, in SeDuMi's form.
+    xIdxVec : csr (M, n)
+        Exponents of the moments.
+    Amat, bVect : csc (n, k), (n,) float
+        x = Amat y1 + bVect, y1 being the moments of degree one of the k variables that are
+        not fixed. With ``tighten = 0`` only, as the next.
+    SeDuMiA, SeDuMib, SeDuMic, SeDuMiK
+        The SDP: minimise c'x subject to A x = b, x in K.
     """
 
     rowSizeA: int
@@ -160,6 +200,17 @@ class SDPInfo:
     dimVar0: int
     dimVar: int
     fixedVar: NDArray[np.float64]
+    reduceAMatSW: int = 0
+    objValScale: float = 1.0
+    y: NDArray[np.float64] | None = None
+    x: NDArray[np.float64] | None = None
+    xIdxVec: sps.csr_array | None = None
+    Amat: sps.csc_array | None = None
+    bVect: NDArray[np.float64] | None = None
+    SeDuMiA: sps.csc_array | None = None
+    SeDuMib: NDArray[np.float64] | None = None
+    SeDuMic: NDArray[np.float64] | None = None
+    SeDuMiK: dict[str, object] | None = None
 
 
 class SparsePOPOutput(NamedTuple):
@@ -167,11 +218,11 @@ class SparsePOPOutput(NamedTuple):
 
     ``SDPobjValue`` is proved: a lower bound of the minimum, +inf when it is proved that
     no point is feasible, -inf when nothing is proved. For a maximisation it is an upper
-    bound of the maximum, and the two infinities change places.
+    bound of the maximum, and the two infinities change places. None with ``SDPsolverSW = 0``.
     """
 
     param: Parameters
-    SDPobjValue: float
+    SDPobjValue: float | None
     POP: POPOutput
     cpuTime: CpuTime
     SDPsolverInfo: SolverInfo

@@ -12,10 +12,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from .display import rounded
+from .parameter_table import FIELDS
 from .result import Status
 from .sparsepop_output import SparsePOPOutput
 
-__all__ = ["write_report"]
+__all__ = ["report", "write_report"]
 
 _LINE = "-" * 72
 
@@ -23,7 +24,12 @@ _LINE = "-" * 72
 def write_report(output: SparsePOPOutput, source: Any, level: int) -> None:
     """Write the report to standard output; ``level`` 0: nothing, 1: without the point."""
     if level > 0:
-        sys.stdout.write("\n".join(_lines(output, source, level)) + "\n")
+        sys.stdout.write(report(output, source, level))
+
+
+def report(output: SparsePOPOutput, source: Any, level: int) -> str:
+    """The text of the report."""
+    return "\n".join(_lines(output, source, level)) + "\n"
 
 
 def _lines(output: SparsePOPOutput, source: Any, level: int) -> Iterator[str]:
@@ -61,20 +67,26 @@ def _parameters(output: SparsePOPOutput) -> Iterator[str]:
         yield f"  POPsolver           = {param.POPsolver}"
     if param.SDPsolver != "sedumi":
         yield f"  SDPsolver           = {param.SDPsolver}"
+    for entry in FIELDS:
+        value = param.given.get(entry.name, entry.default)
+        if entry.name in param.given and value != entry.default:
+            yield f"  {entry.name:19} = {value}"
 
 
 def _sdp(output: SparsePOPOutput) -> Iterator[str]:
     info, sizes = output.SDPsolverInfo, output.SDPinfo
-    if not info.solver:
+    if not sizes.rowSizeA:
         yield "# SDP: none was solved"
         return
     blocks = sizes.SDPblock
-    yield f"# SDP solved by {info.solver}:"
+    yield f"# SDP solved by {info.solver}:" if info.solver else "# SDP, not solved:"
     yield f"  size of A           = [{sizes.rowSizeA},{sizes.colSizeA}]"
     yield f"  nonzeros in A       = {sizes.nonzerosInA}"
     yield f"  free variables      = {sizes.noOfFreevar}"
     yield f"  LP variables        = {sizes.noOfLPvariables}"
     yield f"  SDP blocks          = {len(blocks)}, largest {max(blocks, default=0)}"
+    if not info.solver:
+        return
     yield "# solver information:"
     yield f"  numerr, pinf, dinf  = {info.numerr}, {info.pinf}, {info.dinf}  ({info.detail})"
     yield f"  iterations          = {info.iter}"
@@ -82,6 +94,9 @@ def _sdp(output: SparsePOPOutput) -> Iterator[str]:
 
 def _values(output: SparsePOPOutput) -> Iterator[str]:
     POP, value = output.POP, output.SDPobjValue
+    if value is None:
+        yield "  SDPobjValue         = none: the SDP was not to be solved"
+        return
     maximise = POP.result.problem.sense == "max"
     proved = f"proved {'upper' if maximise else 'lower'} bound"
     if not math.isfinite(value):
@@ -90,9 +105,8 @@ def _values(output: SparsePOPOutput) -> Iterator[str]:
     yield f"  SDPobjValue         = {rounded(value, maximise, 8)}  {proved}"
     if POP.solverValue is not None:
         yield f"  POP.solverValue     = {POP.solverValue:+13.7e}  value of the SDP, no bound"
-    attained = POP.result.attained
     if POP.objValue is not None:
-        found = "attained" if attained is not None else "nearly feasible point, not proved"
+        found = _kind(output)
         yield f"  POP.objValue        = {POP.objValue:+13.7e}  {found}"
         if math.isfinite(value):
             gap = abs(POP.objValue - value) / max(1.0, abs(POP.objValue))
@@ -103,7 +117,17 @@ def _values(output: SparsePOPOutput) -> Iterator[str]:
         yield f"  POP.objValueL       = {POP.objValueL:+13.7e}  refined"
         yield f"  POP.absErrorL       = {POP.absErrorL:+8.2e}"
         yield f"  POP.scaledErrorL    = {POP.scaledErrorL:+8.2e}"
+    for k, zeta in enumerate(POP.zeta or []):
+        yield f"  POP.zeta({k + 1})         = {rounded(zeta, True, 8)}  proved"
     yield f"  status              = {POP.status}: {POP.status.message}"
+
+
+def _kind(output: SparsePOPOutput) -> str:
+    """What ``POP.xVect`` is."""
+    result = output.POP.result
+    if result.options.switches is not None and result.relaxation is not None:
+        return "first moments of the SDP, not proved"
+    return "attained" if result.attained is not None else "nearly feasible point, not proved"
 
 
 def _vector(name: str, x: Any) -> Iterator[str]:

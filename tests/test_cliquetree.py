@@ -9,7 +9,7 @@ import scipy.sparse as sps
 import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.conic import Cones, ConicProgram
-from sparsepop_py.solvers import cliquetree, solve_conic
+from sparsepop_py.solvers import cliquetree, preferred, solve_conic
 
 
 def program(problem, order, **options):
@@ -222,6 +222,24 @@ def test_a_warm_start_gives_the_same_value():
     warm = cliquetree.solve(p, early.symbolic, start=early.outcome.iterate)
     assert warm.status == "solved"
     assert warm.dual == pytest.approx(cold.solution.dual, abs=1e-6)
+
+
+def test_an_early_point_saves_steps_on_another_objective():
+    p = program(output_error(0, 20), 2)
+    first, cold = cliquetree.run(p), cliquetree.run(replace(p, q=-p.q))
+    warm = cliquetree.run(replace(p, q=-p.q), start=first.outcome.early)
+    assert len(warm.outcome.log) < len(cold.outcome.log)
+    assert warm.solution.dual == pytest.approx(cold.solution.dual, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "largest, moments, first",
+    [(9, 300, True), (8, 300, False), (6, 1200, True), (3, 4999, False), (0, 10**6, False)],
+)
+def test_the_domain_of_the_default(largest, moments, first):
+    assert (preferred(largest, moments, True)[0] == "cliquetree") == first
+    assert preferred(largest, moments, False)[0] == "clarabel"
+    assert preferred(largest, moments, True)[-2:] == ("clarabel", "clarabel-moment")
 
 
 def test_a_warm_start_from_the_opposite_objective_does_no_harm():

@@ -44,7 +44,7 @@ def numbers(text: str) -> list[float]:
 
 def test_every_example_is_tested() -> None:
     named = {"demo", "expressions", "structs", "certificate", "many_objectives"}
-    studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates")
+    studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates", "hammerstein")
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
     assert found == named | records | {"order_comparison", "interval_script"}
@@ -255,3 +255,13 @@ def test_links_lead_somewhere(page: str | Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_identify_hammerstein(tmp_path: Path) -> None:
+    output = run("identify_hammerstein", tmp_path, "--output", str(tmp_path / "pictures"))
+    assert "refused: normalise" in output
+    assert "proved" in output
+    fit = float(output.split("fit ")[1].split(" %")[0])
+    assert fit > 50.0
+    names = {path.name for path in (tmp_path / "pictures").iterdir()}
+    assert names == {"hammerstein_band.png", "hammerstein_diagram.png", "hammerstein_fit.png"}

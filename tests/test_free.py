@@ -103,6 +103,17 @@ def test_malformed_matrices_prove_nothing():
         assert wrong.bound(f) == -np.inf
 
 
+def test_a_second_constant_in_the_basis_hides_nothing():
+    """x^2 - 2 x = (1, x) [1 -1; -1 1] (1, x)' - 1: its least value is -1, not 0."""
+    (x,) = sp.variables(1)
+    f = x**2 - 2 * x
+    first, second = np.array([0, 1, 1, 2]), np.array([0, 1, 2, 2])
+    basis = np.array([[0], [0], [1]], np.int32)
+    assert ExactGram(basis, first, second, np.array([0.0, 1.0, 0.0, 0.0])).bound(f) <= -1.0
+    plain = np.array([[0], [1]], np.int32)
+    assert ExactGram(plain, np.array([0, 1]), np.array([1, 1]), np.zeros(2)).bound(f) == -1.0
+
+
 @given(st.lists(st.integers(-9, 9), min_size=6, max_size=6), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_constants_above_squares_agree_with_rationals(values, thirds):

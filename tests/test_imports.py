@@ -20,12 +20,16 @@ ORDER = """
 errors constraint progress display monomials rounding polynomial system cones squares
 symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
 presolve presolve.propagation presolve.scaling
-chordal sparsity basis newton blocks shapes signs terms relaxation conic
+chordal sparsity basis newton blocks shapes signs terms relaxation substitution moment_bounds
+waki conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
-solvers.cliquetree.symbolic solvers.cliquetree.numbers solvers.cliquetree.progress
-solvers.cliquetree.interior solvers.cliquetree solvers
-certificate certificate.multipliers certificate.identity certificate.gram certificate.linear
+solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout
+solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.numbers
+solvers.cliquetree.progress solvers.cliquetree.repair solvers.cliquetree.interior
+solvers.cliquetree.second_order solvers.cliquetree solvers condense
+certificate certificate.multipliers certificate.priced certificate.identity certificate.gram
+certificate.linear
 certificate.inverse certificate.rows certificate.box
 certificate.certificate certificate.dual
 extraction sequential rowform descent refinement unbounded options task catalogue sizing boxes
@@ -36,7 +40,9 @@ formats formats.expressions formats.text formats.gms_statements formats.gms_writ
 structs
 problems.least_squares problems.chains problems.control problems.planted problems.classics
 problems plots
-parameter_table parameters sparsepop_output sparsepop_report sparsepop door cli
+formats.json_codecs formats.json_certificates formats.json_ formats.sdpa
+parameter_table parameter_values parameters error_bounds sedumi sparsepop_input sparsepop_output
+sparsepop_structs formats.mat sparsepop_sizes sparsepop_report sparsepop_files sparsepop door cli
 """.split()
 
 DOORS = {
@@ -47,6 +53,8 @@ DOORS = {
     "networkx": "chordal",
     "matplotlib": "plots",
     "casadi": "refinement",
+    "numba": "solvers.cliquetree.compiled",
+    "llvmlite": "solvers.cliquetree.compiled",
 }
 EVERYWHERE = {"numpy", "scipy"}
 LINEAR_PROGRAMS = {"linprog", "milp", "linprog_verbose_callback"}

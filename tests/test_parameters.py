@@ -6,6 +6,7 @@ import copy
 import io
 import pathlib
 import pickle
+import re
 import warnings
 from dataclasses import make_dataclass
 from types import SimpleNamespace
@@ -19,6 +20,7 @@ from sparsepop_py.errors import ParameterWarning, ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.parameter_table import FIELDS, render_table
 from sparsepop_py.parameters import Parameters, read_parameters
+from sparsepop_py.waki import Switches
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs" / "parameters.md"
 # Every field that SparsePOP 3.03's defaultParameter knows or echoes, and SparsePOP 2's names.
@@ -70,7 +72,9 @@ def test_containers(param: Any) -> None:
     parameters = read_parameters(param)
     assert parameters.POPsolver == "active-set"
     assert parameters.printLevel == (0, 0)
-    assert parameters.options == Options(order=3, sparse=False, effort="plain")
+    switches = Switches(order=3)
+    expected = Options(order=3, sparse=False, effort="plain", switches=switches)
+    assert parameters.options == expected
 
 
 @pytest.mark.parametrize(
@@ -81,9 +85,12 @@ def test_order(given: Any, order: int | None) -> None:
     assert read_parameters({"relaxOrder": value}).options.order == (order or 3)
 
 
-def test_a_fraction_is_rounded_up_and_said() -> None:
-    with pytest.warns(ParameterWarning, match=r"relaxOrder = 2.5 is rounded up to 3"):
-        assert read_parameters({"relaxOrder": 2.5}).relaxOrder == 3
+@pytest.mark.parametrize(("tighten", "order"), [(1, 3), (0, 2)])
+def test_a_fraction_is_kept(tighten: int, order: int) -> None:
+    parameters = read_parameters({"relaxOrder": 2.5, "tighten": tighten})
+    assert (parameters.relaxOrder, parameters.options.order) == (2.5, order)
+    switches = parameters.options.switches
+    assert switches is None if tighten else switches is not None and switches.order == 2.5
 
 
 @pytest.mark.parametrize(("given", "sparse"), [(2, False), (3, True)])
@@ -129,23 +136,75 @@ def test_every_field_of_the_original_is_known() -> None:
     assert sorted(entry.name for entry in FIELDS) == sorted([*ORIGINAL, "tighten"])
 
 
-OTHER: dict[str, Any] = {
+NOTHING = ["reduceEqualitiesSW", "elimFrSW", "aggressiveSW", "developmentSW"]
+
+
+@pytest.mark.parametrize("name", NOTHING)
+def test_fields_without_effect_are_named(name: str) -> None:
+    with pytest.warns(ParameterWarning, match=rf"param\.{name} = 1 has no effect here") as seen:
+        parameters = read_parameters({name: 1})
+    assert len(seen) == 1
+    assert seen[0].filename == __file__
+    assert getattr(parameters, name) == 1
+
+
+PLAIN: dict[str, Any] = {
+    "multiCliquesFactor": 2,
+    "scalingSW": 0,
     "boundSW": 0,
-    "eqTolerance": 1e-3,
-    "sdpaDataFile": "a.dat-s",
-    "SDPsolverMaxIter": 50,
-    "errorBdIdx": np.array([1, 2]),
-    "elimFrSW": 1,
+    "perturbation": 1e-4,
+    "reduceMomentMatSW": 0,
+    "complementaritySW": 1,
+    "SquareOneSW": 0,
+    "binarySW": 0,
+    "reduceAMatSW": 0,
 }
 
 
-@pytest.mark.parametrize("name", OTHER)
-def test_fields_without_effect_are_named(name: str) -> None:
-    with pytest.warns(ParameterWarning, match=rf"param\.{name} = .* has no effect") as seen:
-        parameters = read_parameters({name: OTHER[name]})
-    assert len(seen) == 1
-    assert seen[0].filename == __file__
-    assert np.array_equal(getattr(parameters, name), OTHER[name])
+@pytest.mark.parametrize("name", PLAIN)
+def test_switches_of_the_plain_relaxation(name: str) -> None:
+    """They change the options with tighten = 0, and say that they do not with tighten = 1."""
+    plain = read_parameters({"tighten": 0})
+    changed = read_parameters({"tighten": 0, name: PLAIN[name]})
+    assert changed.options != plain.options
+    assert getattr(changed, name) == PLAIN[name]
+    with pytest.warns(ParameterWarning, match=rf"{name} = .* has an effect with tighten = 0 only"):
+        assert read_parameters({name: PLAIN[name]}).options == read_parameters({}).options
+
+
+def test_every_field_of_the_plain_relaxation_is_tried() -> None:
+    assert {entry.name for entry in FIELDS if entry.plain} == set(PLAIN)
+
+
+def test_any_string_lets_cliques_grow_without_limit() -> None:
+    parameters = read_parameters({"tighten": 0, "multiCliquesFactor": "objPoly.dimVar"})
+    assert parameters.options.switches is not None
+    assert parameters.options.switches.merge == float("inf")
+
+
+def test_names_of_version_two() -> None:
+    old = {"SeDuMiSW": 0, "SeDuMiEpsilon": 1e-5, "SeDuMiOutFile": "log.txt"}
+    parameters = read_parameters(old)
+    assert (parameters.SDPsolverSW, parameters.SDPsolverOutFile) == (0, "log.txt")
+    assert parameters.options.accuracy == parameters.SDPsolverEpsilon == 1e-5
+    both = read_parameters({"SeDuMiEpsilon": 1e-5, "SDPsolverEpsilon": 1e-6})
+    assert both.options.accuracy == 1e-6
+
+
+def test_solver_settings() -> None:
+    parameters = read_parameters({"SDPsolverMaxIter": 7.0, "SDPsolverEpsilon": 1e-4})
+    assert (parameters.options.max_iterations, parameters.options.accuracy) == (7, 1e-4)
+
+
+def test_a_file_to_print_to_turns_its_level_on() -> None:
+    assert read_parameters({"printFileName": "out.txt"}).printLevel == (2, 2)
+    assert read_parameters({"printFileName": "out.txt", "printLevel": 1}).printLevel == (1, 0)
+
+
+def test_cells_of_indices() -> None:
+    cell = np.empty((1, 2), object)
+    cell[0, :] = [np.array([[1, 2]]), np.array([["a"]])]
+    assert read_parameters({"errorBdIdx": cell}).errorBdIdx == [[1, 2], "a"]
 
 
 @pytest.mark.parametrize("name", ["mex", "symbolicMath"])
@@ -186,6 +245,20 @@ ILLEGAL: list[tuple[Any, str]] = [
     ({"scalingSW": 2}, r"param.scalingSW: found 2, expected one of 0, 1"),
     ({"boundSW": -1}, r"param.boundSW: found -1, expected one of 0, 1, 2"),
     ({"mex": "yes"}, r"param.mex: found 'yes', expected one of 0, 1"),
+    ({"eqTolerance": 1e-11}, r"param.eqTolerance: found 1e-11, expected 0 or a number of at"),
+    ({"eqTolerance": -1e-3}, r"param.eqTolerance: found -0.001, expected 0 or a number of at"),
+    ({"perturbation": 1e-11}, r"param.perturbation: found 1e-11, expected 0 or a number of at"),
+    ({"multiCliquesFactor": -1}, r"param.multiCliquesFactor: found -1, expected a number from 0"),
+    ({"SDPsolverEpsilon": 0}, r"param.SDPsolverEpsilon: found 0, expected a number > 0"),
+    ({"SDPsolverMaxIter": 1.5}, r"param.SDPsolverMaxIter: found 1.5, expected a positive integer"),
+    ({"SDPsolverOutFile": 2}, r"param.SDPsolverOutFile: found 2, expected 0, 1 or the name of a"),
+    ({"sdpaDataFile": "a.txt"}, r"param.sdpaDataFile: found 'a.txt', expected .* ends in .dat-s"),
+    ({"detailedInfFile": 1}, r"param.detailedInfFile: found 1, expected the name of a file"),
+    ({"printFileName": 3}, r"param.printFileName: found 3, expected 0, 1 or the name of a file"),
+    ({"errorBdIdx": "b"}, r"param.errorBdIdx: found 'b', expected 'a', indices of variables"),
+    ({"errorBdIdx": [0, 1]}, r"param.errorBdIdx: found \[0, 1\], expected 'a', indices"),
+    ({"fValueUbd": 1.0}, r"param.fValueUbd: found 1.0, expected nothing, since errorBdIdx is em"),
+    ({"fValueUbd": "x", "errorBdIdx": "a"}, r"param.fValueUbd: found 'x', expected a number"),
     ({1: 2}, r"param: found the key 1, expected names of fields"),
     (3, r"param: found int, expected a dict or a struct of parameters"),
     ("relaxOrder", r"param: found str, expected a dict or a struct of parameters"),
@@ -211,7 +284,8 @@ def test_strict_refuses_unknown_local_solvers() -> None:
 def test_what_was_read_can_be_read_again() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        parameters = read_parameters({**GIVEN, "eqTolerance": 1e-3, "mine": "x"})
+        more = {"eqTolerance": 1e-3, "boundSW": 1, "relaxOrder": 2.5, "mine": "x"}
+        parameters = read_parameters({**GIVEN, **more})
         assert read_parameters(parameters) == parameters
         assert copy.deepcopy(parameters) == pickle.loads(pickle.dumps(parameters)) == parameters
 
@@ -228,6 +302,19 @@ def test_the_input_is_not_modified() -> None:
     before = copy.deepcopy(param)
     read_parameters(param)
     assert param == before
+
+
+def test_every_test_that_is_named_exists() -> None:
+    """In the table of fields and in the list of traps below it."""
+    here = pathlib.Path(__file__).parent
+    named = set(re.findall(r"`(test_\w+\.py)::(test_\w+)`", DOCS.read_text()))
+    assert {f"{file}::{name}" for file, name in named} >= {entry.test for entry in FIELDS}
+    absent = [
+        f"{file}::{name}"
+        for file, name in sorted(named)
+        if f"def {name}(" not in (here / file).read_text()
+    ]
+    assert absent == []
 
 
 def test_the_documentation_shows_the_table() -> None:

@@ -14,7 +14,7 @@ from ..checks import natural
 from ..errors import ModelError
 from .equations import Equation, Initial, Lagged, Term, Transfer, term
 
-__all__ = ["TransferFunction"]
+__all__ = ["Form", "TransferFunction", "expand"]
 
 Form = Literal["auto", "direct", "partial"]
 Orders = tuple[tuple[int, ...], ...]  # one row an output, one column an input
@@ -190,11 +190,11 @@ class TransferFunction:
     def _multiplied(self, i: int) -> Equation:
         """D_1 ... D_p y - sum_j N_j (the other denominators) u_j - c == 0."""
         denominators = self._denominators(i)
-        left = [_times_signal(t, f"y{i + 1}", 1.0) for t in _expand(denominators)]
+        left = [_times_signal(t, f"y{i + 1}", 1.0) for t in expand(denominators)]
         right = []
         for j in self._js:
             own = self._denominator(i, j)
-            others = _expand([d for d in denominators if d != own])
+            others = expand([d for d in denominators if d != own])
             for shift, name in enumerate(self._numerator(i, j), self.nk[i][j]):
                 right += [
                     _times_signal((lag + shift, (*names, name)), f"u{j + 1}", -1.0)
@@ -231,7 +231,7 @@ def _orders(given: object, field: str, outputs: int, inputs: int, least: int = 0
     return tuple(tuple(natural(v, field, ModelError, least) for v in row) for row in full)
 
 
-def _expand(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:
+def expand(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:
     """Product of polynomials 1 + sum a_i q^-i as (lag, parameter names) pairs."""
     terms: list[tuple[int, tuple[str, ...]]] = [(0, ())]
     for names in denominators:

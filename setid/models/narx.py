@@ -13,6 +13,7 @@ import numpy as np
 from ..checks import natural
 from ..errors import ModelError
 from .equations import Equation, Initial, Lagged, Transfer, term
+from .products import cut_products
 
 __all__ = ["PolynomialNARX"]
 
@@ -236,7 +237,9 @@ class PolynomialNARX:
         for i in range(self.outputs):
             terms = [term(1.0, "", Lagged(f"y{i + 1}"))]
             for name, monomial in zip(self._names(i), self._monomials[i], strict=True):
-                factors = self._cut(monomial, noisy, products) if self.degree_cut else monomial
+                factors = monomial
+                if self.degree_cut:
+                    factors = cut_products(monomial, noisy, products, self._text)
                 terms.append(term(-1.0, name, *factors))
             difference.append(Equation(f"y{i + 1}", tuple(terms), error=True))
         return (*products.values(), *difference)
@@ -248,29 +251,6 @@ class PolynomialNARX:
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
         """Not defined for a nonlinear structure: raises."""
         raise ModelError("model: a PolynomialNARX has no transfer function")
-
-    def _cut(
-        self, monomial: Monomial, noisy: Collection[str], products: dict[str, Equation]
-    ) -> Monomial:
-        """The monomial with its noisy part replaced by one internal signal."""
-        exact = [f for f in monomial if f.signal not in noisy]
-        rest = [f for f in monomial if f.signal in noisy]
-        if len(rest) < 2:
-            return monomial
-        prefix: Lagged = rest[0]
-        spelled = [rest[0]]
-        for factor in rest[1:]:
-            spelled.append(factor)
-            shift = min(f.lag for f in spelled)
-            shifted = tuple(Lagged(f.signal, f.lag - shift) for f in spelled)
-            name = f"p[{self._text(shifted)}]"
-            left = Lagged(prefix.signal, prefix.lag - shift)
-            right = Lagged(factor.signal, factor.lag - shift)
-            if name not in products:
-                terms = (term(1.0, "", Lagged(name)), term(-1.0, "", left, right))
-                products[name] = Equation(name, terms)
-            prefix = Lagged(name, shift)
-        return (*exact, prefix)
 
 
 def _rank(factor: Lagged) -> tuple[bool, int, int]:

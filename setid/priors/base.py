@@ -14,6 +14,7 @@ import sparsepop_py as sp
 
 from ..checks import number
 from ..errors import PriorError
+from ..models.block import BlockStructured
 from ..models.equations import Structure
 
 __all__ = [
@@ -141,6 +142,8 @@ def stored(prior: Any, field: str, values: Mapping[str, Any]) -> None:
 
 
 def denominators(model: Structure) -> list[tuple[str, ...]]:
-    """Distinct denominators, as names."""
+    """Distinct denominators, as names; in a block structure those of all linear blocks."""
+    if isinstance(model, BlockStructured):
+        return list(dict.fromkeys(t.denominator for t in model.linear_blocks.values()))
     pairs = [(i, j) for i in range(model.outputs) for j in range(model.inputs)]
     return list(dict.fromkeys(model.transfer(i + 1, j + 1).denominator for i, j in pairs))

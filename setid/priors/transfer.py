@@ -14,6 +14,7 @@ import sparsepop_py as sp
 
 from ..checks import number
 from ..errors import PriorError
+from ..models.block import BlockStructured
 from ..models.equations import Structure, Transfer
 from .base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
 from .hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
@@ -346,6 +347,8 @@ _HALF_PLANE = _Region(half_plane_rows, half_plane_unknowns, half_plane_values)
 
 
 def _continuous(model: Structure) -> bool:
+    if isinstance(model, BlockStructured):
+        return False  # its blocks are discrete, and there may be none from input 1 to output 1
     return model.transfer(1, 1).continuous
 
 

@@ -8,12 +8,15 @@ needs to be exact: what is lost shows in the remainder of the identity.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import lsmr
 
 from .. import monomials
+from ..blocks import BlockGroup
 from ..conic import ConicProgram, split_dual
 from ..generators import single_letters
 from ..polynomial import Polynomial, total
@@ -22,6 +25,7 @@ from ..problem import Problem
 from ..relaxation import Relaxation
 from .identity import Identity
 from .multipliers import Multipliers
+from .priced import Priced
 
 __all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
 
@@ -51,7 +55,11 @@ def identity_of(
     products = relaxation.products
     sizes = scaled.generator_sizes(products)
     multipliers = []
+    priced = None
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
+        if group.generator[0] >= sizes.size:
+            priced = _priced(relaxation, group, part.ravel() * objective_size, sizes.size)
+            continue
         weight = objective_size / sizes[group.generator]
         if group.free:
             values = _weighted(part, weight[:, None])
@@ -67,7 +75,19 @@ def identity_of(
                 multipliers.append(
                     Multipliers(group.generator[chosen], group.basis[chosen], factor, own, place)
                 )
-    return Identity(scaled.scaling, tuple(multipliers), products)
+    return Identity(scaled.scaling, tuple(multipliers), products, priced)
+
+
+def _priced(
+    relaxation: Relaxation, group: BlockGroup, values: NDArray[np.float64], first: int
+) -> Priced:
+    """Multiples of the monomials whose bounds are the rows of a group."""
+    rows = relaxation.moment_bounds
+    assert rows is not None
+    block, term = rows.terms_of(group.generator - first)
+    moving = rows.words[term].any(axis=1)
+    block, term = block[moving], term[moving]
+    return Priced(rows.words[term], values[block] * rows.coefficients[term])
 
 
 def _weighted(part: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -169,7 +189,7 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
             used = np.any(weight > share * largest, axis=1) | (group.floor > 0)
         if used.any():
             kept.append(group.chosen(used, values[used].astype(np.float32)))
-    return Identity(identity.scaling, tuple(kept), identity.products)
+    return replace(identity, multipliers=tuple(kept))
 
 
 def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:

@@ -42,7 +42,7 @@ class ExactGram:
     Parameters
     ----------
     basis : (s, D) int32
-        Monomials as words; the first is the constant.
+        Monomials as words; the first, and no other, is the constant.
     first, second : (k,) int
         The entries of Q that may be other than zero, in pairs of basis monomials.
     value : (k,) float
@@ -86,6 +86,7 @@ class ExactGram:
             and self.basis.shape[1] > 0
             and are_indices(self.basis, n + 1)
             and not self.basis[0].any()
+            and np.all(self.basis[1:].any(axis=1))  # else c would not be all of the constant
             and self.first.shape == self.second.shape == self.value.shape
             and self.first.ndim == 1
             and are_indices(self.first, size)

@@ -38,8 +38,9 @@ from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by, up
 from ..system import PolynomialSystem
 from .multipliers import Multipliers, ScaledGenerators, are_indices
+from .priced import Priced
 
-__all__ = ["Evaluated", "Identity", "Multipliers", "losses"]
+__all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 
 
 @dataclass(frozen=True)
@@ -76,11 +77,14 @@ class Identity:
     products : (P, 2) int
         Further generators: products of two earlier ones. Each factor is non-negative (or
         zero) on the feasible set, so the product is too.
+    priced : Priced or None
+        Multiples of monomials that are bounded by interval arithmetic.
     """
 
     scaling: Scaling
     multipliers: tuple[Multipliers, ...]
     products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    priced: Priced | None = None
 
     def evaluate(
         self,
@@ -118,6 +122,8 @@ class Identity:
         if reason:
             return Evaluated(-np.inf, loss, 0.0, reason)
         base = float(value.lo[constant][0]) if constant.any() else 0.0
+        if self.priced is not None:
+            base = float(np.nextafter(base + self.priced.least(self.scaling), -np.inf))
         bound = float(np.nextafter(base - loss, -np.inf)) if loss else base
         if not np.isfinite(bound):
             return Evaluated(-np.inf, loss, 0.0, "the multipliers overflow")
@@ -134,6 +140,11 @@ class Identity:
         equal[1 : size + 1] = equality
         if not self.scaling.fits(n):
             return "the scaling is malformed"
+        if self.priced is not None and not self.priced.consistent(n):
+            return "a multiple of a monomial is malformed"
+        return self._malformed_multipliers(equal, n)
+
+    def _malformed_multipliers(self, equal: NDArray[np.bool_], n: int) -> str:
         for group in self.multipliers:
             if not group.consistent:
                 return "the shapes of a multiplier do not fit"
@@ -156,6 +167,9 @@ class Identity:
         entries = ScaledGenerators.entries(matrices, scaling)
         words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
         all_words, all_values = [words], [value]
+        if self.priced is not None:
+            all_words.append(self.priced.words)
+            all_values.append(-Interval.point(self.priced.values.astype(float)))
         for group in self.multipliers:
             words, value = group.times(made, entries)
             all_words.append(words)

@@ -151,8 +151,11 @@ class ScaledGenerators:
         words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
         lower, upper = scaling.bounds
         bound_words, bound_values, bound_rows = generators.bound_terms(lower, upper, m)
-        lo = np.concatenate([np.ones(1), value.lo, bound_values])
-        hi = np.concatenate([np.ones(1), value.hi, bound_values])
+        low, high = bound_values, bound_values
+        if scaling.ends is not None:  # products and sums of the ends of t are rounded
+            low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+        lo = np.concatenate([np.ones(1), value.lo, low])
+        hi = np.concatenate([np.ones(1), value.hi, high])
         system = PolynomialSystem(
             generators.stack_words(words, bound_words),
             lo,

@@ -23,6 +23,7 @@ from ..system import PolynomialSystem
 __all__ = ["Scaled", "Scaling", "scale_objective"]
 
 _NARROW = 2.0**-300  # half widths below this are rounding; their powers would underflow
+_TINY = 2.0**-300  # ends of t below this could underflow when multiplied
 _SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
 
 
@@ -37,12 +38,15 @@ class Scaling:
         Fixed variables (scale 0) count as boxed.
     side : (n,) int
         Of a variable without a box: 1 if t >= 0 is known, -1 if t <= 0 is, else 0.
+    ends : pair of (n,) float, optional
+        Bounds of t where they are not those above; within [-1, 1] where ``boxed``.
     """
 
     centre: NDArray[np.float64]
     scale: NDArray[np.float64]
     boxed: NDArray[np.bool_]
     side: NDArray[np.int64]
+    ends: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @staticmethod
     def of_box(box: Interval, typical: NDArray[np.float64] | None = None) -> Scaling:
@@ -64,30 +68,60 @@ class Scaling:
         guess = 2.0 ** np.ceil(np.log2(guess))
         return Scaling(np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side)
 
+    @staticmethod
+    def without_shift(box: Interval) -> Scaling:
+        """As SparsePOP scales: x = scale * t with the larger bound in size of boxed variables."""
+        boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
+        fixed = box.lo == box.hi
+        size = np.where(boxed, np.maximum(np.abs(box.lo), np.abs(box.hi)), 1.0)
+        size = np.maximum(size * _SLACK, _NARROW)
+        low, high = box.lo / size, box.hi / size
+        grown = 2.0 * (_SLACK - 1.0)  # outwards by more than rounding, and 0 stays
+        low = low - np.where(np.isfinite(low), grown * np.abs(low), 0.0)
+        high = high + np.where(np.isfinite(high), grown * np.abs(high), 0.0)
+        low = np.where(boxed, np.clip(low, -1.0, 1.0), low)
+        high = np.where(boxed, np.clip(high, -1.0, 1.0), high)
+        low = np.where(np.abs(low) < _TINY, np.where(low < 0, -_TINY, 0.0), low)
+        high = np.where(np.abs(high) < _TINY, np.where(high > 0, _TINY, 0.0), high)
+        ends = np.where(fixed, 0.0, low), np.where(fixed, 0.0, high)
+        scale, centre = np.where(fixed, 0.0, size), np.where(fixed, box.lo, 0.0)
+        return Scaling(centre, scale, boxed, np.zeros(boxed.size, int), ends)
+
     def fits(self, n: int) -> bool:
-        """Whether every array has n entries."""
-        arrays = (self.centre, self.scale, self.boxed, self.side)
-        return all(array.shape == (n,) for array in arrays)
+        """Whether every array has n entries, and the ends of t lie in [-1, 1] where boxed."""
+        arrays = (self.centre, self.scale, self.boxed, self.side, *(self.ends or ()))
+        if not all(array.shape == (n,) for array in arrays):
+            return False
+        low, high = self.bounds
+        far = np.where(self.boxed, 1.0, np.inf)
+        sizes = np.abs(np.concatenate([low, high]))
+        ordered = np.all((-far <= low) & (low <= high) & (high <= far))
+        return bool(ordered and np.all((sizes == 0) | (sizes >= _TINY)))
 
     def contains(self, box: Interval) -> bool:
         """Whether what is said of t holds on the box: t in [-1, 1] where boxed, and the sides."""
         if not self.fits(box.lo.size):
             return False
-        reach = Interval.point(self.scale)
-        low = (Interval.point(self.centre) - reach).hi
-        high = (Interval.point(self.centre) + reach).lo
-        fixed = self.scale == 0
-        low, high = np.where(fixed, self.centre, low), np.where(fixed, self.centre, high)
-        sides = ((self.side <= 0) | (box.lo >= self.centre)) & (
-            (self.side >= 0) | (box.hi <= self.centre)
-        )
-        inside = (low <= box.lo) & (box.hi <= high) & (self.scale >= 0)
+        start, end = self.bounds
+        inside = self._reaches(start, -1.0, box.lo) & self._reaches(end, 1.0, box.hi)
         sound = np.isfinite(self.centre) & np.isfinite(self.scale)
-        return bool(np.all(sound & np.where(self.boxed, inside, sides & (self.scale > 0))))
+        positive = (self.scale > 0) | (self.boxed & (self.scale == 0))
+        return bool(np.all(sound & inside & positive))
+
+    def _reaches(self, t: NDArray, side: float, end: NDArray) -> NDArray[np.bool_]:
+        """Whether the ends t, in x, lie at or beyond those of a box on that side."""
+        known = np.isfinite(t)
+        step = Interval.point(self.scale) * Interval.point(np.where(known, t, 0.0))
+        x = Interval.point(self.centre) + step
+        still = (self.scale == 0) | (t == 0)  # without rounding
+        inner = np.where(still, self.centre, x.lo if side > 0 else x.hi)
+        return ~known | (side * inner >= side * end)
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Bounds of t: [-1, 1] where boxed, [0, 0] where fixed, 0 as the one finite bound."""
+        if self.ends is not None:
+            return self.ends
         one = np.where(self.scale == 0, 0.0, 1.0)
         low = np.where(self.boxed, -one, np.where(self.side > 0, 0.0, -np.inf))
         high = np.where(self.boxed, one, np.where(self.side < 0, 0.0, np.inf))
@@ -144,10 +178,12 @@ class Scaled:
         scaling: Scaling,
         objectives: tuple[Polynomial, ...],
         active: NDArray[np.bool_] | None = None,
+        whole: bool = False,
     ) -> Scaled:
         """Scale constraints, bounds and objectives; rows that are not active become empty.
 
-        Matrices are always active.
+        Rows that repeat bounds become empty too, unless all are wanted (``whole``); constants
+        of constraints then count in their size. Matrices are always active.
         """
         n, m = problem.dimension, len(problem.constraints)
         owner = problem.matrices.owner
@@ -162,12 +198,16 @@ class Scaled:
         np.maximum.at(magnitude, original.row, terms)
         largest = np.zeros(system.size)
         varies = system.words.any(axis=1)
+        if whole:
+            varies |= system.row < m
         np.maximum.at(largest, system.row[varies], np.abs(system.coefficients[varies]))
         shared = largest.copy()
         np.maximum.at(shared, owner, largest[entries.start :])
         shared[entries] = shared[owner]
         size = np.where(shared > 0, shared, 1.0)
-        useless = _repeats_bounds(system, problem, scaling) | (largest <= 1e-11 * magnitude)
+        useless = largest <= 1e-11 * magnitude
+        if not whole:
+            useless |= _repeats_bounds(system, problem, scaling)
         if active is not None:
             useless[:m] |= ~active
         useless[m:] = False  # objectives and entries

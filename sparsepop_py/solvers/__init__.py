@@ -12,18 +12,22 @@ from . import clarabel_, cliquetree, cvxpy_
 
 __all__ = ["preferred", "solve_conic", "solver_names"]
 
-_BLOCK, _MOMENTS, _MANY = 9, 300, 5000  # where the clique-tree method was measured to be faster
+# Rows of the largest block from which on, with at least so many moments, the clique-tree method
+# was measured to be faster, with numpy alone and more so with compiled kernels.
+_DOMAIN = ((9, 300), (6, 1200), (2, 5000))
 
 
 def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
     """The solvers to try, in this order, for blocks up to a size and a number of moments.
 
     The clique-tree method wants moments in [-1, 1] (``compact``) and blocks large or
-    numerous enough to pay for its analysis; whatever it does not solve goes to Clarabel,
-    whose sum-of-squares form is more accurate and whose moment form ends in other cases.
+    numerous enough to pay for its analysis: its domain, as ``docs/cliquetree.md`` measures it,
+    is 9 rows and 300 moments, 6 rows and 1200 moments, 2 rows and 5000 moments. Whatever it
+    does not solve goes to Clarabel, whose sum-of-squares form is more accurate and whose
+    moment form ends in other cases.
     """
     clarabel = ("clarabel", "clarabel-moment")
-    large = (largest >= _BLOCK and moments >= _MOMENTS) or moments >= _MANY
+    large = any(largest >= block and moments >= many for block, many in _DOMAIN)
     return ("cliquetree", *clarabel) if compact and large else clarabel
 
 
@@ -38,6 +42,7 @@ def solve_conic(
     time_limit: float | None = None,
     accuracy: float = 1e-9,
     target: float | None = None,
+    max_iterations: int | None = None,
 ) -> ConicSolution:
     """Solve a conic program by the solver of the given name.
 
@@ -53,6 +58,8 @@ def solve_conic(
         Gap and residuals at which an interior-point method may stop, in scaled units.
     target : float, optional
         A dual value that is good enough; ``"cliquetree"`` stops there.
+    max_iterations : int, optional
+        Most iterations of Clarabel and of the clique-tree method.
 
     Raises
     ------
@@ -62,9 +69,9 @@ def solve_conic(
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     if solver == "clarabel":
-        return clarabel_.solve_squares_form(program, time_limit, accuracy)
+        return clarabel_.solve_squares_form(program, time_limit, accuracy, max_iterations)
     if solver == "clarabel-moment":
-        return clarabel_.solve_moment_form(program, time_limit, accuracy)
+        return clarabel_.solve_moment_form(program, time_limit, accuracy, max_iterations)
     if solver == "cliquetree":
         settings = cliquetree.Settings(gap=max(1e-7, accuracy))
         return cliquetree.run(

@@ -38,12 +38,12 @@ _MOMENT_STATUS = {
 _SWAPPED = {"infeasible": "unbounded", "unbounded": "infeasible"}
 
 
-def _settings(time_limit: float | None, accuracy: float) -> Any:
+def _settings(time_limit: float | None, accuracy: float, most: int | None) -> Any:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = accuracy
     settings.tol_feas = accuracy
-    settings.max_iter = 200
+    settings.max_iter = most or 200
     if time_limit is not None:
         settings.time_limit = max(time_limit, 1e-3)
     return settings
@@ -59,22 +59,30 @@ def _cones(cones: Cones) -> list[Any]:
 
 
 def _run(
-    q: Any, A: Any, b: Any, cones: list[Any], time_limit: float | None, accuracy: float
+    q: Any,
+    A: Any,
+    b: Any,
+    cones: list[Any],
+    limits: tuple[float | None, float, int | None],
 ) -> tuple[Any, float]:
     nothing = sps.csc_matrix((q.size, q.size))
     start = time.process_time()
-    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(time_limit, accuracy))
+    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(*limits))
     result = solver.solve()
     return result, time.process_time() - start
 
 
 def solve_moment_form(
-    program: ConicProgram, time_limit: float | None = None, accuracy: float = 1e-9
+    program: ConicProgram,
+    time_limit: float | None = None,
+    accuracy: float = 1e-9,
+    max_iterations: int | None = None,
 ) -> ConicSolution:
     """Solve the program as it stands."""
     matrix = sps.csc_matrix(program.A)
     cones = _cones(program.cones)
-    result, seconds = _run(program.q, matrix, program.b, cones, time_limit, accuracy)
+    limits = time_limit, accuracy, max_iterations
+    result, seconds = _run(program.q, matrix, program.b, cones, limits)
     status = str(result.status)
     return solution(
         program,
@@ -89,7 +97,10 @@ def solve_moment_form(
 
 
 def solve_squares_form(
-    program: ConicProgram, time_limit: float | None = None, accuracy: float = 1e-9
+    program: ConicProgram,
+    time_limit: float | None = None,
+    accuracy: float = 1e-9,
+    max_iterations: int | None = None,
 ) -> ConicSolution:
     """Solve the dual: multipliers as variables, moments as their prices."""
     rows, zero = program.b.size, program.cones.zero
@@ -100,7 +111,8 @@ def solve_squares_form(
     matrix = sps.csc_matrix(sps.vstack([program.A.T, conic]))
     right = np.concatenate([-program.q, np.zeros(rows - zero)])
     cones = Cones(program.q.size, program.cones.nonnegative, program.cones.psd)
-    result, seconds = _run(program.b, matrix, right, _cones(cones), time_limit, accuracy)
+    limits = time_limit, accuracy, max_iterations
+    result, seconds = _run(program.b, matrix, right, _cones(cones), limits)
     status = str(result.status)
     seen = _MOMENT_STATUS.get(status, "failed")
     return solution(

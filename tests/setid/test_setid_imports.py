@@ -17,22 +17,26 @@ ROOT = Path(setid.__file__).resolve().parent
 
 ORDER = """
 errors checks reading data record_plots
-models models.equations models.lti models.continuous models.narx
-layout noise signals compiler regression smoothing
+models models.equations models.products models.lti models.maps models.wiring models.declared
+models.general models.block models.continuous models.narx
+layout noise signals compiler regression smoothing interval_arithmetic monomials
 priors priors.base priors.stability priors.hurwitz priors.coefficients priors.transfer
+priors.normalisation
 missing printing assembly linear completion formulation
-estimators simulate responses supports enclosures members bands exchange indirect
+estimators simulate equivalence responses supports enclosures members bands exchange indirect
 projections
-residuals validation
-options bounds boxes lifted reports verification intervals progress
-starts noise_factor discretisation identify consistency select
-plots cli
+residuals block_bands validation
+options bounds boxes lifted cell_structure cell_arithmetic cells
+reports verification intervals progress
+starts noise_factor discretisation search unnormalised results identify consistency select
+plots block_plots cli
 """.split()
 
 DOORS = {"matplotlib": {"record_plots"}, "control": {"exchange"}}
 SCIPY_DOORS = {"scipy.io": {"reading"}, "scipy.optimize": {"linear"}}
 ANYWHERE = {"numpy", "scipy", "sparsepop_py"}
-DELEGATED = {"record_plots", "plots"}  # imported inside functions, by the one line of ``.plot()``
+# imported inside functions, by the one line of ``.plot()``
+DELEGATED = {"record_plots", "plots", "block_plots"}
 
 
 def name_of(path: Path) -> str:

@@ -24,21 +24,29 @@ via matrix completion I, SIAM J. Optim. 11, 2001.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
 from ...conic import ConicProgram, ConicSolution
+from ...errors import SolverNotFound
 from ..base import solution
 from .interior import minimise
+from .kernels import compiled_kernels
 from .numbers import Numbers
 from .progress import Iterate, Iteration, Outcome, Settings, better
-from .symbolic import Symbolic, analyse, pattern_key
+from .second_order import second_order_multipliers, with_second_order
+from .symbolic import Symbolic, analyse, numpy_seconds, pattern_key
 
 __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "run", "solve"]
+__all__ += ["second_order_multipliers", "with_second_order"]
 
 _KEPT = 4  # patterns whose analysis is kept
-_analysed: OrderedDict[bytes, Symbolic] = OrderedDict()
+# Seconds of a solve by numpy from which on compiled kernels pay, when they are to be loaded and
+_PRICE, _LOADED_PRICE = 0.15, 0.02  # when they are there already
+_COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new machine
+_analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,23 +108,25 @@ def run(
     time_limit : float, optional
         CPU seconds.
     start : Iterate, optional
-        ``outcome.iterate`` of an early stop on the same pattern. Where that leads nowhere, the
-        solve starts again without it.
+        ``outcome.early`` of a run on a nearby program of the same pattern. Where that leads
+        nowhere, the solve starts again without it.
     settings : Settings, optional
 
     Raises
     ------
     ValueError
         If ``symbolic`` is of another pattern.
+    SolverNotFound
+        If ``settings.kernels`` is "numba" and numba is missing.
     """
     begin = time.process_time()
     key = pattern_key(program)
+    settings = settings or Settings()
     if symbolic is None:
-        symbolic = _remembered(program, key)
+        symbolic = _remembered(program, key, _compiled(program, settings, time_limit))
     elif symbolic.key != key:
         raise ValueError("symbolic: found the analysis of another pattern of A and cones")
     numbers = Numbers.of(program, symbolic)
-    settings = settings or Settings()
     deadline = None if time_limit is None else begin + time_limit
     scaled = None if target is None else (target - program.offset) / numbers.unit
 
@@ -164,9 +174,32 @@ def solve(
     return run(program, symbolic, target=target, time_limit=time_limit, start=start).solution
 
 
-def _remembered(program: ConicProgram, key: bytes) -> Symbolic:
-    symbolic = _analysed.pop(key, None) or analyse(program)
-    _analysed[key] = symbolic
+def _compiled(program: ConicProgram, settings: Settings, time_limit: float | None) -> bool:
+    """Whether to use compiled kernels: if asked to, or if they are there and pay."""
+    if settings.kernels == "numba":
+        try:
+            compiled_kernels()
+        except ImportError as error:
+            raise SolverNotFound(
+                "kernels: 'numba' needs the package numba (pip install sparsepop-py[fast])"
+            ) from error
+        return True
+    loaded = f"{__name__}.compiled" in sys.modules
+    price = _LOADED_PRICE if loaded else _PRICE
+    if settings.kernels == "numpy" or numpy_seconds(program) < price:
+        return False
+    if not loaded and time_limit is not None and time_limit < _COMPILATION:
+        return False
+    try:
+        compiled_kernels()
+    except ImportError:
+        return False
+    return True
+
+
+def _remembered(program: ConicProgram, key: bytes, compiled: bool) -> Symbolic:
+    symbolic = _analysed.pop((key, compiled), None) or analyse(program, compiled)
+    _analysed[key, compiled] = symbolic
     while len(_analysed) > _KEPT:
         _analysed.popitem(last=False)
     return symbolic

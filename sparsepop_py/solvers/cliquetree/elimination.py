@@ -22,7 +22,7 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Front", "amalgamate", "eliminate", "front_seconds", "maximal"]
+__all__ = ["Front", "amalgamate", "eliminate", "front_seconds", "maximal", "parents"]
 
 _CROWDED = 16  # a column in more cliques than this, and in a quarter of all, is a global one
 
@@ -284,6 +284,22 @@ def amalgamate(fronts: list[Front], columns: int) -> list[Front]:
         for number, front in enumerate(fronts)
         if not joined[number]
     ]
+
+
+def parents(fronts: list[Front], columns: int) -> tuple[Columns, Columns]:
+    """The front that eliminates each column, and the parent of each front or -1.
+
+    Parameters
+    ----------
+    fronts : list of Front
+        Each after all that update it.
+    columns : int
+    """
+    home = np.zeros(columns, np.int64)
+    for number, front in enumerate(fronts):
+        home[front.pivots] = number
+    above = [int(home[f.update].min()) if f.update.size else -1 for f in fronts]
+    return home, np.array(above, np.int64)
 
 
 def front_seconds(pivots: int, updates: int) -> float:

@@ -20,19 +20,24 @@ S. Mehrotra, On the implementation of a primal-dual interior point method, SIAM 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .fronts import FrontFactor, Fronts
+from .kernels import OutOfTime
 from .numbers import Numbers
-from .progress import Iterate, Iteration, Outcome, Settings, judge, verdict
+from .progress import Iterate, Iteration, Outcome, Settings, gap, judge, verdict, wants_repair
+from .repair import Repair, safe_value
 from .tree import Factor
 
 __all__ = ["minimise"]
 
 Reals = NDArray[np.float64]
-_ROUGH, _EXACT = 1e-5, 1e-12  # residuals of linear solves for predictor and corrector
+_ROUGH, _EXACT = 1e-5, 1e-12  # range of residuals of linear solves for the corrector
+_SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
+_EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
 
 
@@ -60,7 +65,7 @@ class _Newton:
 
     numbers: Numbers
     settings: Settings
-    factor: Factor
+    factor: Factor | FrontFactor
     inverse: Reals
     z: Reals
     residuals: _Residuals
@@ -74,11 +79,16 @@ class _Newton:
         if correction is not None:
             fixed = fixed - correction
         right = self.residuals.dual - n.Ct @ (fixed - self.moved)
-        accuracy = _ROUGH if correction is None else _EXACT
+        accuracy = np.inf if correction is None else self._needed(right)
         dy, dw = self._solve(right, self.residuals.equal, accuracy)
         ds = self.residuals.cone - n.C @ dy
         dz = fixed - cone.sandwich(self.inverse, ds, self.z)
         return Iterate(dy, ds, dz, dw)
+
+    def _needed(self, right: Reals) -> float:
+        """The accuracy that leaves a dual residual well below the gap that is left."""
+        allowed = _SPARED * self.mu * self.numbers.cone.degree / max(right.size, 1)
+        return float(min(_ROUGH, max(_EXACT, allowed / np.abs(right).max(initial=1e-300))))
 
     def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, Reals]:
         """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy."""
@@ -89,6 +99,8 @@ class _Newton:
         for _ in range(self.settings.refinements + 1):
             step = self.factor.solve(first + n.Et @ (second / delta))
             new_y, new_w = dy + step, dw + (n.E @ step - second) / delta
+            if np.isinf(accuracy):
+                return new_y, new_w
             first = h - self._apply(new_y) - n.Et @ new_w
             second = equal - n.E @ new_y
             error = np.abs(first).max(initial=0.0) / size + np.abs(second).max(initial=0.0)
@@ -129,9 +141,11 @@ def minimise(
     point = start or _cold_start(numbers)
     fixed = numbers.fixed_entries(1.0 / settings.penalty)
     log: list[Iteration] = []
-    best = point
+    best, early = point, None
     step = (1.0, 0.0, 0.0)
-    factor = Factor(numbers.symbolic.tree)
+    tree = numbers.symbolic.tree
+    factor = FrontFactor(tree) if isinstance(tree, Fronts) else Factor(tree)
+    repair = Repair(numbers, deadline)
     while True:
         residuals = _residuals(numbers, point)
         log.append(_measure(numbers, point, residuals, step))
@@ -140,16 +154,23 @@ def minimise(
         status, detail = judge(numbers, settings, log, point, target)
         if not status and deadline is not None and time.process_time() > deadline:
             status, detail = verdict(numbers, settings, log), "time limit"
+        if wants_repair(numbers, settings, log) or detail in ("rounding", "no progress"):
+            new = _repaired(numbers, log, point, repair)
+            if new is not None and (status or gap(numbers, log) < settings.gap):
+                best = point = new
+                status, detail = verdict(numbers, settings, log), "repaired"
         if status:
             break
+        if len(log) == 1 + _EARLY:
+            early = point
         clock.charge("rest")
         try:
             root_s = numbers.cone.inverse_factor(point.s)
             root_z = numbers.cone.inverse_factor(point.z)
             inverse = numbers.cone.inverse(root_s)
             clock.charge("inverses")
-            _factorize(numbers, factor, fixed, inverse, point.z, settings, clock)
-        except np.linalg.LinAlgError as error:
+            _factorize(numbers, factor, fixed, inverse, point.z, settings, clock, deadline)
+        except (np.linalg.LinAlgError, OutOfTime) as error:
             status, detail = verdict(numbers, settings, log), str(error)
             break
         moved = numbers.cone.sandwich(inverse, residuals.cone, point.z)
@@ -159,25 +180,44 @@ def minimise(
             status, detail = verdict(numbers, settings, log), "steps too short"
             break
     ended = Iterate(point.y, point.s, best.z, best.w)
-    return Outcome(status, detail, ended, tuple(log), clock.seconds)
+    return Outcome(status, detail, ended, tuple(log), clock.seconds, early)
+
+
+def _repaired(
+    numbers: Numbers,
+    log: list[Iteration],
+    point: Iterate,
+    repair: Repair,
+) -> Iterate | None:
+    """The point with repaired multipliers, and its safe value in the log, if that is the best."""
+    try:
+        new = repair(point)
+    except OutOfTime:
+        return None
+    safe = safe_value(numbers, new)
+    if safe <= max(line.safe for line in log):
+        return None
+    log[-1] = replace(log[-1], safe=safe)
+    return new
 
 
 def _factorize(
     numbers: Numbers,
-    factor: Factor,
+    factor: Factor | FrontFactor,
     fixed: Reals,
     inverse: Reals,
     z: Reals,
     settings: Settings,
     clock: _Clock,
+    deadline: float | None,
 ) -> None:
     """Assemble and factorize, with larger regularisation where a pivot fails."""
     for attempt in range(_ATTEMPTS):
         np.copyto(factor.entries, fixed)
-        numbers.add_newton(factor.entries, inverse, z)
+        numbers.add_newton(factor.entries, inverse, z, deadline)
         clock.charge("assembly")
         try:
-            factor.refactor(settings.regularisation * 1e3**attempt)
+            factor.refactor(settings.regularisation * 1e3**attempt, deadline)
             return
         except np.linalg.LinAlgError:
             if attempt == _ATTEMPTS - 1:

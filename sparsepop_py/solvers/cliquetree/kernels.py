@@ -7,15 +7,58 @@ built from products by halving.
 
 from __future__ import annotations
 
+import time
+from importlib import import_module
+from types import ModuleType
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-__all__ = ["cholesky", "largest_step", "lower_inverse", "symmetric", "transposed"]
+__all__ = [
+    "OutOfTime",
+    "check",
+    "cholesky",
+    "compiled_kernels",
+    "largest_step",
+    "lower_inverse",
+    "symmetric",
+    "transposed",
+]
 
 Reals = NDArray[np.float64]
 _SLIGHTLY_LESS = 1.0 - 1e-9
 _LARGE = 64  # size from which LAPACK runs matrix by matrix
+
+
+class OutOfTime(Exception):
+    """The CPU time of a solve ended inside an iteration."""
+
+
+def check(deadline: float | None) -> None:
+    """Look at the clock between two pieces of work.
+
+    Raises
+    ------
+    OutOfTime
+        If the CPU time ``deadline`` is past.
+    """
+    if deadline is not None and time.process_time() > deadline:
+        raise OutOfTime("time limit")
+
+
+def compiled_kernels() -> ModuleType:
+    """The kernels that numba compiles.
+
+    Raises
+    ------
+    ImportError
+        If numba is missing or cannot keep its machine code.
+    """
+    try:
+        return import_module(".compiled", __package__)
+    except RuntimeError as error:  # numba finds no place for its cache
+        raise ImportError(str(error)) from error
 
 
 def transposed(matrices: Reals) -> Reals:

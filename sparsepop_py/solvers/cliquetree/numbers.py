@@ -13,12 +13,22 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from ...conic import ConicProgram
-from .kernels import cholesky, largest_step, lower_inverse, symmetric, transposed
-from .symbolic import Assembly, BlockStack, Symbolic
+from .assembly import BlockPairs, PairProduct, StackProduct
+from .kernels import (
+    cholesky,
+    compiled_kernels,
+    largest_step,
+    lower_inverse,
+    symmetric,
+    transposed,
+)
+from .layout import BlockStack
+from .symbolic import Symbolic
 
 __all__ = ["Cone", "Numbers"]
 
 Reals = NDArray[np.float64]
+_SLIGHTLY_LESS = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +42,14 @@ class Cone:
         Where the linear rows begin.
     linear : int
         Number of linear rows.
+    pairs : BlockPairs, optional
+        All blocks for the compiled kernels, if these are to be used.
     """
 
     stacks: tuple[BlockStack, ...]
     entries: int
     linear: int
+    pairs: BlockPairs | None = None
 
     @property
     def degree(self) -> int:
@@ -59,9 +72,16 @@ class Cone:
             If x is not in the interior of the cone.
         """
         result = np.empty_like(x)
-        for s in self.stacks:
-            factor = cholesky(x[s.span].reshape(s.shape))
-            lower_inverse(factor, result[s.span].reshape(s.shape))
+        if self.pairs is not None:
+            if (
+                compiled_kernels().inverse_factors(x, self.pairs.start, self.pairs.size, result)
+                >= 0
+            ):
+                raise np.linalg.LinAlgError("a block is not positive definite")
+        else:
+            for s in self.stacks:
+                factor = cholesky(x[s.span].reshape(s.shape))
+                lower_inverse(factor, result[s.span].reshape(s.shape))
         tail = x[self.entries :]
         if tail.size and not tail.min() > 0.0:
             raise np.linalg.LinAlgError("a linear row is not positive")
@@ -88,20 +108,18 @@ class Cone:
 
     def largest_step(self, factor: Reals, direction: Reals, limit: float, roughly: bool) -> float:
         """The largest a <= limit that keeps x + a d in the cone, x by its inverse factor."""
-        for s in self.stacks:
-            inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
-            limit = largest_step(inverse, change, limit, roughly)
+        if self.pairs is not None:
+            at, sizes = self.pairs.start, self.pairs.size
+            limit = _SLIGHTLY_LESS * compiled_kernels().largest_step(
+                factor, direction, at, sizes, limit
+            )
+        else:
+            for s in self.stacks:
+                inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
+                limit = largest_step(inverse, change, limit, roughly)
         ratio = direction[self.entries :] * factor[self.entries :] ** 2
         least = float(ratio.min(initial=0.0))
         return -1.0 / least if least * limit < -1.0 else limit
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Product:
-    """The two sparse factors of one assembly."""
-
-    left: sps.csr_array
-    right: sps.csr_array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +159,7 @@ class Numbers:
     e: Reals
     scale: Reals
     data: Reals
-    products: tuple[_Product, ...]
+    products: tuple[StackProduct | PairProduct, ...]
 
     @staticmethod
     def of(program: ConicProgram, symbolic: Symbolic) -> Numbers:
@@ -163,9 +181,10 @@ class Numbers:
         scaled = sps.csc_array((data, program.A.indices, program.A.indptr), shape=program.A.shape)
         E = scaled.tocsr()[:zero]
         unit = float(np.abs(program.q).max(initial=0.0)) or 1.0
+        compiled = next((a for a in symbolic.assemblies if isinstance(a, BlockPairs)), None)
         return Numbers(
             symbolic,
-            Cone(layout.stacks, layout.entries, linear),
+            Cone(layout.stacks, layout.entries, linear, compiled),
             program.q / unit,
             unit,
             program.offset / unit,
@@ -177,7 +196,7 @@ class Numbers:
             right[:zero],
             scale,
             data,
-            tuple(_product(assembly, C.data) for assembly in symbolic.assemblies),
+            tuple(assembly.bound(C.data) for assembly in symbolic.assemblies),
         )
 
     def fixed_entries(self, weight: float) -> Reals:
@@ -187,16 +206,18 @@ class Numbers:
         np.add.at(entries, pairs.place, weight * self.data[pairs.left] * self.data[pairs.right])
         return entries
 
-    def add_newton(self, entries: Reals, inverse: Reals, dual: Reals) -> None:
-        """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts."""
-        for assembly, product in zip(self.symbolic.assemblies, self.products, strict=True):
-            count, size, moments = assembly.count, assembly.size, assembly.moments
-            z = dual[assembly.span].reshape(count * size, size)
-            p = inverse[assembly.span].reshape(count, size, size)
-            turned = (product.left @ z).reshape(count, size, moments * size)
-            both = (p @ turned).reshape(count, size, moments, size)
-            columns = both.transpose(0, 1, 3, 2).reshape(count * size * size, moments)
-            np.add.at(entries, assembly.place, (product.right @ columns).ravel())
+    def add_newton(
+        self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None = None
+    ) -> None:
+        """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts.
+
+        Raises
+        ------
+        OutOfTime
+            If the CPU time ``deadline`` passes.
+        """
+        for product in self.products:
+            product.add(entries, inverse, dual, deadline)
         pairs = self.symbolic.linear
         place = self.symbolic.layout.place[pairs.row]
         weight = inverse[place] * dual[place]
@@ -217,16 +238,3 @@ def _row_scale(program: ConicProgram, block: NDArray[np.int64]) -> Reals:
     np.maximum.at(largest, block[program.A.indices], np.abs(program.A.data))
     scale = 1.0 / np.where(largest > 0.0, largest, 1.0)
     return scale[block]
-
-
-def _product(assembly: Assembly, data: Reals) -> _Product:
-    count, size, moments = assembly.count, assembly.size, assembly.moments
-    left = sps.csr_array(
-        (data[assembly.left_source], assembly.left_indices, assembly.left_indptr),
-        shape=(count * size * moments, count * size),
-    )
-    right = sps.csr_array(
-        (data[assembly.right_source], assembly.right_indices, assembly.right_indptr),
-        shape=(count * moments, count * size * size),
-    )
-    return _Product(left, right)

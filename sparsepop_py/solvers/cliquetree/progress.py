@@ -13,16 +13,28 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .numbers import Numbers
 
-__all__ = ["Iterate", "Iteration", "Outcome", "Settings", "better", "judge", "verdict"]
+__all__ = [
+    "Iterate",
+    "Iteration",
+    "Outcome",
+    "Settings",
+    "better",
+    "gap",
+    "judge",
+    "verdict",
+    "wants_repair",
+]
 
 Reals = NDArray[np.float64]
 _NOISE = 3e-5  # times the asked gap: what rounding leaves of sum |q|
+_ROUNDING = 0.5  # part of the gap below which complementarity is not what is missing
 _FAR = 1e3  # size of moments up to which emptiness, and from which unboundedness, is claimed
 
 
@@ -55,6 +67,8 @@ class Settings:
         Part of the way to the boundary that a step may go, and what is added to it times the
         length of the predictor.
     iterations : int
+    kernels : {"auto", "numpy", "numba"}
+        ``"auto"``: those of numba where it is installed and the program is large enough.
     """
 
     gap: float = 1e-7
@@ -69,6 +83,7 @@ class Settings:
     boundary: float = 0.9
     stretch: float = 0.06
     iterations: int = 80
+    kernels: Literal["auto", "numpy", "numba"] = "auto"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,9 +138,12 @@ class Outcome:
     ----------
     status, detail : str
     iterate : Iterate
+        The last point, with the multipliers of the highest safe value.
     log : tuple of Iteration
     seconds : dict
         CPU seconds of each phase.
+    early : Iterate, optional
+        The point after three steps: a start for nearby programs of the same pattern.
     """
 
     status: str
@@ -133,6 +151,7 @@ class Outcome:
     iterate: Iterate
     log: tuple[Iteration, ...]
     seconds: dict[str, float] = field(default_factory=dict)
+    early: Iterate | None = None
 
 
 def judge(
@@ -162,10 +181,12 @@ def judge(
     if extreme[0]:
         return extreme
     if now.primal_residual < settings.feasibility:
-        gap = _gap(numbers, log)
-        if gap < settings.gap:
+        distance = gap(numbers, log)
+        if distance < settings.gap:
             return "solved", "gap"
-        if gap < settings.accepted and _stalled(log, settings.patience // 2, settings):
+        if distance < settings.accepted and _complementarity(numbers, log) < _ROUNDING * distance:
+            return "solved", "rounding"
+        if distance < settings.accepted and _stalled(log, settings.patience // 2, settings):
             return "solved", "no progress"
     if len(log) > settings.iterations:
         return verdict(numbers, settings, log), "iteration limit"
@@ -187,17 +208,35 @@ def _extreme(numbers: Numbers, settings: Settings, now: Iteration, at: Iterate) 
     return "", ""
 
 
-def _gap(numbers: Numbers, log: list[Iteration]) -> float:
+def gap(numbers: Numbers, log: list[Iteration]) -> float:
     """Distance of q'y and the best safe value, relative to what can be asked for.
 
     That is max(1, |q'y + offset|) in the program's units, or a part of sum |q| that rounding
     errors do not allow to resolve.
     """
+    distance = abs(log[-1].primal - max(line.safe for line in log))
+    return max(distance / _scale(numbers, log), _complementarity(numbers, log))
+
+
+def wants_repair(numbers: Numbers, settings: Settings, log: list[Iteration]) -> bool:
+    """Whether the dual residual is all that keeps the gap open."""
+    now = log[-1]
+    return (
+        now.primal_residual < settings.feasibility
+        and _complementarity(numbers, log) < settings.gap
+        and now.dual - now.safe > 0.0
+    )
+
+
+def _complementarity(numbers: Numbers, log: list[Iteration]) -> float:
+    """The gap that exact arithmetic would leave, on the same scale."""
+    return log[-1].mu * numbers.cone.degree / _scale(numbers, log)
+
+
+def _scale(numbers: Numbers, log: list[Iteration]) -> float:
     value = log[-1].primal + numbers.offset
     noise = _NOISE * float(np.abs(numbers.q).sum())
-    distance = abs(log[-1].primal - max(line.safe for line in log))
-    complementarity = log[-1].mu * numbers.cone.degree
-    return max(distance, complementarity) / max(1.0 / numbers.unit, abs(value), noise)
+    return max(1.0 / numbers.unit, abs(value), noise)
 
 
 def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
@@ -222,10 +261,10 @@ def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
 
 def verdict(numbers: Numbers, settings: Settings, log: list[Iteration]) -> str:
     """What to call a solve that cannot go on."""
-    gap = _gap(numbers, log)
-    if log[-1].primal_residual > settings.loose or gap > settings.loose:
+    distance = gap(numbers, log)
+    if log[-1].primal_residual > settings.loose or distance > settings.loose:
         return "failed"
-    return "solved" if gap < settings.accepted else "almost"
+    return "solved" if distance < settings.accepted else "almost"
 
 
 def better(first: Outcome, second: Outcome) -> Outcome:

@@ -13,126 +13,23 @@ J. W. H. Liu, The multifrontal method for sparse matrix solution, SIAM Review 34
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...conic import Cones, ConicProgram
+from ...conic import ConicProgram
+from .assembly import Assembly, BlockPairs, RowPairs, block_pairs, row_pairs, stacked
 from .elimination import amalgamate, eliminate, maximal
-from .tree import Tree, plant, predicted_seconds
+from .fronts import Fronts, line_up
+from .layout import Layout, lay_out
+from .tree import Tree, plant
 
-__all__ = ["Assembly", "BlockStack", "Layout", "RowPairs", "Symbolic", "analyse", "pattern_key"]
+__all__ = ["Symbolic", "analyse", "numpy_seconds", "pattern_key"]
 
 Indices = NDArray[np.int64]
-_SLACKS = (2.0,)  # elimination orders that are tried
-_CHUNK = 2**16  # doubles that the temporary products of one assembly may take
-
-
-@dataclass(frozen=True, slots=True)
-class BlockStack:
-    """Semidefinite blocks of one size in the vector of all matrix entries.
-
-    Parameters
-    ----------
-    size, count : int
-    start : int
-        Where the (count, size, size) entries begin.
-    """
-
-    size: int
-    count: int
-    start: int
-
-    @property
-    def span(self) -> slice:
-        """The entries of all these blocks."""
-        return slice(self.start, self.start + self.count * self.size**2)
-
-    @property
-    def shape(self) -> tuple[int, int, int]:
-        """(count, size, size)."""
-        return self.count, self.size, self.size
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Layout:
-    """Matrices written out in full, and the linear map from moments to their entries.
-
-    Parameters
-    ----------
-    stacks : tuple of BlockStack
-    entries : int
-        Matrix entries of all blocks; the linear rows follow them.
-    place, mirror : (R,) int
-        Entry of each row of the program and the mirrored entry; -1 for zero rows.
-    block : (R,) int
-        Zero rows, linear rows and blocks are numbered in turn.
-    source : (N,) int
-        The nonzero of the program behind each nonzero of the entry matrix, by rows.
-    indices, indptr : int arrays
-        Pattern of the entry matrix.
-    """
-
-    stacks: tuple[BlockStack, ...]
-    entries: int
-    place: Indices
-    mirror: Indices
-    block: Indices
-    source: Indices
-    indices: Indices
-    indptr: Indices
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Assembly:
-    """Blocks of one size whose matrices A_p' (P x Z) A_q are formed together.
-
-    Parameters
-    ----------
-    span : slice
-        Their entries.
-    count, size, moments : int
-        Blocks K, their size s, and moments C of each (the largest number of them).
-    left_source, left_indices, left_indptr : int arrays
-        The matrix (K s C, K s) that takes Z to all A_p Z: numbers in the entry matrix, pattern.
-    right_source, right_indices, right_indptr : int arrays
-        The matrix (K C, K s s) of inner products with all A_q.
-    place : (K C C,) int
-        Where the results are added among the entries of all fronts.
-    """
-
-    span: slice
-    count: int
-    size: int
-    moments: int
-    left_source: Indices
-    left_indices: Indices
-    left_indptr: Indices
-    right_source: Indices
-    right_indices: Indices
-    right_indptr: Indices
-    place: Indices
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RowPairs:
-    """Products a_rp a_rq of zero rows or of linear rows, and where they are added.
-
-    Parameters
-    ----------
-    left, right : (P,) int
-        Nonzeros of the program.
-    row : (P,) int
-        Row of the program.
-    place : (P,) int
-    """
-
-    left: Indices
-    right: Indices
-    row: Indices
-    place: Indices
+_SHALLOW, _LEAN = 2.0, 1.5  # slack of elimination orders for stacks and for single fronts
+_ITERATIONS = 20  # of a usual solve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,18 +42,24 @@ class Symbolic:
         Digest of the pattern; programs with the same key share this object.
     moments : int
     layout : Layout
-    assemblies : tuple of Assembly
+    assemblies : tuple of Assembly or of one BlockPairs
     zero, linear : RowPairs
-    tree : Tree
+    tree : Tree or Fronts
+        Stacks of equal fronts for numpy, single fronts for compiled kernels.
     """
 
     key: bytes
     moments: int
     layout: Layout
-    assemblies: tuple[Assembly, ...]
+    assemblies: tuple[Assembly | BlockPairs, ...]
     zero: RowPairs
     linear: RowPairs
-    tree: Tree
+    tree: Tree | Fronts
+
+    @property
+    def compiled(self) -> bool:
+        """Whether this is for the compiled kernels."""
+        return isinstance(self.tree, Fronts)
 
 
 def pattern_key(program: ConicProgram) -> bytes:
@@ -169,145 +72,50 @@ def pattern_key(program: ConicProgram) -> bytes:
     return digest.digest()
 
 
-def analyse(program: ConicProgram) -> Symbolic:
+def numpy_seconds(program: ConicProgram) -> float:
+    """Rough seconds of a solve without compiled kernels: calls, entries, assembly of blocks."""
+    sizes = np.array(program.cones.psd, float)
+    entries, products = float((sizes**2).sum()), float((sizes**4).sum())
+    return _ITERATIONS * (2e-3 + 4e-7 * (entries + program.A.nnz) + 2.5e-9 * products)
+
+
+def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
     """Find fronts and index maps of a program, which serve all programs of its pattern.
 
     Parameters
     ----------
     program : ConicProgram
         Only the pattern of A and the cones are read.
+    compiled : bool
+        Whether for the compiled kernels.
     """
     moments = program.q.size
     row = program.A.indices.astype(np.int64)
     column = np.repeat(np.arange(moments), np.diff(program.A.indptr))
-    layout = _layout(program.cones, row, column)
+    layout = lay_out(program.cones, row, column)
     keys, local = np.unique(layout.block[row] * max(moments, 1) + column, return_inverse=True)
     owner, member = np.divmod(keys, max(moments, 1))
     first = np.searchsorted(owner, np.arange(int(layout.block.max(initial=-1)) + 2))
     local = local - first[layout.block[row]]
-    tree = _best_tree(member, first, moments)
+    tree = _tree(member, first, moments, compiled)
     spot = tree.locate(owner, member, first)
-    assemblies = tuple(_assemblies(layout, program.cones, first, spot, local, tree))
-    lines = _row_pairs(program.cones, row, first, spot, local, tree)
+    assemblies: tuple[Assembly | BlockPairs, ...]
+    if isinstance(tree, Fronts):
+        order = np.lexsort((spot, owner))
+        turned = np.empty(order.size, np.int64)
+        turned[order] = np.arange(order.size)
+        spot = spot[order]
+        local = turned[first[layout.block[row]] + local] - first[layout.block[row]]
+        assemblies = (block_pairs(layout, program.cones, first, spot, local, tree),)
+    else:
+        assemblies = tuple(stacked(layout, program.cones, first, spot, local, tree))
+    lines = row_pairs(program.cones, row, first, spot, local, tree)
     return Symbolic(pattern_key(program), moments, layout, assemblies, *lines, tree)
 
 
-def _layout(cones: Cones, row: Indices, column: Indices) -> Layout:
-    sizes = np.array(cones.psd, np.int64)
-    head = cones.zero + cones.nonnegative
-    begin = head + np.concatenate([[0], np.cumsum(sizes * (sizes + 1) // 2)]).astype(np.int64)
-    place = np.full(cones.rows, -1, np.int64)
-    mirror, block = place.copy(), np.arange(cones.rows)
-    stacks: list[BlockStack] = []
-    start = 0
-    for size in np.unique(sizes).tolist():
-        which = np.flatnonzero(sizes == size)
-        j, i = np.tril_indices(size)
-        rows = begin[which][:, None] + np.arange(i.size)
-        base = start + size * size * np.arange(which.size)[:, None]
-        place[rows], mirror[rows] = base + i * size + j, base + j * size + i
-        block[rows] = head + which[:, None]
-        stacks.append(BlockStack(size, which.size, start))
-        start += which.size * size * size
-    place[cones.zero : head] = mirror[cones.zero : head] = start + np.arange(cones.nonnegative)
-    conic = np.flatnonzero(row >= cones.zero)
-    twice = conic[place[row[conic]] != mirror[row[conic]]]
-    source = np.concatenate([conic, twice])
-    entry = np.concatenate([place[row[conic]], mirror[row[twice]]])
-    order = np.lexsort((column[source], entry))
-    indptr = np.searchsorted(entry[order], np.arange(start + cones.nonnegative + 1))
-    source = source[order]
-    return Layout(
-        tuple(stacks), start, place, mirror, block, source, column[source], indptr.astype(np.int64)
-    )
-
-
-def _best_tree(member: Indices, first: Indices, moments: int) -> Tree:
-    """The tree of the elimination order that should be fastest."""
+def _tree(member: Indices, first: Indices, moments: int, compiled: bool) -> Tree | Fronts:
+    """The elimination tree of the cliques."""
     cliques = [member[a:b] for a, b in zip(first, first[1:], strict=False)]
-    cliques = maximal(cliques, moments)
-    orders = [eliminate(cliques, moments, slack) for slack in _SLACKS]
-    trees = [plant(amalgamate(order, moments), moments) for order in orders]
-    return min(trees, key=predicted_seconds)
-
-
-def _assemblies(
-    layout: Layout, cones: Cones, first: Indices, spot: Indices, local: Indices, tree: Tree
-) -> Iterator[Assembly]:
-    """Blocks of similar numbers of moments, in chunks that fit into the cache."""
-    sizes = np.array(cones.psd, np.int64)
-    head = cones.zero + cones.nonnegative
-    for stack in layout.stacks:
-        which = head + np.flatnonzero(sizes == stack.size)
-        width = int((first[which + 1] - first[which]).max())
-        chunk = max(1, _CHUNK // max(1, width * stack.size**2))
-        for begin in range(0, stack.count, chunk):
-            some = which[begin : begin + chunk]
-            yield _assembly(layout, stack, begin, some, first, spot, local, tree)
-
-
-def _assembly(
-    layout: Layout,
-    stack: BlockStack,
-    begin: int,
-    blocks: Indices,
-    first: Indices,
-    spot: Indices,
-    local: Indices,
-    tree: Tree,
-) -> Assembly:
-    size, count = stack.size, blocks.size
-    span = slice(stack.start + begin * size**2, stack.start + (begin + count) * size**2)
-    low, high = layout.indptr[[span.start, span.stop]]
-    number = np.arange(low, high)
-    entry = np.repeat(
-        np.arange(count * size**2), np.diff(layout.indptr[span.start : span.stop + 1])
-    )
-    k, i, j = entry // size**2, entry // size % size, entry % size
-    p = local[layout.source[low:high]]
-    width = int((first[blocks + 1] - first[blocks]).max())
-    left = (k * size + i) * width + p
-    right = k * width + p
-    order = np.argsort(left, kind="stable")
-    turned = np.argsort(right, kind="stable")
-    taken = first[blocks][:, None] + np.arange(width)
-    inside = taken < first[blocks + 1][:, None]
-    taken = np.where(inside, taken, first[blocks][:, None])
-    place = tree.pairs(spot[taken], inside)
-    return Assembly(
-        span,
-        count,
-        size,
-        width,
-        number[order],
-        (k * size + j)[order],
-        np.searchsorted(left[order], np.arange(count * size * width + 1)),
-        number[turned],
-        entry[turned],
-        np.searchsorted(right[turned], np.arange(count * width + 1)),
-        place.ravel(),
-    )
-
-
-def _row_pairs(
-    cones: Cones, row: Indices, first: Indices, spot: Indices, local: Indices, tree: Tree
-) -> tuple[RowPairs, RowPairs]:
-    """Pairs of nonzeros of every zero row and of every linear row."""
-    head = cones.zero + cones.nonnegative
-    order = np.argsort(row, kind="stable")
-    begin = np.searchsorted(row[order], np.arange(head + 1))
-    length = np.diff(begin)
-    found: list[list[Indices]] = [[], [], [], []]
-    for size in np.unique(length[length > 0]).tolist():
-        rows = np.flatnonzero(length == size)
-        nonzero = order[begin[rows][:, None] + np.arange(size)]
-        at = spot[first[rows][:, None] + local[nonzero]]
-        place = tree.pairs(at, np.ones(at.shape, bool))
-        wide = (rows.size, size, size)
-        found[0].append(np.broadcast_to(nonzero[:, :, None], wide).ravel())
-        found[1].append(np.broadcast_to(nonzero[:, None, :], wide).ravel())
-        found[2].append(np.broadcast_to(rows[:, None, None], wide).ravel())
-        found[3].append(place.ravel())
-    joined = [np.concatenate([np.zeros(0, np.int64), *parts]) for parts in found]
-    equality = joined[2] < cones.zero
-    return RowPairs(*(x[equality] for x in joined)), RowPairs(*(x[~equality] for x in joined))
+    order = eliminate(maximal(cliques, moments), moments, _LEAN if compiled else _SHALLOW)
+    fronts = amalgamate(order, moments)
+    return line_up(fronts, moments) if compiled else plant(fronts, moments)

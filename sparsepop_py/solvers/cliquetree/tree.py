@@ -18,15 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .elimination import Front, front_seconds
-from .kernels import cholesky, lower_inverse, transposed
+from .elimination import Front, parents
+from .kernels import check, cholesky, lower_inverse, transposed
 
-__all__ = ["Factor", "FrontStack", "Tree", "plant", "predicted_seconds"]
+__all__ = ["Factor", "FrontStack", "Tree", "plant"]
 
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _LEAST_PIVOT = 1e-14
-_CALL = 1.2e-4  # seconds of calls a stack: rough, to compare orders by
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,10 +131,8 @@ def plant(fronts: list[Front], columns: int) -> Tree:
         Each after all that update it.
     columns : int
     """
-    front = np.zeros(columns, np.int64)
-    for number, each in enumerate(fronts):
-        front[each.pivots] = number
-    parent, level = _levels(fronts, front)
+    front, parent = parents(fronts, columns)
+    level = _levels(parent)
     sizes = np.array([[f.pivots.size, f.update.size] for f in fronts], np.int64).reshape(-1, 2)
     padded = np.stack([_rounded(sizes[:, 0]), _rounded(sizes[:, 1])], axis=1)
     key = np.column_stack([level, padded])
@@ -156,15 +153,12 @@ def plant(fronts: list[Front], columns: int) -> Tree:
     return Tree(tuple(stacks), columns, entries, sizes, int(level.max(initial=-1)) + 1, *lookup)
 
 
-def _levels(fronts: list[Front], front: Indices) -> tuple[Indices, Indices]:
-    parent = np.full(len(fronts), -1, np.int64)
-    level = np.zeros(len(fronts), np.int64)
-    for number, each in enumerate(fronts):
-        if each.update.size:
-            above = int(front[each.update].min())
-            parent[number] = above
+def _levels(parent: Indices) -> Indices:
+    level = np.zeros(parent.size, np.int64)
+    for number, above in enumerate(parent.tolist()):
+        if above >= 0:
             level[above] = max(level[above], level[number] + 1)
-    return parent, level
+    return level
 
 
 def _rounded(sizes: Indices) -> Indices:
@@ -216,12 +210,6 @@ def _stack(
     return FrontStack(pivots, size, columns, int(tree.base[which[0]]), place, padding)
 
 
-def predicted_seconds(tree: Tree) -> float:
-    """Rough seconds of a factorization, to choose an order by."""
-    fronts = sum(front_seconds(e, u) for e, u in tree.sizes.tolist())
-    return fronts + len(tree.stacks) * _CALL
-
-
 class Factor:
     """Working memory of factorizations on a tree: L^-1 (K, e, e) and F21 L^-T (K, u, e) a stack.
 
@@ -240,7 +228,7 @@ class Factor:
         self.across = [np.zeros((s.count, s.size - s.pivots, s.pivots)) for s in tree.stacks]
         self._update = np.zeros(max((s.parent.size for s in tree.stacks), default=0))
 
-    def refactor(self, regularisation: float) -> None:
+    def refactor(self, regularisation: float, deadline: float | None = None) -> None:
         """Factorize the sum of fronts in ``entries``, which is overwritten.
 
         Parameters
@@ -252,8 +240,11 @@ class Factor:
         ------
         numpy.linalg.LinAlgError
             If a pivot block is not positive definite.
+        OutOfTime
+            If the CPU time ``deadline`` passes.
         """
         for stack, inverse, across in zip(self.tree.stacks, self.inverse, self.across, strict=True):
+            check(deadline)
             self.entries[stack.padding] = 1.0
             matrix = self.entries[stack.span].reshape(stack.count, stack.size, stack.size)
             e = stack.pivots

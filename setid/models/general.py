@@ -1,0 +1,231 @@
+"""Block-structured systems: linear blocks and static maps, connected by signals.
+
+The general form (L, N) of Cerone, Razza, Regruto: [y; z] = L [u; w] with a matrix L of
+transfer functions, w = N(z) with polynomial maps N. Signals that are neither measured nor
+given are internal; every equation is one of :mod:`setid.models.equations`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ModelError
+from .declared import read_blocks, read_maps, read_normalisation
+from .equations import Equation, Initial, Transfer, channel_of
+from .lti import Form, TransferFunction
+from .maps import StaticMap
+from .wiring import Block, Wiring
+
+__all__ = ["BlockStructured", "Normalise"]
+
+Normalise = str | Mapping[str, float] | Collection[str] | None
+_PARTS = ("blocks", "maps", "inputs", "outputs", "fixed", "unit_gain", "initial", "form")
+
+
+@dataclass(frozen=True, slots=True, init=False, repr=False)
+class BlockStructured:
+    """Linear blocks s = sum of G r and static maps w = N(z), wired by names.
+
+    Parameters
+    ----------
+    linear : mapping of (target, source) to TransferFunction
+        The matrix of transfer functions, entries that are zero left out: single-input ones
+        whose names of coefficients are made from target and source. A source may be a sum
+        such as ``"u1 - w"``: one transfer function acts on it. Several sources of one target
+        add up.
+    nonlinear : mapping of target to StaticMap
+        Maps define internal signals or outputs.
+    inputs, outputs : int
+        Measured channels ``u1``, ``y1``, ...; all other names are internal signals.
+    normalise : str, mapping or collection of these, optional
+        What makes the parameters unique. ``"dcgain"``: all linear blocks at an internal
+        signal have static gain 1; ``"dcgain[y1,w]"``: this one. The name of a parameter fixes it to
+        1, a mapping such as ``{"gamma1": 2.0}`` to a number; fixed parameters are not in
+        ``parameters``.
+    initial : {"free", "zero"}
+        As for :class:`TransferFunction`.
+    form : {"auto", "direct", "partial"}
+        ``"partial"``: every static map, and every entry of a target with several
+        denominators, is an unknown signal, and rows are bilinear. ``"direct"``: maps of
+        exact signals are inserted and denominators multiplied out. ``"auto"``: direct
+        where possible.
+
+    Raises
+    ------
+    ModelError
+        Naming the entry that does not fit.
+
+    Notes
+    -----
+    Coefficients are named ``a[y1,w]1``, ``b[y1,w]0``, by lag, without brackets where there
+    is one linear block; those of maps ``gamma[w]1``, by place in the basis, without brackets
+    where there is one map.
+
+    References
+    ----------
+    V. Cerone, V. Razza, D. Regruto, "A unified framework for the identification of a
+    general class of multivariable nonlinear block-structured systems", Int. J. Robust and
+    Nonlinear Control 31 (2021).
+
+    Examples
+    --------
+    >>> from setid import TransferFunction
+    >>> from setid.models.block import BlockStructured, StaticMap
+    >>> model = BlockStructured(
+    ...     {("y1", "w"): TransferFunction(1, 1, 1), ("y1", "u2"): TransferFunction(1, 1, 1)},
+    ...     {"w": StaticMap("u1", 2)},
+    ...     inputs=2,
+    ...     normalise="gamma1",
+    ... )
+    >>> model.parameters
+    ('a[y1,w]1', 'a[y1,u2]1', 'b[y1,w]1', 'b[y1,u2]1', 'gamma2')
+    """
+
+    blocks: tuple[Block, ...]
+    maps: tuple[tuple[str, StaticMap], ...]
+    inputs: int
+    outputs: int
+    fixed: tuple[tuple[str, float], ...]
+    unit_gain: tuple[str, ...]
+    initial: Initial
+    form: Form
+
+    def __init__(
+        self,
+        linear: Mapping[tuple[str, str], TransferFunction],
+        nonlinear: Mapping[str, StaticMap],
+        inputs: int = 1,
+        outputs: int = 1,
+        normalise: Normalise = None,
+        initial: Initial = "free",
+        form: Form = "auto",
+    ) -> None:
+        if initial not in ("free", "zero"):
+            raise ModelError(f"initial: found {initial!r}, expected 'free' or 'zero'")
+        if form not in ("auto", "direct", "partial"):
+            raise ModelError(f"form: found {form!r}, expected 'auto', 'direct' or 'partial'")
+        blocks = read_blocks(linear)
+        maps = read_maps(nonlinear, blocks, (inputs, outputs), initial)
+        wiring = Wiring(blocks, maps, {})
+        fixed, gains = read_normalisation(normalise, wiring)
+        values = (blocks, maps, int(inputs), int(outputs), fixed, gains, initial, form)
+        for key, value in zip(_PARTS, values, strict=True):
+            object.__setattr__(self, key, value)
+
+    def normalised(self, normalise: Normalise) -> BlockStructured:
+        """The same structure with another normalisation (None for none).
+
+        Examples
+        --------
+        >>> import setid
+        >>> model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2)
+        >>> model.normalised("gamma1").parameters
+        ('a1', 'b1', 'gamma2')
+        """
+        fixed, gains = read_normalisation(normalise, Wiring(self.blocks, self.maps, {}))
+        return self.changed(fixed=fixed, unit_gain=gains)
+
+    def changed(self, **parts: Any) -> BlockStructured:
+        """The same structure with some fields replaced."""
+        new: BlockStructured = object.__new__(type(self))
+        for key in _PARTS:
+            object.__setattr__(new, key, parts.get(key, getattr(self, key)))
+        return new
+
+    # ---- names --------------------------------------------------------------------------
+
+    @property
+    def wiring(self) -> Wiring:
+        """Blocks, maps and fixed numbers, as equations are made from them."""
+        return Wiring(self.blocks, self.maps, dict(self.fixed))
+
+    @property
+    def every_parameter(self) -> tuple[str, ...]:
+        """Names of all coefficients, fixed ones included."""
+        return self.wiring.names
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the unknown coefficients: denominators, numerators, maps."""
+        known = {name for name, _ in self.fixed}
+        return tuple(name for name in self.every_parameter if name not in known)
+
+    @property
+    def internal(self) -> tuple[str, ...]:
+        """Names of the internal signals."""
+        found = [b.target for b in self.blocks] + [name for name, _ in self.maps]
+        return tuple(dict.fromkeys(n for n in found if channel_of(n) is None))
+
+    @property
+    def linear_blocks(self) -> dict[str, Transfer]:
+        """Coefficient names of each linear block, by its label such as ``"y1,w"``."""
+        return {b.label: self.wiring.transfer(b) for b in self.blocks}
+
+    def transfer(self, output: int = 1, input: int = 1) -> Transfer:
+        """Coefficient names of the linear block between two channels, or of the only one."""
+        target, source = f"y{output}", f"u{input}"
+        if not (1 <= output <= self.outputs and 1 <= input <= self.inputs):
+            raise ModelError(
+                f"output, input: found {output}, {input}, expected at most "
+                f"{self.outputs}, {self.inputs}, counted from 1"
+            )
+        direct = [b for b in self.blocks if b.target == target and source in dict(b.source)]
+        found = self.blocks if len(self.blocks) == 1 else direct
+        if len(found) != 1:
+            raise ModelError(
+                f"model: found {len(found)} linear blocks from {source} to {target}, expected "
+                "one; linear_blocks names them all"
+            )
+        return self.wiring.transfer(found[0])
+
+    # ---- equations ----------------------------------------------------------------------
+
+    def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
+        """Equations of all signals; maps of exact signals are inserted where form allows.
+
+        Parameters
+        ----------
+        noisy : collection of str
+            Measured signals that are not known exactly.
+
+        Raises
+        ------
+        ModelError
+            If a basis function that is no power has an argument with noise.
+        """
+        return self.wiring.equations(frozenset(noisy), self.form)
+
+    def direct(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
+        """One equation an output in measured signals alone, with products of parameters.
+
+        Empty where internal signals cannot be eliminated.
+        """
+        return self.wiring.direct(frozenset(noisy))
+
+    def regression(self) -> tuple[Equation, ...]:
+        """The direct equations where they are linear in the parameters, else none."""
+        found = self.direct()
+        return found if all(e.linear_in_parameters for e in found) else ()
+
+    def driven(self, inputs: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Samples of basis functions that are not powers, for inputs (N, nu) without noise."""
+        return self.wiring.driven(inputs)
+
+    def __repr__(self) -> str:
+        parts = [f"{b.target} = G({b.source_text})" for b in self.blocks]
+        for name, item in self.maps:
+            texts = ", ".join(item.text(m) for m in range(len(item.basis)))
+            parts.append(f"{name} = N({texts})")
+        norms = [f"{name} = {value:g}" for name, value in self.fixed]
+        norms += [f"static gain of {label} = 1" for label in self.unit_gain]
+        orders = "; ".join(f"{b.na},{b.nb},{b.nk}" for b in self.blocks)
+        norm = ", ".join(norms) or "none"
+        return (
+            f"<{type(self).__name__}: {'; '.join(parts)}; na,nb,nk = {orders}; "
+            f"normalisation: {norm}; initial: {self.initial}>"
+        )

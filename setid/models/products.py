@@ -1,0 +1,50 @@
+"""Products of unknown samples as internal signals, so that rows stay bilinear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from .equations import Equation, Lagged, term
+
+__all__ = ["cut_products"]
+
+Monomial = tuple[Lagged, ...]
+
+
+def cut_products(
+    monomial: Monomial,
+    unknown: Collection[str],
+    products: dict[str, Equation],
+    text: Callable[[Monomial], str],
+) -> Monomial:
+    """The monomial with its unknown part replaced by one internal signal.
+
+    Parameters
+    ----------
+    monomial : tuple of Lagged
+    unknown : collection of str
+        Signals that are not known exactly.
+    products : dict of str to Equation
+        Definitions so far; those that are needed are added. Signals shifted in time share
+        one definition.
+    text : callable
+        Names a monomial.
+    """
+    exact = [f for f in monomial if f.signal not in unknown]
+    rest = [f for f in monomial if f.signal in unknown]
+    if len(rest) < 2:
+        return monomial
+    prefix: Lagged = rest[0]
+    spelled = [rest[0]]
+    for factor in rest[1:]:
+        spelled.append(factor)
+        shift = min(f.lag for f in spelled)
+        shifted = tuple(Lagged(f.signal, f.lag - shift) for f in spelled)
+        name = f"p[{text(shifted)}]"
+        left = Lagged(prefix.signal, prefix.lag - shift)
+        right = Lagged(factor.signal, factor.lag - shift)
+        if name not in products:
+            terms = (term(1.0, "", Lagged(name)), term(-1.0, "", left, right))
+            products[name] = Equation(name, terms)
+        prefix = Lagged(name, shift)
+    return (*exact, prefix)

@@ -1,0 +1,120 @@
+"""Block structures without a normalisation: why they are refused, and what is provable still.
+
+A parameter that no equivalent vector changes has the same interval in every normalisation
+that all consistent vectors have a representative in. So a normalisation is looked for that
+provably excludes none: a quantity that the data prove not to be zero is set to 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .boxes import parameter_box
+from .cells import cell_box
+from .data import IOData
+from .equivalence import unidentifiable
+from .errors import ModelError
+from .formulation import formulate
+from .models.block import BlockStructured, Lure, Normalise
+from .noise import Noise
+from .priors.base import Prior
+
+__all__ = ["reference_model", "refuse"]
+
+
+def refuse(model: BlockStructured) -> None:
+    """Raise if parameters are not unique.
+
+    Raises
+    ------
+    ModelError
+        With the reason and the choices.
+    """
+    affected = unidentifiable(model)
+    if not affected:
+        return
+    raise ModelError(
+        f"normalise: found {_now(model)}, with which {', '.join(affected)} may change without "
+        f"any change of the outputs: the feasible set is unbounded. {_why(model)} Expected "
+        f"{_choices(model)}; or Options(unidentifiable='report') for proved intervals of the "
+        "other parameters"
+    )
+
+
+def _now(model: BlockStructured) -> str:
+    parts = [f"{name} = {value:g}" for name, value in model.fixed]
+    parts += [f"static gain of {label} = 1" for label in model.unit_gain]
+    return ", ".join(parts) or "none"
+
+
+def _why(model: BlockStructured) -> str:
+    if isinstance(model, Lure):
+        return (
+            "A linear part kappa*y of the map may as well belong to the linear block "
+            "(a + kappa*b, gamma1 - kappa)."
+        )
+    names = ", ".join(model.internal)
+    return f"The internal signals ({names}) have no scale: a factor may go from block to block."
+
+
+def _choices(model: BlockStructured) -> str:
+    if isinstance(model, Lure):
+        return "normalise='nolinear' (gamma1 = 0), 'gamma1' (1), {'gamma1': value} or 'dcgain'"
+    names = [n for n in model.parameters if n in unidentifiable(model)]
+    examples = " or ".join(repr(n) for n in names[:1] + names[-1:])
+    return f"normalise='dcgain' (static gain 1), or a parameter set to 1, such as {examples}"
+
+
+def reference_model(
+    data: IOData, model: BlockStructured, noise: Noise, priors: Sequence[Prior]
+) -> BlockStructured:
+    """The structure with a normalisation that every consistent vector can be brought to.
+
+    Raises
+    ------
+    ModelError
+        If none is proved to exclude no vector, or priors speak of affected parameters.
+    """
+    affected = set(unidentifiable(model))
+    for prior in priors:
+        if affected & set(prior.bounds(model)):
+            raise ModelError(
+                f"priors: found {prior.describe()}, which speaks of parameters that are not "
+                "unique without a normalisation; expected priors on the others alone"
+            )
+    if isinstance(model, Lure):
+        return _with(model, {"gamma1": 0.0})
+    formulation = formulate(data, model, noise, priors)
+    p = len(formulation.parameters)
+    start = np.array([formulation.problem.lower[:p], formulation.problem.upper[:p]])
+    rows = formulation.products
+    if rows is not None:
+        box = parameter_box(rows.regression, rows.start(start))
+        sure = (box.lower > 0) | (box.upper < 0)
+        names = [
+            formulation.parameters[i]
+            for m, s in zip(rows.monomials, sure, strict=True)
+            if s and len(m) == 2
+            for i in m
+        ]
+        for name in sorted(set(names), reverse=True):  # coefficients of the map first
+            if name in affected and not unidentifiable(_with(model, name)):
+                return _with(model, name)
+    for name in model.parameters:
+        if name in affected and not unidentifiable(_with(model, name)):
+            other = formulate(data, _with(model, name), noise, priors)
+            ends = np.array([other.problem.lower[: p - 1], other.problem.upper[: p - 1]])
+            found = cell_box(other, ends)
+            if found is not None and not found.open:
+                return _with(model, name)
+    raise ModelError(
+        "normalise: found none, and the data prove of no parameter that it is not zero, so that "
+        "each choice might exclude consistent systems; expected a normalisation"
+    )
+
+
+def _with(model: BlockStructured, choice: Normalise) -> BlockStructured:
+    parts: list[Normalise] = [dict(model.fixed), *(f"dcgain[{g}]" for g in model.unit_gain)]
+    return model.normalised([*parts, choice])  # type: ignore[list-item]

@@ -1,0 +1,314 @@
+"""Which products of blocks and rows are added where, when the Newton matrix is formed.
+
+With A_p the coefficient matrices of the moments of a block, its part of the matrix is
+<A_p, P A_q Z>. For numpy, blocks of one size are taken together in chunks that fit into the
+cache; the compiled kernel takes them one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from ...conic import Cones
+from .fronts import Fronts
+from .kernels import check, compiled_kernels
+from .layout import BlockStack, Layout
+from .tree import Tree
+
+__all__ = ["Assembly", "BlockPairs", "PairProduct", "RowPairs", "StackProduct"]
+__all__ += ["block_pairs", "row_pairs", "stacked"]
+
+Indices = NDArray[np.int64]
+Reals = NDArray[np.float64]
+_CHUNK = 2**16  # doubles that the temporary products of one assembly may take
+_WORK = 1e9  # multiplications between two looks at the clock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembly:
+    """Blocks of one size whose matrices A_p' (P x Z) A_q are formed together.
+
+    Parameters
+    ----------
+    span : slice
+        Their entries.
+    count, size, moments : int
+        Blocks K, their size s, and moments C of each (the largest number of them).
+    left_source, left_indices, left_indptr : int arrays
+        The matrix (K s C, K s) that takes Z to all A_p Z: numbers in the entry matrix, pattern.
+    right_source, right_indices, right_indptr : int arrays
+        The matrix (K C, K s s) of inner products with all A_q.
+    place : (K C C,) int
+        Where the results are added among the entries of all fronts.
+    """
+
+    span: slice
+    count: int
+    size: int
+    moments: int
+    left_source: Indices
+    left_indices: Indices
+    left_indptr: Indices
+    right_source: Indices
+    right_indices: Indices
+    right_indptr: Indices
+    place: Indices
+
+    def bound(self, data: Reals) -> StackProduct:
+        """The same with numbers: ``data`` of the entry matrix."""
+        count, size, moments = self.count, self.size, self.moments
+        left = sps.csr_array(
+            (data[self.left_source], self.left_indices, self.left_indptr),
+            shape=(count * size * moments, count * size),
+        )
+        right = sps.csr_array(
+            (data[self.right_source], self.right_indices, self.right_indptr),
+            shape=(count * moments, count * size * size),
+        )
+        return StackProduct(self, left, right)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StackProduct:
+    """The two sparse factors of one assembly."""
+
+    pattern: Assembly
+    left: sps.csr_array
+    right: sps.csr_array
+
+    def add(self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None) -> None:
+        """Add A_p' (P x Z) A_q of these blocks to the entries of all fronts."""
+        check(deadline)
+        a = self.pattern
+        count, size, moments = a.count, a.size, a.moments
+        z = dual[a.span].reshape(count * size, size)
+        p = inverse[a.span].reshape(count, size, size)
+        turned = (self.left @ z).reshape(count, size, moments * size)
+        both = (p @ turned).reshape(count, size, moments, size)
+        columns = both.transpose(0, 1, 3, 2).reshape(count * size * size, moments)
+        np.add.at(entries, a.place, (self.right @ columns).ravel())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BlockPairs:
+    """All blocks for the compiled assembly: moments, their nonzeros, places of their pairs.
+
+    Parameters
+    ----------
+    start, size : (K,) int
+        Where the entries of each block begin, and its rows.
+    member : (K + 1,) int
+        Where the moments of each block begin.
+    first : (C + 1,) int
+        Where the nonzeros of each moment of each block begin.
+    row, column : uint32 arrays
+        Of each nonzero of the lower triangle.
+    source : int array
+        Its number in the entry matrix.
+    at : (K + 1,) int
+        Where the places of each block begin.
+    place : int array
+        Places of all pairs p <= q, row by row.
+    """
+
+    start: Indices
+    size: Indices
+    member: Indices
+    first: Indices
+    row: NDArray[np.uint32]
+    column: NDArray[np.uint32]
+    source: Indices
+    at: Indices
+    place: NDArray[np.uint32] | Indices
+
+    def bound(self, data: Reals) -> PairProduct:
+        """The same with numbers: ``data`` of the entry matrix."""
+        half = np.where(self.row == self.column, 0.5, 1.0)
+        work = np.cumsum(self.size.astype(float) ** 4)
+        cuts = np.searchsorted(work, np.arange(_WORK, work[-1] if work.size else 0, _WORK))
+        ends = np.unique(np.concatenate([[0], cuts, [self.size.size]]))
+        return PairProduct(self, half * data[self.source], ends)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairProduct:
+    """The weights of all nonzeros, and ranges of blocks between which to look at the clock."""
+
+    pattern: BlockPairs
+    weight: Reals
+    ends: Indices
+
+    def add(self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None) -> None:
+        """Add A_p' (P x Z) A_q of all blocks to the entries of all fronts."""
+        b = self.pattern
+        for low, high in zip(self.ends[:-1], self.ends[1:], strict=True):
+            check(deadline)
+            some, bounds = slice(low, high), slice(low, high + 1)
+            compiled_kernels().add_blocks(
+                entries,
+                inverse,
+                dual,
+                b.start[some],
+                b.size[some],
+                b.member[bounds],
+                b.first,
+                b.row,
+                b.column,
+                self.weight,
+                b.at[bounds],
+                b.place,
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowPairs:
+    """Products a_rp a_rq of zero rows or of linear rows, and where they are added.
+
+    Parameters
+    ----------
+    left, right : (P,) int
+        Nonzeros of the program.
+    row : (P,) int
+        Row of the program.
+    place : (P,) int
+    """
+
+    left: Indices
+    right: Indices
+    row: Indices
+    place: Indices
+
+
+def block_pairs(
+    layout: Layout, cones: Cones, first: Indices, spot: Indices, local: Indices, tree: Fronts
+) -> BlockPairs:
+    """Nonzeros of each moment of each block, and the places of all pairs of its moments."""
+    head = cones.zero + cones.nonnegative
+    sizes = np.array(cones.psd, np.int64)
+    order = np.argsort(sizes, kind="stable")  # as the stacks have them
+    size = sizes[order]
+    start = np.concatenate([[0], np.cumsum(size**2)]).astype(np.int64)
+    low, high = first[head + order], first[head + order + 1]
+    member = np.concatenate([[0], np.cumsum(high - low)]).astype(np.int64)
+    entry = np.repeat(np.arange(layout.entries), np.diff(layout.indptr[: layout.entries + 1]))
+    block = np.repeat(np.arange(size.size), size**2)[entry]
+    moment = member[block] + local[layout.source[: entry.size]]
+    i, j = np.divmod(entry - start[block], size[block])
+    turned = np.argsort(moment, kind="stable")
+    turned = turned[i[turned] >= j[turned]]
+    width = high - low
+    at = np.concatenate([[0], np.cumsum(width * (width + 1) // 2)]).astype(np.int64)
+    place = np.empty(at[-1], np.uint32 if tree.entries < 2**32 else np.int64)
+    for count in np.unique(width).tolist():
+        upper = np.triu_indices(count)
+        which = np.flatnonzero(width == count)
+        step = max(1, _CHUNK // max(1, count**2))
+        for some in (which[k : k + step] for k in range(0, which.size, step)):
+            ranks = spot[low[some][:, None] + np.arange(count)]
+            found = tree.pairs(ranks, np.ones(ranks.shape, bool))[:, upper[0], upper[1]]
+            place[at[some][:, None] + np.arange(upper[0].size)] = found
+    return BlockPairs(
+        start[:-1],
+        size,
+        member,
+        np.searchsorted(moment[turned], np.arange(member[-1] + 1)),
+        i[turned].astype(np.uint32),
+        j[turned].astype(np.uint32),
+        turned,
+        at,
+        place,
+    )
+
+
+def stacked(
+    layout: Layout, cones: Cones, first: Indices, spot: Indices, local: Indices, tree: Tree
+) -> Iterator[Assembly]:
+    """Blocks of similar numbers of moments, in chunks that fit into the cache."""
+    sizes = np.array(cones.psd, np.int64)
+    head = cones.zero + cones.nonnegative
+    for stack in layout.stacks:
+        which = head + np.flatnonzero(sizes == stack.size)
+        width = int((first[which + 1] - first[which]).max())
+        chunk = max(1, _CHUNK // max(1, width * stack.size**2))
+        for begin in range(0, stack.count, chunk):
+            some = which[begin : begin + chunk]
+            yield _assembly(layout, stack, begin, some, first, spot, local, tree)
+
+
+def _assembly(
+    layout: Layout,
+    stack: BlockStack,
+    begin: int,
+    blocks: Indices,
+    first: Indices,
+    spot: Indices,
+    local: Indices,
+    tree: Tree,
+) -> Assembly:
+    size, count = stack.size, blocks.size
+    span = slice(stack.start + begin * size**2, stack.start + (begin + count) * size**2)
+    low, high = layout.indptr[[span.start, span.stop]]
+    number = np.arange(low, high)
+    entry = np.repeat(
+        np.arange(count * size**2), np.diff(layout.indptr[span.start : span.stop + 1])
+    )
+    k, i, j = entry // size**2, entry // size % size, entry % size
+    p = local[layout.source[low:high]]
+    width = int((first[blocks + 1] - first[blocks]).max())
+    left = (k * size + i) * width + p
+    right = k * width + p
+    order = np.argsort(left, kind="stable")
+    turned = np.argsort(right, kind="stable")
+    taken = first[blocks][:, None] + np.arange(width)
+    inside = taken < first[blocks + 1][:, None]
+    taken = np.where(inside, taken, first[blocks][:, None])
+    place = tree.pairs(spot[taken], inside)
+    return Assembly(
+        span,
+        count,
+        size,
+        width,
+        number[order],
+        (k * size + j)[order],
+        np.searchsorted(left[order], np.arange(count * size * width + 1)),
+        number[turned],
+        entry[turned],
+        np.searchsorted(right[turned], np.arange(count * width + 1)),
+        place.ravel(),
+    )
+
+
+def row_pairs(
+    cones: Cones,
+    row: Indices,
+    first: Indices,
+    spot: Indices,
+    local: Indices,
+    tree: Tree | Fronts,
+) -> tuple[RowPairs, RowPairs]:
+    """Pairs of nonzeros of every zero row and of every linear row."""
+    head = cones.zero + cones.nonnegative
+    order = np.argsort(row, kind="stable")
+    begin = np.searchsorted(row[order], np.arange(head + 1))
+    length = np.diff(begin)
+    found: list[list[Indices]] = [[], [], [], []]
+    for size in np.unique(length[length > 0]).tolist():
+        rows = np.flatnonzero(length == size)
+        nonzero = order[begin[rows][:, None] + np.arange(size)]
+        at = spot[first[rows][:, None] + local[nonzero]]
+        ascending = np.argsort(at, axis=1)
+        at, nonzero = (np.take_along_axis(x, ascending, axis=1) for x in (at, nonzero))
+        place = tree.pairs(at, np.ones(at.shape, bool))
+        wide = (rows.size, size, size)
+        found[0].append(np.broadcast_to(nonzero[:, :, None], wide).ravel())
+        found[1].append(np.broadcast_to(nonzero[:, None, :], wide).ravel())
+        found[2].append(np.broadcast_to(rows[:, None, None], wide).ravel())
+        found[3].append(place.ravel())
+    joined = [np.concatenate([np.zeros(0, np.int64), *parts]) for parts in found]
+    equality = joined[2] < cones.zero
+    return RowPairs(*(x[equality] for x in joined)), RowPairs(*(x[~equality] for x in joined))

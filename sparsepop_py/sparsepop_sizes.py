@@ -1,0 +1,200 @@
+"""The SDP behind a call of ``sparsePOP``: its data, sizes, solution and solver's report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from . import monomials
+from .condense import Condensed, condensed
+from .conic import ConicProgram, ConicSolution, assemble
+from .monomials import Words
+from .presolve.scaling import Scaled, Scaling
+from .relaxation import Relaxation
+from .result import Result, Status
+from .rounding import Interval
+from .sedumi import SeDuMi, dimacs_errors, full_columns
+from .sparsepop_output import SDPInfo, SolverInfo
+
+__all__ = ["BuiltSDP", "sizes_of", "solver_info"]
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltSDP:
+    """The program that was solved, in the form in which the solver had it.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+    program : ConicProgram
+    solution : ConicSolution or None
+        Of that program.
+    moments : (M,) int
+        Which moments of the relaxation are left.
+    scaled : Scaled or None
+        With the plain relaxation.
+    scale : (M,) float
+        Moment of the program = scale * moment of the relaxation.
+    """
+
+    relaxation: Relaxation
+    program: ConicProgram
+    solution: ConicSolution | None
+    moments: NDArray[np.int64]
+    scaled: Scaled | None
+    scale: NDArray[np.float64]
+
+    @staticmethod
+    def of(result: Result) -> BuiltSDP | None:
+        """The last SDP behind a result, None without one."""
+        relaxation, solution = result.relaxation, result.solution
+        if relaxation is None:
+            return None
+        switches, objective = result.options.switches, relaxation.problem.objective
+        if switches is None:
+            program = assemble(relaxation, objective)
+            count = program.q.size
+            return BuiltSDP(relaxation, program, solution, np.arange(count), None, np.ones(count))
+        problem = result.problem
+        scaling = Scaling.without_shift(Interval(problem.lower, problem.upper))
+        scaled = Scaled.of(problem, scaling, (problem.objective,), whole=True)
+        small = condensed(relaxation, scaled, switches.perturbed(objective), switches)
+        return BuiltSDP(
+            relaxation,
+            small.program,
+            _reduced(small, solution),
+            small.moments,
+            scaled,
+            small.moment_scale,
+        )
+
+    @property
+    def words(self) -> Words:
+        """The monomials of the moments."""
+        return self.relaxation.moments[self.moments]
+
+    def first_moments(self) -> NDArray[np.float64] | None:
+        """The point of the moments of degree one; None without such a solution."""
+        known = self.solution is not None and self.solution.status in ("solved", "almost")
+        if self.scaled is None or self.solution is None or not known:
+            return None
+        n = self.relaxation.problem.dimension
+        letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
+        place = monomials.lookup(letters, self.words, n)
+        fixed = self.scaled.scaling.scale == 0
+        if np.any((place < 0) & ~fixed):
+            return None
+        y = np.append(self.solution.y / self.scale, 0.0)  # the last for those that are fixed
+        return self.scaled.scaling.point(np.where(fixed, 0.0, y[place]))
+
+    def map(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """For each variable the moment (from 1) that is it, -1 for none, a scale and a shift."""
+        n = self.relaxation.problem.dimension
+        letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
+        place = monomials.lookup(letters, self.words, n)
+        if self.scaled is None:
+            return np.where(place < 0, -1, place + 1), np.ones(n), np.zeros(n)
+        scaling = self.scaled.scaling
+        unit = np.append(self.scale, 1.0)[place]
+        moment = np.where(place < 0, -1, place + 1)
+        return moment, scaling.scale / unit, scaling.centre
+
+
+def _reduced(small: Condensed, solution: ConicSolution | None) -> ConicSolution | None:
+    return None if solution is None else small.reduced(solution)
+
+
+def sizes_of(result: Result, built: BuiltSDP | None) -> SDPInfo:
+    """``SDPinfo``: sizes, data and solution of the SDP."""
+    problem = result.problem
+    fixed = np.flatnonzero(problem.lower == problem.upper)
+    all_fixed = fixed.size == problem.dimension
+    sign = -1.0 if problem.sense == "max" else 1.0
+    info = SDPInfo(
+        *(0, 0, 0, 0, 0, (), ()),
+        _infeasible_switch(result, all_fixed),
+        sign * problem.objective.constant_term,
+        problem.dimension,
+        problem.dimension - fixed.size,
+        np.stack([fixed + 1.0, problem.lower[fixed]], axis=1),
+        2 if all_fixed else 0,
+    )
+    if built is None:
+        return info
+    program, cones = built.program, built.program.cones
+    spread = full_columns(cones)
+    weight = np.bincount(spread.indices, minlength=cones.rows)  # columns of each row
+    smaller = cones.rows < built.relaxation.rows
+    info = replace(
+        info,
+        rowSizeA=program.q.size,
+        colSizeA=spread.shape[0],
+        nonzerosInA=int(weight[program.A.indices].sum()),
+        noOfFreevar=cones.zero,
+        noOfLPvariables=cones.nonnegative,
+        SDPblock=tuple(cones.psd),
+        reduceAMatSW=2 if all_fixed else int(smaller),
+        xIdxVec=monomials.to_exponents(built.words, problem.dimension),
+    )
+    if built.solution is not None:
+        weighted = spread @ built.solution.z
+        info = replace(info, y=built.solution.y, x=weighted)
+    switches = result.options.switches
+    if built.scaled is None or switches is None:
+        return info
+    size = built.scaled.objective_sizes[0] if switches.scaled else 1.0
+    return replace(_with_data(info, built, fixed), objValScale=size)
+
+
+def _with_data(info: SDPInfo, built: BuiltSDP, fixed: NDArray[np.int64]) -> SDPInfo:
+    """Data of the plain relaxation, and the map from its moments to the variables."""
+    assert built.scaled is not None
+    _, scale, shift = built.map()
+    open_ = np.setdiff1d(np.arange(scale.size), fixed)
+    entries = (scale[open_], (open_, np.arange(open_.size)))
+    whole = SeDuMi.of(built.program)
+    return replace(
+        info,
+        Amat=sps.csc_array(entries, shape=(scale.size, open_.size)),
+        bVect=shift,
+        SeDuMiA=whole.A,
+        SeDuMib=whole.b,
+        SeDuMic=whole.c,
+        SeDuMiK=whole.K,
+    )
+
+
+def _infeasible_switch(result: Result, all_fixed: bool) -> float:
+    if all_fixed and result.status is Status.INFEASIBLE:
+        return 2.0
+    if all_fixed and result.attained is not None:
+        return -2.0
+    if result.solution is None:
+        return 1.0 if result.status is Status.INFEASIBLE else 0.0
+    return 0.5 if result.solution.status in ("infeasible", "unbounded") else 0.0
+
+
+def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
+    """``SDPsolverInfo``: what the solver reported; NaN where it was not asked to solve."""
+    if not asked:
+        nothing = float("nan")
+        return SolverInfo("", 0, 0, nothing, nothing, 0.0, None, None, "no SDP was to be solved")
+    if built is None or built.solution is None:
+        return SolverInfo("", 0, 0, 0, 0, 0.0, None, None, "no SDP was solved")
+    solution = built.solution
+    return SolverInfo(
+        solution.solver,
+        solution.iterations,
+        0 if solution.status in ("solved", "infeasible", "unbounded") else 1,
+        int(solution.status == "unbounded"),
+        int(solution.status == "infeasible"),
+        solution.seconds,
+        None,
+        solution.residual,
+        solution.detail,
+        (0.0, solution.seconds, 0.0),
+        dimacs_errors(built.program, solution),
+    )

@@ -1,0 +1,284 @@
+"""The relaxation of Waki, Kim, Kojima and Muramatsu as SparsePOP builds it, switch by switch.
+
+With cliques C_1, ..., C_p and an order d, the sum-of-squares side is
+
+    f - gamma = sum_l sigma_l + sum_k sigma_k g_k + sum_j lambda_j h_j,
+
+sigma_l a sum of squares of polynomials of degree d in the variables of C_l; sigma_k one of
+degree d - ceil(deg g_k / 2) and lambda_j a polynomial of degree 2 (d - ceil(deg h_j / 2)), in
+the variables of the cliques that cover the constraint, merged as far as is allowed. Each
+finite bound of a variable is such a g_k. Bounds of the moments themselves may be added.
+Equations with at most two terms, of the kinds that are chosen, are not multiplied but
+substituted: their monomials leave all bases, and :mod:`sparsepop_py.condense` solves the rows
+that remain of them. A fractional order gives matrices of the whole order below it, and
+equations multipliers up to the degree floor(2 (d - ceil(deg h / 2))).
+
+References
+----------
+H. Waki, S. Kim, M. Kojima, M. Muramatsu, Sums of squares and semidefinite program
+relaxations for polynomial optimization problems with structured sparsity, SIAM J. Optim.
+17 (2006) 218-242.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import generators, monomials
+from .basis import clique_bases
+from .blocks import BlockGroup, Blocks, matrix_blocks, ragged, row_monomials, stacked_groups
+from .errors import ProblemError
+from .generators import Generators
+from .moment_bounds import moment_bounds
+from .newton import consistent_bases
+from .polynomial import Polynomial
+from .problem import Problem
+from .relaxation import Relaxation, conic_rows, least_order
+from .sparsity import Cliques
+from .substitution import KINDS, Rules
+from .system import PolynomialSystem
+
+__all__ = ["Switches", "plain_relaxation"]
+
+
+@dataclass(frozen=True)
+class Switches:
+    """What may be chosen of the plain relaxation; the defaults are SparsePOP's.
+
+    Parameters
+    ----------
+    order : float, optional
+        Relaxation order, raised to the least legal one.
+    merge : float
+        Cliques that cover a constraint are merged while the union has at most this many
+        times the variables of the largest clique (``multiCliquesFactor``).
+    scaled : bool
+        Solve the program in scaled variables and rows (``scalingSW``).
+    moment_bounds : {0, 1, 2}
+        No bounds of moments of degree two and more, all, or those that are not redundant
+        (``boundSW``).
+    consistent : bool
+        Drop monomials whose squares nothing can match (``reduceMomentMatSW``).
+    substituted : tuple of str
+        Equations to substitute: ``"square"`` x^2 = c, ``"binary"`` x^2 = c x, ``"fixed"``
+        x = c, ``"zero"`` x y = 0.
+    independent : bool
+        Drop equations of the program that have become empty (``reduceAMatSW``).
+    perturbation : float
+        Largest random change of each linear coefficient of the scaled objective. The
+        multipliers found are certified for the objective as given.
+
+    Raises
+    ------
+    ProblemError
+        If a value is outside its range.
+    """
+
+    order: float | None = None
+    merge: float = 1.0
+    scaled: bool = True
+    moment_bounds: int = 2
+    consistent: bool = True
+    substituted: tuple[str, ...] = ("square", "binary", "fixed")
+    independent: bool = True
+    perturbation: float = 0.0
+
+    def __post_init__(self) -> None:
+        if any(kind not in KINDS for kind in self.substituted):
+            raise ProblemError(
+                f"Switches.substituted: found {self.substituted!r}, expected some of "
+                + ", ".join(KINDS)
+            )
+        if self.moment_bounds not in (0, 1, 2):
+            raise ProblemError(
+                f"Switches.moment_bounds: found {self.moment_bounds!r}, expected 0, 1 or 2"
+            )
+        for name in ("merge", "perturbation"):
+            if not getattr(self, name) >= 0:
+                raise ProblemError(
+                    f"Switches.{name}: found {getattr(self, name)!r}, expected a number >= 0"
+                )
+
+    def perturbed(self, objective: Polynomial) -> Polynomial:
+        """The objective with its random linear part, which is the same in every run."""
+        if not self.perturbation:
+            return objective
+        n = objective.dimension
+        part = self.perturbation * (2.0 * np.random.RandomState(2008).random_sample(n) - 1.0)
+        letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
+        return objective + Polynomial.from_words(letters, part, n)
+
+
+def plain_relaxation(
+    problem: Problem,
+    cliques: Cliques,
+    objectives: Sequence[Polynomial],
+    switches: Switches,
+) -> Relaxation:
+    """Build the relaxation.
+
+    Parameters
+    ----------
+    problem : Problem
+        Scaled without a shift; rows that repeat bounds included.
+    cliques : Cliques
+    objectives : sequence of Polynomial
+        All objectives that the relaxation must be able to carry.
+    switches : Switches
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y - x - y, [x + y <= 1.5], 0, 1)
+    >>> relaxation = plain_relaxation(problem, sp.find_cliques(problem), (), Switches(order=2))
+    >>> dict(relaxation.block_sizes), relaxation.moments.shape[0]
+    ({1: 3, 3: 6}, 9)
+    """
+    n = problem.dimension
+    least = least_order(problem, objectives)
+    order = max(float(switches.order or least), float(least))
+    fixed = problem.lower == problem.upper
+    rules = Rules.of(problem, switches.substituted)
+    system = generators.stacked(problem, np.zeros((0, 2), np.int64))
+    binary = rules.binary(problem)
+    blocks = _multiplied(problem, cliques, system, rules, order, switches.merge)
+    asked = [f.words for f in (problem.objective, *objectives)]
+    members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
+    moment = clique_bases(members, np.arange(len(members)), int(order))
+    plain = [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
+    moment = [(block.clique, block.basis) for block in rules.normal(plain)]
+    if switches.consistent:
+        held = [row_monomials(group, system) for group in stacked_groups(blocks)] + asked
+        # variables stay, so that every solution has first moments
+        moment = consistent_bases(moment, held, n, rules.rewritten, 2)
+    blocks += [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
+    groups = stacked_groups([block for block in blocks if block.size])
+    words, _ = conic_rows(groups, system, asked, n)
+    blocks += rules.rows(words, n)
+    groups = stacked_groups([block for block in blocks if block.size])
+    words, _ = conic_rows(groups, system, asked, n)
+    normal = words[~rules.divides(words) & (monomials.degrees(words) > 1)]
+    ends = np.where(binary, -np.inf, problem.lower), np.where(binary, np.inf, problem.upper)
+    rows = moment_bounds(problem, ends, normal, groups, switches.moment_bounds)
+    if rows.size:
+        number, alone = np.arange(rows.size), np.zeros((rows.size, 1, 1), np.int32)
+        extra = BlockGroup(False, system.size + number, number * 0, alone)
+        free = [g for g in groups if g.free]
+        groups = (*free, extra, *(g for g in groups if not g.free))
+        system = _joined(system, rows)
+    moments, entries = conic_rows(groups, system, asked, n)
+    none = np.zeros((0, 2), np.int64)
+    notes: tuple[str, ...] = ()
+    if switches.order is not None and switches.order < least:
+        notes = (f"order {switches.order:g} raised to {least}, the least for these degrees",)
+    return Relaxation(
+        problem,
+        cliques,
+        int(order),
+        groups,
+        moments,
+        entries,
+        none,
+        notes,
+        rows if rows.size else None,
+    )
+
+
+def _multiplied(
+    problem: Problem,
+    cliques: Cliques,
+    system: Generators,
+    rules: Rules,
+    order: float,
+    merge: float,
+) -> Blocks:
+    """Blocks of all constraints and bounds, but for those that are substituted."""
+    m, n = len(problem.constraints), problem.dimension
+    fixed = problem.lower == problem.upper
+    degree = np.zeros(system.size, int)
+    np.maximum.at(degree, system.row, monomials.degrees(system.words))
+    box, low, high = generators.bound_family(m, n)
+    degree[box] = 0
+    binary = rules.binary(problem)  # x = x^2 >= 0 and 1 - x = (1 - x)^2 >= 0 already
+    degree[low][binary] = degree[high][binary] = 0
+    degree[1 + system.matrices.constraints] = 0  # the block of the matrix says more
+    free = np.zeros(system.size, bool)
+    free[1 : m + 1] = problem.equality
+    number = np.flatnonzero(degree > 0)
+    number = number[~np.isin(number, rules.generator)]
+    blocks: Blocks = []
+    supports = {k + 1: c.polynomial.support for k, c in enumerate(problem.constraints)}
+    unions = _Unions(cliques, merge)
+    by_degree: dict[tuple[bool, int], list[tuple[int, int, tuple[int, ...]]]] = {}
+    for k in number.tolist():
+        support = supports.get(k, np.array([(k - 1 - m) % n]))
+        home, union = unions.of(support)
+        half = order - (int(degree[k]) + 1) // 2
+        reach = int(2 * half) if free[k] else int(half)
+        inside = tuple(v for v in union if not fixed[v])
+        by_degree.setdefault((bool(free[k]), reach), []).append((k, home, inside))
+    for (is_free, reach), items in sorted(by_degree.items()):
+        index = np.array([k for k, _, _ in items])
+        home_of = np.array([home for _, home, _ in items])
+        places = [inside for _, _, inside in items]
+        for part, basis in clique_bases(places, np.arange(len(items)), reach):
+            blocks.append(BlockGroup(is_free, index[part], home_of[part], basis))
+    members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
+    blocks = [part for block in rules.normal(blocks) for part in _alive(block, system, rules)]
+    return blocks + rules.normal(matrix_blocks(system, cliques, members, int(order)))
+
+
+def _alive(block: BlockGroup, system: Generators, rules: Rules) -> Blocks:
+    """A block without the monomials b for which every term of g b^2 is substituted by 0."""
+    basis = block.basis
+    if block.free or not rules.vanishes.any():
+        return [block]
+    place, term = system.terms_of(block.generator)
+    squares = monomials.multiply(basis, basis)[place]
+    words = monomials.multiply(squares, system.words[term][:, None, :])
+    left = ~rules.vanish(words)
+    count = np.zeros(basis.shape[:2], int)
+    np.add.at(count, place, left)
+    return ragged(block, count > 0)
+
+
+class _Unions:
+    """Which variables the multiplier of a constraint may have."""
+
+    def __init__(self, cliques: Cliques, merge: float) -> None:
+        self.members = cliques.members
+        self.sets = [frozenset(c) for c in cliques.members]
+        self.most = merge * max(len(c) for c in cliques.members)
+        self.holding: dict[int, list[int]] = {}
+        for k, clique in enumerate(cliques.members):
+            for v in clique:
+                self.holding.setdefault(v, []).append(k)
+
+    def of(self, support: NDArray) -> tuple[int, tuple[int, ...]]:
+        """The smallest clique that covers the support, and the variables after merging others."""
+        wanted = support.tolist()
+        rare = min(wanted, key=lambda v: len(self.holding[v]))
+        covering = [k for k in self.holding[rare] if self.sets[k].issuperset(wanted)]
+        covering.sort(key=lambda k: len(self.sets[k]))
+        union: set[int] = set(self.sets[covering[0]])
+        for k in covering[1:]:
+            if len(union | self.sets[k]) <= self.most:
+                union |= self.sets[k]
+        return covering[0], tuple(sorted(union))
+
+
+def _joined(first: Generators, second: PolynomialSystem) -> Generators:
+    width = max(first.words.shape[1], second.words.shape[1])
+    return Generators(
+        np.concatenate([monomials.widen(s.words, width) for s in (first, second)]),
+        np.append(first.coefficients, second.coefficients),
+        np.append(first.row, second.row + first.size),
+        first.size + second.size,
+        first.dimension,
+        first.matrices,
+    )
