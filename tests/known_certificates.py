@@ -25,9 +25,10 @@ def disc():
 
 
 def hill():
-    """The six-hump camel function without bounds: a sublevel box is needed."""
+    """The six-hump camel function outside a small disc, no bounds: a sublevel box is needed."""
     x, y = sp.variables(2)
-    return sp.Problem(4 * x**2 - 2.1 * x**4 + x**6 / 3 + x * y - 4 * y**2 + 4 * y**4)
+    camel = 4 * x**2 - 2.1 * x**4 + x**6 / 3 + x * y - 4 * y**2 + 4 * y**4
+    return sp.Problem(camel, [x**2 + y**2 >= 0.01])
 
 
 def chain():
