@@ -210,7 +210,8 @@ def test_one_analysis_serves_all_objectives_and_data():
     low, high = cliquetree.solve(first, symbolic), cliquetree.solve(second, symbolic)
     assert low.dual <= 0.5 <= -high.dual  # the true parameter
     other = program(output_error(5), 2)
-    assert cliquetree.solve(other, symbolic).dual == cliquetree.solve(other).dual
+    again = cliquetree.run(other, settings=cliquetree.Settings(kernels="numpy"))
+    assert cliquetree.solve(other, symbolic).dual == again.solution.dual
 
 
 def test_a_warm_start_gives_the_same_value():
