@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 import setid
+from setid.boxed import boxed, objectives
 from setid.identify import start_box
-from setid.verification import boxed, objectives
 
 from .errors import BenchmarkError
 from .registry import Case, Selection, Task

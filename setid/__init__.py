@@ -23,6 +23,7 @@ from .assembly import Rows
 from .bands import FrequencyBand, StepBand, frequency_band, step_band
 from .block_bands import SignalBand, StaticBand, signal_band, static_band
 from .boxes import ParameterBox, parameter_box
+from .centre import Central, central, worst_case_error
 from .completion import Witness
 from .consistency import Consistency, consistency
 from .data import IOData
@@ -36,7 +37,7 @@ from .identify import identify
 from .indirect import ContinuousEstimate, to_continuous
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .layout import Layout
-from .members import Central, central, feasible, members, projection_estimate
+from .members import feasible, members, projection_estimate
 from .models.block import (
     BlockStructured,
     Hammerstein,
@@ -160,4 +161,5 @@ __all__ = [
     "to_continuous",
     "to_control",
     "unidentifiable",
+    "worst_case_error",
 ]

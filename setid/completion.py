@@ -21,7 +21,15 @@ from .models.equations import channel_of
 if TYPE_CHECKING:
     from .formulation import Formulation
 
-__all__ = ["Affine", "Witness", "affine", "complete_point", "held_unknowns", "least_noise"]
+__all__ = [
+    "Affine",
+    "Witness",
+    "affine",
+    "complete_point",
+    "held_unknowns",
+    "least_noise",
+    "noise_shares",
+]
 
 _STEPS = 25  # most linear programs for one witness
 _SETTLED = 1e-9
@@ -258,6 +266,38 @@ def _least_step(
         (np.append(lower, 0.0), np.append(upper, np.inf)),
     )
     return None if solution is None else (solution[:-1], float(solution[-1]))
+
+
+def noise_shares(formulation: Formulation, theta: NDArray[np.float64]) -> dict[str, float]:
+    """What each kind of noise at its bounds can move in the equations, as shares of 1.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    theta : (p,) float
+
+    Returns
+    -------
+    dict
+        Of the groups ``"eta"``, ``"xi"`` and ``"e"`` that have bounds; to first order where
+        noise samples are multiplied.
+    """
+    problem, layout = formulation.problem, formulation.layout
+    x = np.full(layout.dimension, np.nan)
+    x[layout.group("theta")] = theta
+    _place_slack(x, formulation, theta)
+    free = np.flatnonzero(np.isnan(x))
+    x[free] = 0.0
+    model = np.flatnonzero([origin == "model" for origin in formulation.rows.origin])
+    slopes = np.abs(affine(formulation, x, free).matrix[model]).sum(axis=0)
+    found = {}
+    for group in ("eta", "xi", "e"):
+        numbers = layout.group(group)
+        mine = np.isin(free, numbers[numbers >= 0])
+        found[group] = float(slopes[mine] @ problem.upper[free[mine]])
+    found["e"] += float(_band_width(formulation).sum())
+    total = sum(found.values())
+    return {group: value / total for group, value in found.items() if value > 0}
 
 
 def _band_width(formulation: Formulation) -> NDArray[np.float64]:

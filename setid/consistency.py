@@ -20,6 +20,7 @@ from .boxes import ParameterBox, parameter_box
 from .data import IOData
 from .errors import ModelError, NoiseError
 from .estimators import least_squares, linf
+from .existence import consistent
 from .formulation import Formulation, formulate, settled
 from .models.continuous import without_delta
 from .models.equations import Structure
@@ -235,6 +236,10 @@ def _by_engine(
         if result.attained is not None:
             high = result.attained.value * limit * (1.0 + 1e-15)
             theta, witness = result.attained.x[:p], result.attained.x[:-1]
+    if witness is None and x is not None:
+        witness = consistent(formulation, x[:p])
+        if witness is not None:
+            high, theta = limit * (1.0 + 1e-15), witness[:p]
     return Consistency(
         scale=(low, high),
         theta=theta,
@@ -322,17 +327,32 @@ def _verify(found: Consistency) -> Verification:
             return Verification(False, reason)
         if found.result.certificate is not None:
             proved = max(proved, found.result.certificate.bound * found.limit)
+    attained = found.result is not None and found.result.attained is not None
+    if not attained and found.scale[1] < inf and not _explained(found):
+        return Verification(False, "nothing attains the upper end")
     good = found.scale[0] <= proved
     return Verification(good, "" if good else "the lower end does not follow")
 
 
-def _again(found: Consistency, factor: float) -> tuple[Regression | None, NDArray[np.float64]]:
-    """Rows and bounds of the parameters, stated once more from the data."""
+def _stated(found: Consistency, factor: float) -> Formulation:
+    """The problem at one factor, stated once more from the data."""
     given = found.formulation
     noise = scaled_noise(found.noise.bounds(given.data), factor)
-    fresh = formulate(given.data, given.model, noise, given.priors)
-    p = len(given.parameters)
+    return formulate(given.data, given.model, noise, given.priors)
+
+
+def _again(found: Consistency, factor: float) -> tuple[Regression | None, NDArray[np.float64]]:
+    """Rows and bounds of the parameters at one factor."""
+    fresh = _stated(found, factor)
+    p = len(fresh.parameters)
     return fresh.smoothed, np.array([fresh.problem.lower[:p], fresh.problem.upper[:p]])
+
+
+def _explained(found: Consistency) -> bool:
+    """Whether the parameters at the upper end are proved consistent, without the engine."""
+    if found.theta is None or found.limit > found.scale[1]:
+        return False
+    return consistent(_stated(found, found.limit), found.theta) is not None
 
 
 def _result_fails(found: Consistency) -> str:
@@ -344,7 +364,7 @@ def _result_fails(found: Consistency) -> str:
             return verdict.reason
     attained = result.attained
     if attained is None:
-        return "" if found.scale[1] == inf else "nothing attains the upper end"
+        return ""
     point = attained.recheck(problem)
     if point is None:
         return "the attained point could not be proved again"

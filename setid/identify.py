@@ -22,10 +22,14 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
+from .attained import inner_ends
+from .boxed import boxed, objectives
 from .boxes import ParameterBox, parameter_box
 from .cells import CellBox, cell_box
+from .common_factor import unbounded_names
 from .data import IOData
 from .discretisation import remark, with_estimate
+from .driving import driving_samples
 from .equivalence import unidentifiable
 from .errors import SetidError
 from .formulation import Formulation, formulate
@@ -38,20 +42,19 @@ from .noise import Noise
 from .options import Options
 from .priors.base import Prior
 from .progress import Progress
-from .results import empty_result, result_of, unbounded_text
+from .results import empty_result, factor_text, result_of, unbounded_text
 from .search import attained_ends, checked, coupled
 from .starts import first_point, repair
 from .unnormalised import reference_model, refuse
-from .verification import boxed, objectives
 
 __all__ = ["identify", "start_box"]
 
-Ends = tuple[float, float]
 Box = ParameterBox | LiftedBox | CellBox
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
     "keeps every consistent parameter vector (and may keep more)"
 )
+_SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 
 
@@ -286,9 +289,11 @@ def _engine(
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     parts: dict[str, Any] = {"box": box, "problem": problem}
     results: tuple[sp.Result, ...] = ()
+    endless: tuple[str, ...] = ()
     blocks = isinstance(formulation.model, BlockStructured)
     if loose.size and (box is not None or blocks):
-        parts["notes"] = (*notes, unbounded_text(formulation, loose))
+        endless = _timed(timings, "common factor", lambda: unbounded_names(formulation))
+        parts["notes"] = (*notes, unbounded_text(formulation, loose), *factor_text(endless))
     else:
         results = _timed(timings, "engine", lambda: _solved(formulation, problem, settings))
         told = (note for found in results for note in found.notes)
@@ -299,8 +304,17 @@ def _engine(
     parts["results"] = results
     if any(r.status is sp.Status.INFEASIBLE for r in results):
         parts.pop("box")
+        spent = sum(timings[stage] for stage in ("box", "engine"))
+        left = _SEARCH + spent if settings.time_limit is None else settings.time_limit - spent
+        parts["samples"] = _timed(
+            timings,
+            "driving samples",
+            lambda: driving_samples(formulation, settings.for_engine("absolute"), left),
+        )
         return empty_result(formulation, settings, timings, box, **parts)
     items = _intervals(formulation, problem, results, settings.tol, set(idle.tolist()))
+    free = IntervalStatus.UNBOUNDED
+    items = [replace(item, status=free) if item.name in endless else item for item in items]
     return result_of(formulation, settings, timings, items, **parts)
 
 
@@ -354,7 +368,7 @@ def _intervals(
         if results:
             low = max(low, results[2 * place].lower_bound)
             high = min(high, -results[2 * place + 1].lower_bound)
-        inner, witnesses = _inner(attained, results, place)
+        inner, witnesses = inner_ends(attained, results, place)
         if inner is not None and problem.lower[place] == problem.upper[place]:
             inner = (low, high)  # whatever point is attained has this value
         item = ParameterInterval(name, (low, high), inner, IntervalStatus.PARTIAL, witnesses)
@@ -364,35 +378,3 @@ def _intervals(
             )
         items.append(item)
     return items
-
-
-def _inner(
-    attained: Sequence[sp.ProvedPoint], results: Sequence[sp.Result], place: int
-) -> tuple[Ends | None, tuple[NDArray | None, NDArray | None]]:
-    """The lowest and highest attained values of a parameter, and where."""
-    if not attained:
-        return None, (None, None)
-    lows = [(_edge(point, place, 1.0), number) for number, point in enumerate(attained)]
-    highs = [(_edge(point, place, -1.0), number) for number, point in enumerate(attained)]
-    ends, points = [], []
-    for side, values in enumerate((lows, highs)):
-        value, number = min(values)
-        mine = results[2 * place + side].attained
-        if mine is not None and _loose(mine.value, mine) <= value:
-            value = _loose(mine.value, mine)
-            points.append(mine.x)
-        else:
-            points.append(attained[number].x)
-        ends.append(value)
-    low, high = ends[0], -ends[1]
-    return (low, high), (points[0], points[1])
-
-
-def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:
-    """An upper end of sign * theta at the proved point near x."""
-    return _loose(sign * float(point.x[place]) + point.radius, point)
-
-
-def _loose(value: float, point: sp.ProvedPoint) -> float:
-    """A little more than a value at a proved point: repeating the proof moves last digits."""
-    return float(value + point.radius + 8 * np.spacing(abs(value)))

@@ -20,17 +20,19 @@ import sparsepop_py as sp
 
 from .bands import Kind, frequency_band, step_band
 from .boxes import ParameterBox
+from .centre import Central, central, worst_case_error
 from .data import IOData
 from .exchange import ControlModels, to_control
+from .existence import consistent
 from .formulation import Formulation
 from .lifted import LiftedBox
-from .members import Central, central, feasible, projection_estimate
+from .members import feasible, projection_estimate
 from .noise import Noise
 from .options import Options
 from .projections import Projection, project
 from .reports import binding, summary, table
 from .validation import Comparison, Mode, OutputBand, compare, predict, simulate_band
-from .verification import Verification, consistent, verify
+from .verification import Verification, verify
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -246,8 +248,12 @@ class Identification:
 
     @property
     def centre(self) -> Central:
-        """Middle of the outer box; see :func:`setid.central`."""
+        """Middle of the outer box, consistent or not; see :func:`setid.central`."""
         return central(self)
+
+    def error(self, theta: ArrayLike) -> NDArray[np.float64]:
+        """Proved worst-case errors (p,) of an estimate; see :func:`setid.worst_case_error`."""
+        return worst_case_error(self, theta)
 
     @property
     def feasible(self) -> NDArray[np.float64]:

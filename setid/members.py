@@ -1,11 +1,10 @@
-"""Members of the feasible parameter set: what is attained, what lies between, what is central.
+"""Members of the feasible parameter set: what is attained, and what lies between.
 
 Nothing here is a cover of the set: what is drawn from members is labelled *sampled*.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .checks import frozen, natural
+from .checks import natural
 from .completion import Witness
 from .errors import ModelError, SetidError
 from .linear import minimise
@@ -24,9 +23,8 @@ if TYPE_CHECKING:
     from .intervals import Identification
 
 __all__ = [
-    "Central",
+    "ROUNDING",
     "attained_members",
-    "central",
     "feasible",
     "is_member",
     "members",
@@ -36,94 +34,7 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
-_ROUNDING = 1e-9  # excess of the noise level that is put down to the linear program
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Central:
-    """The centre of the outer box: least worst-case error of each parameter by itself.
-
-    Parameters
-    ----------
-    names : tuple of str
-    theta : (p,) float
-    error : (p,) float
-        No consistent parameter is further away than this (proved): half the widths.
-    level : float
-        Factor on the noise bounds with which ``theta`` explains the data (computed, not
-        proved); infinite where none does, NaN where no linear program can tell.
-
-    Notes
-    -----
-    The centre need not be consistent: the feasible set is not convex in general, and even
-    a polytope may miss the centre of its box.
-
-    References
-    ----------
-    M. Milanese, A. Vicino, "Optimal estimation theory for dynamic systems with set
-    membership uncertainty: an overview", Automatica 27 (1991) 997-1009, section 3.
-    """
-
-    names: tuple[str, ...]
-    theta: Reals
-    error: Reals
-    level: float
-
-    @property
-    def member(self) -> bool | None:
-        """Whether the centre is consistent, up to rounding; None where nobody can tell."""
-        return None if np.isnan(self.level) else bool(self.level <= 1.0 + _ROUNDING)
-
-    def __str__(self) -> str:
-        pairs = zip(self.names, self.theta, self.error, strict=True)
-        text = ", ".join(f"{name} = {t:.6g} +- {e:.3g}" for name, t, e in pairs)
-        return text + _MEMBERSHIP[self.member]
-
-
-_MEMBERSHIP = {
-    True: " (consistent with the data)",
-    False: " (not consistent with the data itself: use feasible() for a model)",
-    None: "",
-}
-
-
-def central(result: Identification) -> Central:
-    """The centre of the outer intervals, its worst-case error, and whether it is consistent.
-
-    Parameters
-    ----------
-    result : Identification
-
-    Returns
-    -------
-    Central
-
-    Raises
-    ------
-    SetidError
-        If the feasible set is empty or an outer interval is not finite.
-
-    Examples
-    --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> centre = setid.central(result)
-    >>> centre.theta.round(4), centre.error.round(3), centre.member
-    (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
-    """
-    require_members(result)
-    low, high = outer_box(result)
-    if not np.all(np.isfinite(low) & np.isfinite(high)):
-        wide = [n for n, v in result.intervals.items() if not np.isfinite(v.width)]
-        raise SetidError(
-            f"result: found no finite interval of {', '.join(wide)}, expected all finite; "
-            "give priors such as Box, or a record with more excitation"
-        )
-    theta = low / 2 + high / 2
-    error = np.nextafter(np.maximum(high - theta, theta - low), inf)
-    names = result.formulation.parameters
-    return Central(names, frozen(theta), frozen(error), noise_level(result.formulation, theta))
+ROUNDING = 1e-9  # excess of the noise level that is put down to the linear program
 
 
 def noise_level(formulation: Formulation, theta: Reals) -> float:
@@ -143,11 +54,11 @@ def noise_level(formulation: Formulation, theta: Reals) -> float:
 
 def is_member(formulation: Formulation, theta: Reals) -> bool:
     """Whether theta is consistent with data, noise bounds and priors, up to rounding."""
-    return noise_level(formulation, theta) <= 1.0 + _ROUNDING
+    return noise_level(formulation, theta) <= 1.0 + ROUNDING
 
 
 def _tiny(values: Reals) -> Reals:
-    return np.asarray(_ROUNDING * (1.0 + np.abs(values)), np.float64)
+    return np.asarray(ROUNDING * (1.0 + np.abs(values)), np.float64)
 
 
 def _priors_hold(formulation: Formulation, x: Reals) -> bool:
@@ -155,7 +66,7 @@ def _priors_hold(formulation: Formulation, x: Reals) -> bool:
     for row, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True):
         if origin != "model":
             value = row.polynomial(x)
-            size = np.abs(row.polynomial.coefficients).sum() * _ROUNDING
+            size = np.abs(row.polynomial.coefficients).sum() * ROUNDING
             if value < -size or (row.kind.name == "ZERO" and value > size):
                 return False
     return True
@@ -298,10 +209,12 @@ def nominal(result: Identification) -> Reals:
     require_members(result)
     if not np.all(np.isfinite(outer_box(result))):
         return feasible(result)
-    centre = central(result)
-    if centre.member or (centre.member is None and not len(attained_members(result))):
-        return centre.theta
+    low, high = outer_box(result)
+    centre = low / 2 + high / 2
+    level = noise_level(result.formulation, centre)
+    if level <= 1.0 + ROUNDING or (np.isnan(level) and not len(attained_members(result))):
+        return np.asarray(centre, np.float64)
     try:
         return feasible(result)
     except SetidError:
-        return centre.theta
+        return np.asarray(centre, np.float64)

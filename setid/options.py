@@ -24,7 +24,7 @@ class Options:
     time_limit : float, optional
         Seconds of wall time for all proofs together. What is proved by then is returned.
     solver : str
-        Conic solver of the engine.
+        Conic solver of the engine; ``"auto"`` is its own choice.
     progress : bool
         Whether to draw a progress line when standard error is a terminal.
     unidentifiable : {"refuse", "report"}
@@ -48,7 +48,7 @@ class Options:
 
     tol: float = 1e-3
     time_limit: float | None = None
-    solver: str = "clarabel"
+    solver: str = "auto"
     progress: bool = True
     engine: sp.Options | None = None
     unidentifiable: Literal["refuse", "report"] = "refuse"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .completion import noise_shares
 from .formulation import Formulation
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ def summary(result: Identification) -> str:
     lines = [repr(result.formulation)[1:-1], "", table(result), ""]
     statuses = dict.fromkeys(item.status for item in result.intervals.values())
     lines += [f"{status}: {status.message}" for status in statuses]
+    lines += _centre(result)
     lines += _advice(result)
     for text, active in result.active.items():
         lines.append(f"prior {text}: {'active' if active else 'not active'}")
@@ -139,12 +141,38 @@ def _advice(result: Identification) -> list[str]:
         lines.append(f"samples that bind at the ends: {shown}: check these readings first")
     if kinds:
         parts = ", ".join(f"{kind} {count} times" for kind, count in sorted(kinds.items()))
-        most = max(kinds, key=lambda kind: kinds[kind])
-        lines.append(
-            f"at its bound where ends are attained: {parts}; a better bound or sensor pays "
-            f"most for {most}, and a cheaper one costs least elsewhere"
-        )
-    return lines
+        lines.append(f"at its bound where ends are attained: {parts}")
+    return lines + _sensors(result)
+
+
+def _sensors(result: Identification) -> list[str]:
+    """Which kind of noise makes the equations uncertain: what a better sensor would gain."""
+    points = witnesses(result)
+    theta = result.formulation.layout.group("theta")
+    if not points:
+        return []
+    shares = noise_shares(result.formulation, np.mean([x[theta] for x in points], axis=0))
+    named = {_KINDS[group]: share for group, share in shares.items()}
+    if not named:
+        return []
+    if len(named) == 1:
+        (kind,) = named
+        return [
+            f"all uncertainty of the equations is {kind}: widths shrink about as its bound does"
+        ]
+    most, least = max(named, key=lambda k: named[k]), min(named, key=lambda k: named[k])
+    parts = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in named.items())
+    return [
+        f"shares of the uncertainty of the equations: {parts}; a better sensor pays most for "
+        f"{most}, and a cheaper one costs least for {least}"
+    ]
+
+
+def _centre(result: Identification) -> list[str]:
+    """The centre with its worst-case errors, where all intervals are finite."""
+    if result.empty or not all(np.isfinite(item.width) for item in result.intervals.values()):
+        return []
+    return [f"centre: {result.centre}"]
 
 
 def _driving(result: Identification) -> str:

@@ -17,7 +17,7 @@ from .models.block import BlockStructured, HammersteinWiener, Wiener
 from .options import Options
 from .reports import active_priors
 
-__all__ = ["empty_result", "result_of", "unbounded_text"]
+__all__ = ["empty_result", "factor_text", "result_of", "unbounded_text"]
 
 
 def result_of(
@@ -82,4 +82,14 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     return (
         f"the data give no finite bounds of {names}: the noise is strong for this input; give "
         "a prior such as Box or Stable, a longer record, or more excitation"
+    )
+
+
+def factor_text(endless: tuple[str, ...]) -> tuple[str, ...]:
+    """What is said where a common factor makes parameters unbounded."""
+    if not endless:
+        return ()
+    return (
+        "a model with one pole and one zero less is proved to explain the data: multiplied by a "
+        f"common factor 1 + c q^-1 it makes {', '.join(endless)} unbounded; take the lower order",
     )

@@ -21,9 +21,9 @@ import sparsepop_py as sp
 
 from .completion import affine, held_unknowns
 from .errors import SetidError
+from .existence import proved_point
 from .formulation import Formulation
 from .linear import minimise
-from .verification import proved_point
 
 __all__ = ["attained_ends", "checked", "coupled"]
 

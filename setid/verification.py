@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
+from .boxed import boxed, objectives
 from .boxes import ParameterBox
 from .cells import CellBox
+from .common_factor import unbounded_names
 from .data import IOData
-from .errors import ModelError
 from .formulation import Formulation, formulate
 from .lifted import LiftedBox, lifted_rows
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Box = ParameterBox | LiftedBox | CellBox
 
-__all__ = ["Verification", "boxed", "consistent", "objectives", "proved_point", "verify"]
+__all__ = ["Verification", "verify"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,37 +43,6 @@ class Verification:
 
     def __bool__(self) -> bool:
         return self.ok
-
-
-def objectives(formulation: Formulation) -> list[sp.Polynomial]:
-    """The polynomials theta_1, -theta_1, theta_2, ... in all unknowns."""
-    theta = formulation.layout.group("theta").tolist()
-    return [sign * formulation.layout.polynomial(i) for i in theta for sign in (1.0, -1.0)]
-
-
-def boxed(formulation: Formulation, box: Box | None) -> sp.Problem:
-    """The problem of a formulation with the parameters in a box.
-
-    A parameter that no constraint speaks of, and that has no finite bounds, is set to
-    zero: that changes nothing for the others.
-    """
-    problem = formulation.problem
-    lower, upper = problem.lower.copy(), problem.upper.copy()
-    p = len(formulation.parameters)
-    if box is not None:
-        lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
-    if isinstance(box, CellBox):
-        samples = box.unknowns
-        lower[samples] = np.maximum(lower[samples], box.low)
-        upper[samples] = np.minimum(upper[samples], box.high)
-    silent = np.array([i for i in range(p) if not _occurs(problem, i)], int)
-    idle = silent[(lower[silent] <= 0) & (upper[silent] >= 0)]
-    lower[idle] = upper[idle] = 0.0
-    return sp.Problem(problem.objective, problem.constraints, lower, upper, problem.names)
-
-
-def _occurs(problem: sp.Problem, variable: int) -> bool:
-    return bool(np.any(problem.rows.words == variable + 1))
 
 
 def verify(result: Identification, data: IOData | None = None) -> Verification:
@@ -134,6 +103,9 @@ def _verify_linear(result: Identification, again: Formulation) -> Verification:
 def _verify_results(
     result: Identification, again: Formulation, problem: sp.Problem
 ) -> Verification:
+    endless = {n for n, item in result.intervals.items() if str(item.status) == "unbounded"}
+    if not endless <= set(unbounded_names(again) if endless else ()):
+        return Verification(False, f"it is not proved that {', '.join(endless)} are unbounded")
     known: dict[int, Any] = {}
     count = 2 * len(again.parameters)
     ends = [(problem_low(problem, number), inf) for number in range(count)]
@@ -187,73 +159,3 @@ def _ends_follow(result: Identification, ends: list[tuple[float, float]]) -> Ver
         if item.inner is not None and (item.inner[0] < low[1] or item.inner[1] > -high[1]):
             return Verification(False, f"the inner interval of {item.name} is not attained")
     return Verification(True)
-
-
-def consistent(
-    formulation: Formulation, theta: ArrayLike | Mapping[str, float]
-) -> NDArray[np.float64] | None:
-    """A witness that parameters are consistent, proved; see :meth:`Identification.consistent`."""
-    try:
-        witness = formulation.witness(theta)
-    except ModelError:
-        return None
-    problem, p = formulation.problem, len(formulation.parameters)
-    if not np.isfinite(witness.level) or witness.level > 1.0 + 1e-9:
-        return None
-    point = proved_point(formulation, problem, witness.x)
-    return None if point is None or not np.array_equal(point.x[:p], witness.x[:p]) else point.x
-
-
-def proved_point(
-    formulation: Formulation, problem: sp.Problem, x: NDArray[np.float64]
-) -> sp.ProvedPoint | None:
-    """A proof that a feasible point exists near x, each equation solved for its newest sample.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    problem : sp.Problem
-        Its problem, or that on a box of the parameters.
-    x : (n,) float
-    """
-    rows = np.flatnonzero(problem.equality)
-    solved = _newest(formulation, rows)
-    if solved is None:
-        return None
-    for proof in ("exact", "krawczyk") if rows.size else ("exact",):
-        point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
-        if point is not None:
-            return point
-    return None
-
-
-def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """For each equality an unknown of its own that it gives: the newest noise sample."""
-    problem, taken = formulation.problem, set(range(len(formulation.parameters)))
-    layout = formulation.layout
-    age = np.full(problem.dimension, -1)
-    for group, numbers in formulation.layout.groups.items():
-        if group != "theta":
-            places = np.nonzero(numbers >= 0)
-            age[numbers[places]] = places[0] if group != "slack" else 0
-    order = {"eta": 1, "e": 2, "xi": 0}
-    rank = np.zeros(problem.dimension, int)
-    for group, value in order.items():
-        numbers = formulation.layout.group(group)
-        rank[numbers[numbers >= 0]] = value
-    solved = []
-    for row in rows.tolist():
-        support = problem.constraints[row].polynomial.support.tolist()
-        own = layout.groups.get(formulation.rows.equation[row])
-        mine = set() if own is None else set(own[own >= 0].tolist())
-        free = [v for v in support if v in mine and v not in taken] or [
-            v for v in support if v not in taken
-        ]
-        if not free and formulation.rows.origin[row] == "prior":
-            free = support[-1:]  # the normalisation gives a parameter
-        if not free:
-            return None
-        best = max(free, key=lambda v: (age[v], rank[v]))
-        taken.add(best)
-        solved.append(best)
-    return np.array(solved, np.int64)

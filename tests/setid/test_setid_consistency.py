@@ -75,3 +75,18 @@ def test_what_cannot_be_scaled_is_refused() -> None:
     limited = setid.Noise(output=1.0, constraints=[setid.EnergyBound("output", 3.0)])
     with pytest.raises(setid.NoiseError, match="constraints over the record"):
         setid.consistency(data, FIRST, limited)
+
+
+def test_an_upper_end_is_proved_where_the_parameters_have_no_box() -> None:
+    """An order too many: common factors of both polynomials make the set unbounded."""
+    noise, model = setid.Noise(output=0.1), setid.TransferFunction(2, 2, 1)
+    u = np.random.default_rng(1).uniform(-1, 1, 20)
+    one = setid.TransferFunction(1, 1, 1)
+    truth = setid.simulate_record(one, [-0.6, 2.0], u, noise, 1)
+    found = setid.consistency(truth.data, model, noise, options=QUICK)
+    assert found.result is None and found.scale[1] < 1.2 and bool(found.verify())
+    level = found.formulation.witness(found.theta).level * found.limit
+    assert level <= found.scale[1] < np.inf  # the least noise by a linear program
+    for scale in ((0.0, 0.9 * found.scale[1]), (found.scale[1], found.scale[1])):
+        assert not replace(found, scale=scale).verify()
+    assert not replace(found, theta=None).verify()

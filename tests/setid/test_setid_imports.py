@@ -26,9 +26,9 @@ missing printing assembly linear completion formulation
 estimators simulate equivalence responses supports enclosures members bands exchange indirect
 projections
 residuals block_bands validation
-options bounds boxes lifted cell_structure cell_arithmetic cells
-reports verification intervals progress
-starts noise_factor discretisation search unnormalised results identify consistency select
+options bounds attained boxes lifted cell_structure cell_arithmetic cells
+boxed reports existence starts common_factor verification centre intervals progress driving
+noise_factor discretisation search unnormalised results identify consistency select
 plots block_plots cli
 """.split()
 

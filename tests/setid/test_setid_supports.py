@@ -8,9 +8,9 @@ from identification_cases import PLANT
 from identified_cases import empty, first_order, identified, second_order
 
 import setid
+from setid.centre import central
 from setid.members import (
     attained_members,
-    central,
     feasible,
     is_member,
     members,

@@ -1,0 +1,111 @@
+"""Which samples contradict each other, where only the engine proves that none are consistent.
+
+Samples are left out as long as the rows of the others are still proved to have no common point,
+box included: halves of the record first, single samples last. Whenever the time ends, what is
+left is proved.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+
+from .boxed import boxed
+from .boxes import ParameterBox, parameter_box
+from .checks import frozen
+from .formulation import Formulation
+from .lifted import LiftedBox, lifted_box, lifted_rows
+from .monomials import MonomialRows
+from .regression import Regression
+
+__all__ = ["driving_samples"]
+
+Keys = tuple[tuple[int, int], ...]
+Known = Regression | MonomialRows
+_ARRAYS = tuple(item.name for item in fields(Regression) if item.name != "names")
+
+
+def driving_samples(formulation: Formulation, options: sp.Options, seconds: float) -> Keys:
+    """Samples whose rows alone are proved to contradict each other.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Whose feasible set is proved empty.
+    options : sparsepop_py.Options
+    seconds : float
+        Of wall time.
+
+    Returns
+    -------
+    tuple of (record, sample)
+        From 1; all samples with a row where no part of them could be left out.
+    """
+    rows, end = formulation.rows, time.monotonic() + seconds
+    found = {*zip(rows.record.tolist(), rows.sample.tolist(), strict=True)} - {(0, 0)}
+    keys = tuple(sorted(found))
+    known: Known | None = formulation.regression
+    if known is None and formulation.products is None:
+        known = lifted_rows(formulation)
+    if known is None:  # no rows in theta alone that belong to single samples
+        return keys
+    size = len(keys) // 2
+    try:
+        while size and time.monotonic() < end:
+            for part in _parts(keys, size):
+                left = end - time.monotonic()
+                rest = tuple(key for key in keys if key not in part)
+                if left > 0 and rest and _proved_empty(formulation, known, rest, options, left):
+                    keys = rest
+            size //= 2
+    except KeyboardInterrupt:
+        pass  # what remains is proved already
+    return keys
+
+
+def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
+    """Neighbours in groups, the last samples first."""
+    for begin in range(0, len(keys), size)[::-1]:
+        yield frozenset(keys[begin : begin + size])
+
+
+def _proved_empty(
+    formulation: Formulation, known: Known, kept: Keys, options: sp.Options, seconds: float
+) -> bool:
+    """Whether the rows of some samples are proved to have no common point."""
+    problem = formulation.problem
+    p = len(formulation.parameters)
+    start = np.array([problem.lower[:p], problem.upper[:p]])
+    box = _box(known, set(kept), start)
+    if box.empty:
+        return True
+    if not np.all(np.isfinite(box.lower) & np.isfinite(box.upper)):
+        return False
+    stays = {(0, 0), *kept}
+    keys = zip(formulation.rows.record.tolist(), formulation.rows.sample.tolist(), strict=True)
+    rows = [row for row, key in zip(problem.constraints, keys, strict=True) if key in stays]
+    part = sp.Problem(0.0 * problem.objective, rows, problem.lower, problem.upper, problem.names)
+    about = boxed(replace(formulation, problem=part), box)
+    return sp.solve(about, replace(options, time_limit=seconds)).status is sp.Status.INFEASIBLE
+
+
+def _box(
+    known: Known, kept: set[tuple[int, int]], start: NDArray[np.float64]
+) -> ParameterBox | LiftedBox:
+    """The box that the rows of some samples give."""
+    if isinstance(known, MonomialRows):
+        return lifted_box(replace(known, regression=_part(known.regression, kept)), start)
+    return parameter_box(_part(known, kept), start)
+
+
+def _part(rows: Regression, kept: set[tuple[int, int]]) -> Regression:
+    """The rows of some samples."""
+    keys = zip(rows.record.tolist(), rows.sample.tolist(), strict=True)
+    mine = np.array([key in kept for key in keys], bool)
+    return Regression(rows.names, *(frozen(getattr(rows, name)[mine]) for name in _ARRAYS))

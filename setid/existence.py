@@ -1,0 +1,86 @@
+"""Parameter vectors that are proved to be consistent, by noise that is repaired exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+
+from .errors import ModelError
+from .formulation import Formulation
+
+__all__ = ["consistent", "proved_point"]
+
+
+def consistent(
+    formulation: Formulation, theta: ArrayLike | Mapping[str, float]
+) -> NDArray[np.float64] | None:
+    """A witness that parameters are consistent, proved; see :meth:`Identification.consistent`."""
+    try:
+        witness = formulation.witness(theta)
+    except ModelError:
+        return None
+    problem, p = formulation.problem, len(formulation.parameters)
+    if not np.isfinite(witness.level) or witness.level > 1.0 + 1e-9:
+        return None
+    point = proved_point(formulation, problem, witness.x)
+    return None if point is None or not np.array_equal(point.x[:p], witness.x[:p]) else point.x
+
+
+def proved_point(
+    formulation: Formulation, problem: sp.Problem, x: NDArray[np.float64]
+) -> sp.ProvedPoint | None:
+    """A proof that a feasible point exists near x, each equation solved for its newest sample.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sp.Problem
+        Its problem, or that on a box of the parameters.
+    x : (n,) float
+    """
+    rows = np.flatnonzero(problem.equality)
+    solved = _newest(formulation, rows)
+    if solved is None:
+        return None
+    for proof in ("exact", "krawczyk") if rows.size else ("exact",):
+        point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
+        if point is not None:
+            return point
+    return None
+
+
+def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """For each equality an unknown of its own that it gives: the newest noise sample."""
+    problem, taken = formulation.problem, set(range(len(formulation.parameters)))
+    layout = formulation.layout
+    age = np.full(problem.dimension, -1)
+    for group, numbers in formulation.layout.groups.items():
+        if group != "theta":
+            places = np.nonzero(numbers >= 0)
+            age[numbers[places]] = places[0] if group != "slack" else 0
+    order = {"eta": 1, "e": 2, "xi": 0}
+    rank = np.zeros(problem.dimension, int)
+    for group, value in order.items():
+        numbers = formulation.layout.group(group)
+        rank[numbers[numbers >= 0]] = value
+    solved = []
+    for row in rows.tolist():
+        support = problem.constraints[row].polynomial.support.tolist()
+        own = layout.groups.get(formulation.rows.equation[row])
+        mine = set() if own is None else set(own[own >= 0].tolist())
+        free = [v for v in support if v in mine and v not in taken] or [
+            v for v in support if v not in taken
+        ]
+        if not free and formulation.rows.origin[row] == "prior":
+            free = support[-1:]  # the normalisation gives a parameter
+        if not free:
+            return None
+        best = max(free, key=lambda v: (age[v], rank[v]))
+        taken.add(best)
+        solved.append(best)
+    return np.array(solved, np.int64)

@@ -1,0 +1,91 @@
+"""Samples that contradict each other where no box of the data alone is empty."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import setid
+from setid.driving import driving_samples
+
+QUICK = setid.Options(time_limit=60.0, progress=False)
+ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
+OUTPUT, BOTH = setid.Noise(output=0.1), setid.Noise(output=0.1, input=0.02)
+
+
+def least_level(result: setid.Identification, a: float, b: float) -> float:
+    """The least factor on the noise bounds with which a1, b1 pass the rows of the samples.
+
+    An independent linear program: rows y~_k - eta_k + a (y~_{k-1} - eta_{k-1}) =
+    b (u~_{k-1} - xi_{k-1}), noise scaled to [-s, s].
+    """
+    data, noise = result.formulation.data, result.formulation.noise
+    y, u, count = data.y.ravel(), data.u.ravel(), data.samples
+    output, below = float(noise.output), float(noise.input)
+    matrix = np.zeros((len(result.samples), 2 * count + 1))
+    right = np.zeros(len(result.samples))
+    for row, (_, k) in enumerate(result.samples):
+        matrix[row, k - 1], matrix[row, k - 2] = output, a * output
+        matrix[row, count + k - 2] = -b * below
+        right[row] = y[k - 1] + a * y[k - 2] - b * u[k - 2]
+    limits = np.vstack([np.eye(2 * count), -np.eye(2 * count)])
+    limits = np.hstack([limits, -np.ones((4 * count, 1))])
+    cost = np.append(np.zeros(2 * count), 1.0)
+    free = [(None, None)] * (2 * count) + [(0.0, None)]
+    found = linprog(cost, limits, np.zeros(4 * count), matrix, right, free, method="highs")
+    return float(found.fun)
+
+
+def check(result: setid.Identification, truth: setid.Simulated) -> None:
+    """Empty by the engine, and no pair on a grid passes the rows of the samples alone."""
+    assert result.empty and result.results and bool(result.verify(truth.data))
+    rows = set(
+        zip(*(getattr(result.formulation.rows, n) for n in ("record", "sample")), strict=True)
+    )
+    assert set(result.samples) <= rows and 2 < len(result.samples) < len(rows)
+    shown = ", ".join(str(k) for _, k in result.samples[:12])
+    assert f"samples that contradict each other: {shown}" in result.summary()
+    grid = [(a, b) for a in np.linspace(-1, 0, 11) for b in np.linspace(0.2, 2.2, 11)]
+    assert min(least_level(result, a, b) for a, b in grid) > 1.0
+
+
+@pytest.mark.parametrize("noise", [OUTPUT, BOTH])
+def test_a_wrong_order(noise: setid.Noise) -> None:
+    u = np.random.default_rng(3).uniform(-1, 1, 16)
+    truth = setid.simulate_record(TWO, [-0.6, 0.1, 1.0, 0.15], u, noise, 3)
+    check(setid.identify(truth.data, ONE, noise, options=QUICK), truth)
+
+
+@pytest.mark.parametrize(("noise", "factor"), [(OUTPUT, 0.57), (BOTH, 0.61)])
+def test_too_small_a_noise_bound(noise: setid.Noise, factor: float) -> None:
+    u = np.random.default_rng(1).uniform(-1, 1, 16)
+    truth = setid.simulate_record(ONE, [-0.6, 1.0], u, noise, 1)
+    small = setid.Noise(output=factor * noise.output, input=factor * noise.input)
+    check(setid.identify(truth.data, ONE, small, options=QUICK), truth)
+
+
+def test_the_whole_record_where_there_is_no_time() -> None:
+    noise = setid.Noise(output=0.1)
+    u = np.random.default_rng(3).uniform(-1, 1, 12)
+    truth = setid.simulate_record(ONE, [-0.6, 1.0], u, noise, 3)
+    formulation = setid.formulate(truth.data, ONE, noise)
+    everything = tuple((1, k) for k in range(2, 13))
+    assert driving_samples(formulation, QUICK.for_engine("absolute"), 0.0) == everything
+    two = setid.TransferFunction(1, 1, 1, inputs=2)  # separate denominators: no rows in theta
+    data = setid.IOData(np.c_[u, u[::-1]], truth.data.y)
+    other = replace(setid.formulate(data, two, noise), regression=None)
+    assert (1, 12) in driving_samples(other, QUICK.for_engine("absolute"), 5.0)
+
+
+def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("setid.driving._proved_empty", interrupt)
+    u = np.random.default_rng(3).uniform(-1, 1, 16)
+    truth = setid.simulate_record(TWO, [-0.6, 0.1, 1.0, 0.15], u, OUTPUT, 3)
+    result = setid.identify(truth.data, ONE, OUTPUT, options=QUICK)
+    assert result.empty and len(result.samples) == 15
