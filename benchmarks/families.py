@@ -11,7 +11,7 @@ from pathlib import Path
 
 import sparsepop_py as sp
 
-from . import block_structured, identification, networks, random_problems
+from . import block_structured, identification, intervals, networks, random_problems
 from .errors import BenchmarkError
 from .registry import Case, Family, Registry, Selection, Task
 
@@ -147,6 +147,22 @@ REGISTRY = Registry(
             "Hammerstein, Wiener, Lur'e and two-input records, on boxes from the data",
             block_structured.cases,
             options=_WIDTH,
+        ),
+        Family(
+            "identify",
+            "setid on simulated records of order 1 to 3, errors of 1, 5, 10 % (--noise)",
+            partial(intervals.cases, False),
+            "identify",
+            options=_WIDTH,
+            peer_limit=20.0,
+        ),
+        Family(
+            "identify-stable",
+            "the same, with stability as a prior",
+            partial(intervals.cases, True),
+            "identify",
+            options=_WIDTH,
+            peer_limit=20.0,
         ),
         Family(
             "zoo", "problems with known optima, order chosen by the engine", _zoo, options=_AUTO

@@ -105,6 +105,8 @@ def own_rows(
         }
         if failure:
             yield Row(**common, status=f"error: {failure}", phases={"parse": parse})
+        elif not results:  # what was solved is no problem of the engine
+            yield Row(**common, status="no finite box", proved=True, phases={"parse": parse})
         else:
             yield _own_row(common, task, results, watch, parse, tolerance)
 
@@ -213,7 +215,9 @@ def _gaps(task: Task, own: Row | None, tolerance: float) -> list[float]:
         return [tolerance]
     widths = [w for w in task.start_widths for _ in range(2)]
     if own is not None and len(own.details) == len(widths):
-        proved = [-own.details[i + 1]["lower"] - own.details[i]["lower"] for i in range(0, 10, 2)]
+        proved = [
+            -own.details[i + 1]["lower"] - own.details[i]["lower"] for i in range(0, len(widths), 2)
+        ]
         ours = [w for w in proved for _ in range(2)]
         widths = [b if math.isfinite(b) and b > 0 else a for a, b in zip(widths, ours, strict=True)]
     return [tolerance * w for w in widths]

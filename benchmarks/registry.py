@@ -81,7 +81,7 @@ class Selection:
         Only cases whose name contains one of these.
     sizes, seeds : tuple of int
     noises : tuple of float
-        Factors on the noise bounds of identification records.
+        Factors on the noise bounds of the families oe and eiv, per cent of the family identify.
     files : tuple of Path
         Problems of the reader's own.
     count : int
@@ -109,8 +109,8 @@ class Family:
     name, summary : str
     cases : callable
         From a selection to cases.
-    kind : {"solve", "build", "random"}
-        What is measured: bounds, sizes without a solver, or soundness.
+    kind : {"solve", "build", "random", "identify"}
+        What is measured: bounds, sizes without a solver, soundness, or identification.
     options : mapping
         Fields of Options for all cases.
     peer_limit : float

@@ -128,6 +128,8 @@ def _family_parts(name: str, rows: Sequence[Row]) -> Iterator[str]:
     if name == "random":
         yield _soundness(groups)
         return
+    if name.startswith("identify"):
+        yield _intervals(rows)
     yield _results(groups)
     yield _comparison(groups)
     yield _phases(groups)
@@ -264,6 +266,57 @@ def _ablation(groups: Sequence[Group]) -> str:
             ]
         )
     return table(head, lines)
+
+
+def _intervals(rows: Sequence[Row]) -> str:
+    """Identified records: by structure and noise over all sizes, by size, and all together."""
+    lines: dict[str, list[Row]] = {}
+    for row in rows:
+        words = [word for word in row.problem.split() if not word.startswith("N=")]
+        lines.setdefault(" ".join(words), []).append(row)
+    for row in rows:
+        lines.setdefault(f"N={row.size}", []).append(row)
+    lines["all"] = list(rows)
+    head = ["records", "runs", "claims hold", "finite", "proved unbounded", "ends closed", "CPU s"]
+    head += ["SCIP: runs", "its ends closed", "its CPU s", "its CPU s / ours"]
+    refuted = [f"- {r.problem}, seed {r.seed}: {note}" for r in rows if r.valid is False
+               for note in r.notes or (r.status,)]  # fmt: skip
+    shown = table(head, [_interval_cells(name, each) for name, each in lines.items()])
+    return "\n\n".join(part for part in (shown, "\n".join(refuted)) if part)
+
+
+def _interval_cells(name: str, rows: Sequence[Row]) -> list[str]:
+    ours = [row for row in rows if row.solver == OURS]
+    peers = [row for row in rows if row.solver != OURS]
+    finite = sum(
+        bool(r.details) and all(math.isfinite(d["lower"]) for d in r.details) for r in ours
+    )
+    seconds = {(row.problem, row.seed): row.cpu_seconds for row in ours}
+    ratios = [r.cpu_seconds / seconds.get((r.problem, r.seed), math.nan) for r in peers]
+    return [
+        name,
+        str(len(ours)),
+        f"{sum(row.valid is True for row in ours)}",
+        str(finite),
+        str(sum(row.status.startswith("unbounded") for row in ours)),
+        _share(ours),
+        number(_middle([row.cpu_seconds for row in ours]), 3),
+        str(len(peers)),
+        _share(peers),
+        number(_middle([row.cpu_seconds for row in peers]), 3),
+        number(_middle(ratios)),
+    ]
+
+
+def _share(rows: Sequence[Row]) -> str:
+    """Closed ends in per cent of those that are not proved to be infinite."""
+    asked = sum(row.objectives for row in rows if not row.status.startswith("unbounded"))
+    return f"{100.0 * sum(row.closed for row in rows) / asked:.0f} %" if asked else ""
+
+
+def _middle(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return median(known) if known else math.nan
 
 
 def _soundness(groups: Sequence[Group]) -> str:

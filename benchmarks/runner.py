@@ -9,7 +9,7 @@ from typing import Any
 
 import sparsepop_py as sp
 
-from . import peers, soundness
+from . import intervals, peers, soundness
 from .errors import BenchmarkError
 from .isolation import Crash, isolated
 from .measure import Method, Setting, build_row, method, own_rows, peer_rows, settings_of
@@ -62,6 +62,9 @@ def _warm_up() -> None:
 
 def measure(family: Family, case: Case, setting: Setting) -> Iterator[Row]:
     """All rows of one case."""
+    if family.kind == "identify":
+        yield from intervals.rows(family, case, setting)
+        return
     settings = settings_of(family, case, setting)
     if family.kind == "build":
         yield from (build_row(family, case, settings, k) for k in range(setting.repeats))

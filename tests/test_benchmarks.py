@@ -47,8 +47,8 @@ def family(*cases):
 def test_the_registry_lists_all_families(capsys):
     assert main(["list"]) == 0
     shown = capsys.readouterr().out
-    wanted = "oe eiv block_structured zoo certificates examples files pooling quartics broyden "
-    wanted += "growth random"
+    wanted = "oe eiv block_structured identify identify-stable zoo certificates examples files "
+    wanted += "pooling quartics broyden growth random"
     assert [f.name for f in REGISTRY] == wanted.split()
     for name in wanted.split():
         assert f"| {name} |" in shown
