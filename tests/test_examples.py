@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sparsepop_py as sp
@@ -193,7 +194,16 @@ def test_identify_tank(tmp_path: Path) -> None:
     output = run("identify_tank", tmp_path, "--output", str(tmp_path / "pictures"))
     linear, quadratic = re.findall(r"equation error (\S+) V", output)
     assert float(linear) > float(quadratic) > 0.05
-    assert "falsified" in output and output.count("certified") == 4
+    one_step, simulated = output.split("output errors, every fifth sample:")
+    assert "falsified" in one_step and one_step.count("certified") == 4
+    part, whole = (float(v) for v in re.findall(r"output error (\S+) V on", simulated))
+    assert 0.3 < part < whole < 0.4  # 40 samples are among the 60
+    assert simulated.count("certified\n") == 3 and "verified again from the data: yes" in simulated
+    assert "readings outside the proved band of readings  0 of 20" in simulated
+    fast, slow = (float(v) for v in re.search(r"between (\d+) and (\d+) s", simulated).groups())
+    low, high = interval(simulated, "a1")
+    # a level that decays with time constant T falls to exp(-25 / T) in 25 s
+    assert np.exp(-25 / (fast - 1)) < -high + 1e-3 and np.exp(-25 / (slow + 1)) > -low - 1e-3
 
 
 @pytest.mark.slow
