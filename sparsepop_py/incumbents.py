@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .boxes import find_box
 from .conic import ConicSolution
 from .enclosure import range_over
-from .extraction import candidates, means
+from .extraction import candidates
 from .feasibility import ProvedPoint
 from .options import Options
 from .presolve.propagation import is_empty
@@ -27,7 +27,6 @@ from .task import Task
 
 __all__ = ["attain", "attained", "carried", "extracted", "random_starts"]
 
-_MANY = 2000  # variables from which atoms are not looked for: means start a search, too
 _FAR = 1e-3  # candidates whose value is this much above the best are not worth keeping
 
 
@@ -40,11 +39,7 @@ def attain(
         return None, []
     method = "ipopt" if options.refine == "ipopt" else None
     starts = _with_repaired(task, starts)
-    constant = problem.squares_constant
-    enough = -np.inf if constant is None else constant + 0.5 * options.gap
-    if options.gap_kind == "width":
-        enough = -np.inf
-    return best_attained(problem, starts, options.tolerance, method, task.clock.end, enough)
+    return best_attained(problem, starts, options.tolerance, method, task.clock.end)
 
 
 def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:
@@ -82,10 +77,7 @@ def extracted(
     """Candidate minimisers from the moments of a solution."""
     if solution is None or solution.status not in ("solved", "almost"):
         return []
-    found = [means(relaxation, solution.y)]
-    if relaxation.problem.dimension <= _MANY:
-        found = candidates(relaxation, solution.y)
-    return [scaling.point(t) for t in found]
+    return [scaling.point(t) for t in candidates(relaxation, solution.y)]
 
 
 def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:

@@ -33,7 +33,6 @@ from .waki import Switches
 
 __all__ = [
     "Argued",
-    "Attempt",
     "Bound",
     "Model",
     "argue",
@@ -43,7 +42,6 @@ __all__ = [
     "one_round",
     "relaxed",
     "short_if",
-    "stronger",
     "trivially",
 ]
 
@@ -118,7 +116,7 @@ def argue(
             with task.stages.stage("solve"):
                 solution = _solution(task, program, small, solver, size)
             with task.stages.stage("certify"):
-                attempt = Attempt(replay, box, scaled, relaxation, program, solution, size, share)
+                attempt = _Attempt(replay, box, scaled, relaxation, program, solution, size, share)
                 outcome = _certified(task, attempt, outcome)
             first = first or outcome
             if task.closed(outcome.proved.bound) or task.clock.over:
@@ -201,7 +199,7 @@ def _loses(task: Task, outcome: Argued) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class _Attempt:
     """One solution of one program, to be certified."""
 
     replay: Replay
@@ -225,20 +223,20 @@ class Attempt:
         return Argued(proved, node, self.solution, value)
 
 
-def _certified(task: Task, attempt: Attempt, outcome: Argued) -> Argued:
+def _certified(task: Task, attempt: _Attempt, outcome: Argued) -> Argued:
     """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
     new = attempt.argued(attempt.solution.z)
-    outcome = stronger(outcome, new)
+    outcome = _stronger(outcome, new)
     if attempt.solution.status == "infeasible" or task.options.effort == "plain":
         return outcome
     loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
     scale = max(1.0, abs(attempt.size * attempt.solution.primal))
     if loss > 1e-9 * scale and not task.closed(outcome.proved.bound):
-        outcome = stronger(outcome, attempt.argued(repaired(attempt.program, attempt.solution.z)))
+        outcome = _stronger(outcome, attempt.argued(repaired(attempt.program, attempt.solution.z)))
     return outcome
 
 
-def stronger(old: Argued, new: Argued) -> Argued:
+def _stronger(old: Argued, new: Argued) -> Argued:
     """The argument with the larger bound, with the newest solver output."""
     if new.proved.bound >= old.proved.bound:
         return new
@@ -268,8 +266,6 @@ def one_round(task: Task, shared: Model | None) -> Bound:
         empty = _emptiness(problem, model)
         if empty is not None:
             return Bound(model, empty)
-        if trivially(task):
-            return _prove(task, model)
         with task.stages.stage("relax"):
             typical = best.x if best is not None else None
             scaled = relaxed(problem, (problem.objective,), model, options, typical)
