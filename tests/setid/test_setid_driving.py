@@ -59,7 +59,9 @@ def test_a_wrong_order(noise: setid.Noise) -> None:
     check(setid.identify(truth.data, ONE, noise, options=QUICK), truth)
 
 
-@pytest.mark.parametrize(("noise", "factor"), [(OUTPUT, 0.57), (BOTH, 0.61)])
+@pytest.mark.parametrize(
+    ("noise", "factor"), [(OUTPUT, 0.57), pytest.param(BOTH, 0.61, marks=pytest.mark.slow)]
+)
 def test_too_small_a_noise_bound(noise: setid.Noise, factor: float) -> None:
     u = np.random.default_rng(1).uniform(-1, 1, 16)
     truth = setid.simulate_record(ONE, [-0.6, 1.0], u, noise, 1)
