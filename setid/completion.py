@@ -256,15 +256,18 @@ def _least_step(
     loose = scaled[free] | _defined(formulation)[free]
     lower = np.where(loose, -np.inf, problem.lower[free])
     upper = np.where(loose, np.inf, problem.upper[free])
-    solution = minimise(
-        np.append(np.zeros(free.size), 1.0),
-        (below, right),
-        (
-            sps.hstack([rows.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr(),
-            -rows.constant[equal],
-        ),
-        (np.append(lower, 0.0), np.append(upper, np.inf)),
-    )
+    try:
+        solution = minimise(
+            np.append(np.zeros(free.size), 1.0),
+            (below, right),
+            (
+                sps.hstack([rows.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr(),
+                -rows.constant[equal],
+            ),
+            (np.append(lower, 0.0), np.append(upper, np.inf)),
+        )
+    except SetidError:  # the solver gave up: no witness, which proves nothing either way
+        return None
     return None if solution is None else (solution[:-1], float(solution[-1]))
 
 

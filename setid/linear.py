@@ -11,6 +11,9 @@ from .errors import SetidError
 
 __all__ = ["minimise"]
 
+_METHODS = ("highs", "highs-ipm")  # the second where the first meets numerical difficulties
+_NUMERICAL = 4
+
 
 def minimise(
     cost: NDArray[np.float64],
@@ -41,15 +44,18 @@ def minimise(
     free = (np.full(cost.size, -np.inf), np.full(cost.size, np.inf))
     rows, right = equal if equal is not None and equal[1].size else (None, None)
     upper_rows, upper_right = below if below[1].size else (None, None)
-    result = linprog(
-        cost,
-        A_ub=upper_rows,
-        b_ub=upper_right,
-        A_eq=rows,
-        b_eq=right,
-        bounds=np.stack(bounds or free, axis=1),
-        method="highs",
-    )
+    for method in _METHODS:
+        result = linprog(
+            cost,
+            A_ub=upper_rows,
+            b_ub=upper_right,
+            A_eq=rows,
+            b_eq=right,
+            bounds=np.stack(bounds or free, axis=1),
+            method=method,
+        )
+        if result.status != _NUMERICAL:
+            break
     if result.status == 2:
         return None
     if result.status != 0:
