@@ -3,21 +3,13 @@
 The full basis of a clique holds all its monomials up to a degree. An equality h == 0
 that lives in the clique puts the coefficient vector of every x^a h of degree at most d
 into the kernel of the moment matrix; dropping as many monomials as these vectors have
-rank leaves a smaller matrix that can be positive definite (facial reduction). In a sum
-of squares, the square of a basis monomial must be matched by another product or by the
-polynomial itself, else its diagonal entry is zero and the monomial can go (diagonal
-consistency, a cheap form of the Newton polytope). Any choice of monomials is sound,
-since fewer monomials only make a relaxation weaker.
-
-References
-----------
-J. Loefberg, Pre- and post-processing sum-of-squares programs in practice, IEEE Trans.
-Automatic Control 54, 2009 (diagonal inconsistency).
+rank leaves a smaller matrix that can be positive definite (facial reduction). Any choice of
+monomials is sound, since fewer monomials only make a relaxation weaker.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg
@@ -27,7 +19,7 @@ from . import monomials
 from .monomials import Words
 from .problem import Problem
 
-__all__ = ["by_size", "clique_bases", "consistent_bases", "reduced_bases"]
+__all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]
 
 Bases = list[tuple[NDArray[np.int64], Words]]
 
@@ -78,64 +70,6 @@ def reduced_bases(
         [(_, basis)] = clique_bases(members, np.array([clique]), order)
         kept = basis[:, _independent(problem, basis[0], members[clique], numbers, order)]
         stacked.setdefault(kept.shape[1], []).append((np.array([clique]), kept))
-    return [
-        (np.concatenate([p for p, _ in parts]), np.concatenate([b for _, b in parts]))
-        for parts in stacked.values()
-    ]
-
-
-def consistent_bases(
-    bases: Bases,
-    held: Sequence[Words],
-    dimension: int,
-    rewrite: Callable[[Words], Words] | None = None,
-    degree: int = 0,
-) -> Bases:
-    """Drop monomials whose squares no other product and none of ``held`` can match.
-
-    Parameters
-    ----------
-    bases : list of (positions (k,), basis (k, s, D))
-    held : sequence of (T, D) words
-        Monomials of the objective and of all other multipliers' products.
-    dimension : int
-    rewrite : callable, optional
-        What becomes of words (T, D) where equations are substituted.
-    degree : int
-        Monomials below it stay.
-    """
-    width = max([1, *(2 * b.shape[2] for _, b in bases), *(w.shape[1] for w in held)])
-
-    def keys(words: Words) -> NDArray:
-        words = monomials.widen(words, width)
-        return monomials.pack(words if rewrite is None else rewrite(words), dimension)
-
-    fixed = np.unique(np.concatenate([keys(np.zeros((1, 1), np.int32)), *map(keys, held)]))
-    squares, products = [], []
-    for _, basis in bases:
-        k, s, d = basis.shape
-        j, i = np.tril_indices(s, -1)
-        squares.append(keys(monomials.multiply(basis, basis).reshape(-1, 2 * d)).reshape(k, s))
-        mixed = monomials.multiply(basis[:, i], basis[:, j]).reshape(-1, 2 * d)
-        products.append(keys(mixed).reshape(k, i.size))
-    kept = [np.ones(square.shape, bool) for square in squares]
-    low = [monomials.degrees(basis) < degree for _, basis in bases]
-    while True:
-        alive = [fixed]
-        for keep, product in zip(kept, products, strict=True):
-            j, i = np.tril_indices(keep.shape[1], -1)
-            alive.append(product[keep[:, i] & keep[:, j]])
-        matched = np.unique(np.concatenate(alive))
-        shrunk = [
-            k & (few | np.isin(sq, matched)) for k, sq, few in zip(kept, squares, low, strict=True)
-        ]
-        if all(np.array_equal(a, b) for a, b in zip(kept, shrunk, strict=True)):
-            break
-        kept = shrunk
-    stacked: dict[int, Bases] = {}
-    for (place, basis), keep in zip(bases, kept, strict=True):
-        for chosen, rows in by_size(basis, keep):
-            stacked.setdefault(rows.shape[1], []).append((place[chosen], rows))
     return [
         (np.concatenate([p for p, _ in parts]), np.concatenate([b for _, b in parts]))
         for parts in stacked.values()

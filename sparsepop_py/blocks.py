@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .basis import by_size, clique_bases, consistent_bases, reduced_bases
+from .basis import by_size, clique_bases, reduced_bases
 from .generators import Generators
 from .monomials import Words
+from .newton import consistent_bases
 from .polynomial import Polynomial
 from .problem import Problem
 from .sparsity import Cliques

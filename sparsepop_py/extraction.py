@@ -25,7 +25,7 @@ from .errors import ProblemError
 from .monomials import Words
 from .relaxation import Relaxation
 
-__all__ = ["candidates", "combine", "extract_clique"]
+__all__ = ["candidates", "combine", "extract_clique", "means"]
 
 _SEED = 20050
 Points = list[NDArray[np.float64]]
@@ -55,6 +55,13 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
     found.sort(key=lambda entry: entry[0])
     dimension = relaxation.problem.dimension
     return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
+
+
+def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The first moments, shape (n,); 0 for a variable that is no moment."""
+    letters = np.arange(1, relaxation.problem.dimension + 1, dtype=np.int32)[:, None]
+    number = relaxation.moment_numbers(letters)
+    return np.where(number > 0, np.append(1.0, y)[np.maximum(number, 0)], 0.0)
 
 
 def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:

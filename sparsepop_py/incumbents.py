@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .boxes import find_box
 from .conic import ConicSolution
 from .enclosure import range_over
-from .extraction import candidates
+from .extraction import candidates, means
 from .feasibility import ProvedPoint
 from .options import Options
 from .presolve.propagation import is_empty
@@ -27,6 +27,7 @@ from .task import Task
 
 __all__ = ["attain", "attained", "carried", "extracted", "random_starts"]
 
+_MANY = 2000  # variables from which atoms are not looked for: means start a search, too
 _FAR = 1e-3  # candidates whose value is this much above the best are not worth keeping
 
 
@@ -39,7 +40,11 @@ def attain(
         return None, []
     method = "ipopt" if options.refine == "ipopt" else None
     starts = _with_repaired(task, starts)
-    return best_attained(problem, starts, options.tolerance, method, task.clock.end)
+    constant = problem.squares_constant
+    enough = -np.inf if constant is None else constant + 0.5 * options.gap
+    if options.gap_kind == "width":
+        enough = -np.inf
+    return best_attained(problem, starts, options.tolerance, method, task.clock.end, enough)
 
 
 def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:
@@ -77,7 +82,10 @@ def extracted(
     """Candidate minimisers from the moments of a solution."""
     if solution is None or solution.status not in ("solved", "almost"):
         return []
-    return [scaling.point(t) for t in candidates(relaxation, solution.y)]
+    found = [means(relaxation, solution.y)]
+    if relaxation.problem.dimension <= _MANY:
+        found = candidates(relaxation, solution.y)
+    return [scaling.point(t) for t in found]
 
 
 def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:

@@ -22,8 +22,9 @@ from .boxes import find_box, finite
 from .certificate.box import BoxProof, Replay
 from .certificate.certificate import Node, prove
 from .feasibility import ProvedPoint
+from .free import free_round, good_enough
 from .ground import Ground
-from .incumbents import attain, extracted
+from .incumbents import attain, attained, extracted
 from .options import Options
 from .relaxation import least_order
 from .result import Rung
@@ -35,6 +36,7 @@ from .unbounded import falling_ray
 __all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 
 _ROUNDS = 3
+_MANY = 300  # variables from which a closed gap ends the work at once
 _ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
@@ -72,6 +74,34 @@ def climb(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
     shared : Model or None
         Box and relaxations that several objectives share; used on the first rung.
     """
+    if shared is None and task.options.effort != "plain":
+        free = _freely(task, near)
+        if free is not None:
+            if good_enough(free.task, level(free.outcome.certificate)) or free.task.clock.over:
+                return free
+            climbed = _climbed(free.task, free.near, None)
+            outcome = better(free.outcome, climbed.outcome)
+            return replace(climbed, outcome=outcome, history=free.history + climbed.history)
+    return _climbed(task, near, shared)
+
+
+def _freely(task: Task, near: list[NDArray]) -> Climbed | None:
+    """What Gram matrices prove where there is no box, and the points behind them."""
+    start = time.process_time()
+    try:
+        bound = free_round(task)
+    except KeyboardInterrupt:
+        return nothing_yet(task, near)
+    if bound is None:
+        return None
+    if not task.closed(level(bound.certificate)):
+        task, more = attained(task, _extracted(bound))
+        near = near + more
+    rung = _rung(task, bound, bound, time.process_time() - start)
+    return Climbed(task, bound, near, (rung,))
+
+
+def _climbed(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
     if task.options.effort == "auto":
         with task.stages.stage("presolve"):
             replay = task.replay()
@@ -171,6 +201,8 @@ def _rounds(
             task.clock.stop()
             break
         outcome = better(outcome, bound)
+        if task.closed(level(outcome.certificate)) and task.problem.dimension > _MANY:
+            break  # reading further minimisers out of the moments would take the longest
         with task.stages.stage("refine"):
             found, more = attain(task.problem, _extracted(bound), task)
         near = near + more

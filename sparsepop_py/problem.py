@@ -19,11 +19,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import monomials, symbolic
+from . import symbolic
 from .cones import Matrices, SymbolicCone
 from .errors import ProblemError
 from .polynomial import Constraint, Kind, Polynomial, total
-from .rounding import Interval
+from .squares import Weighted, constant_above, expanded
 from .system import PolynomialSystem
 
 __all__ = ["Problem"]
@@ -74,7 +74,7 @@ class Problem:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     names: tuple[str, ...]
-    squares: tuple[tuple[float, Polynomial], ...]
+    squares: tuple[Weighted, ...]
     sense: Sense
 
     def __init__(
@@ -154,23 +154,7 @@ class Problem:
         """
         if not self.squares:
             return None
-        rest: dict[tuple[int, ...], Fraction] = {}
-
-        def add(letters: list[int], value: Fraction) -> None:
-            key = tuple(letter for letter in letters if letter)
-            rest[key] = rest.get(key, Fraction(0)) + value
-
-        f = self.objective
-        for letters, value in zip(f.words.tolist(), f.coefficients.tolist(), strict=True):
-            add(letters, Fraction(value))
-        for weight, r in self.squares:
-            values = [Fraction(c) for c in r.coefficients.tolist()]
-            a, b = np.tril_indices(len(values))
-            words = monomials.multiply(r.words[a], r.words[b]).tolist()
-            for i, j, letters in zip(a.tolist(), b.tolist(), words, strict=True):
-                add(letters, -Fraction(weight) * values[i] * values[j] * (1 if i == j else 2))
-        constant = rest.pop((), Fraction(0))
-        return None if any(rest.values()) else float(Interval.of_fraction(constant).lo)
+        return constant_above(self.objective, self.squares)
 
     def violation(self, x: ArrayLike) -> float:
         """Largest violation of constraints and bounds at ``x``, in the user's units.
@@ -325,9 +309,7 @@ def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...
     return labels
 
 
-def _squares(
-    squares: Iterable[Any] | None, objective: Polynomial
-) -> tuple[tuple[float, Polynomial], ...]:
+def _squares(squares: Iterable[Any] | None, objective: Polynomial) -> tuple[Weighted, ...]:
     pairs = []
     for item in squares or ():
         weight, polynomial = item if isinstance(item, tuple) else (1.0, item)
@@ -337,7 +319,7 @@ def _squares(
             raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
         pairs.append((float(weight), polynomial))
     if pairs:
-        rest = objective - _sum_of_squares(pairs, objective.dimension)
+        rest = objective - expanded(pairs, objective.dimension)
         rest = rest - rest.constant_term
         scale = max(np.abs(objective.coefficients).max(initial=1.0), 1.0)
         if np.abs(rest.coefficients).max(initial=0.0) > 1e-9 * scale:
@@ -345,22 +327,3 @@ def _squares(
                 f"squares: their sum differs from the objective by more than a constant: {rest!r}"
             )
     return tuple(pairs)
-
-
-def _sum_of_squares(squares: Sequence[tuple[float, Polynomial]], dimension: int) -> Polynomial:
-    """Sum of weight * p^2 over (weight, p) pairs in one pass; equal shapes are stacked."""
-    shapes: dict[tuple[int, ...], list[tuple[float, Polynomial]]] = {}
-    for weight, p in squares:
-        shapes.setdefault(p.words.shape, []).append((weight, p))
-    words, values = [np.zeros((1, 1), np.int32)], [np.zeros(1)]
-    for (terms, _), items in shapes.items():
-        i, j = np.triu_indices(terms)
-        letters = np.stack([p.words for _, p in items])
-        value = np.stack([p.coefficients for _, p in items])
-        twice = np.array([w for w, _ in items])[:, None] * np.where(i == j, 1.0, 2.0)
-        product = monomials.multiply(letters[:, i], letters[:, j])
-        words.append(product.reshape(-1, product.shape[-1]))
-        values.append((twice * value[:, i] * value[:, j]).ravel())
-    width = max(w.shape[1] for w in words)
-    joined = np.concatenate([monomials.widen(w, width) for w in words])
-    return Polynomial.from_words(joined, np.concatenate(values), dimension)

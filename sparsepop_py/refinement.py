@@ -15,11 +15,10 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
-from scipy.sparse.linalg import spsolve
 
+from .descent import newton_polish, zeros_of_squares
 from .errors import SolverNotFound
 from .feasibility import ProvedPoint, prove_feasible
 from .polynomial import Constraint, Kind
@@ -35,7 +34,6 @@ _DENSE_LIMIT = 300
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
 _SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e8
-_NEWTON_STEPS = 30
 _ENOUGH = 5  # searches that end at the best value before the rest is left out
 
 
@@ -66,6 +64,7 @@ def local_search(
             return sequential_search(problem, start, Products.of(problem).complicating)
         try:
             if not problem.constraints:
+                start = zeros_of_squares(problem, start, end)
                 return _by_bounds(problem, start, end)
             free = np.count_nonzero(problem.lower < problem.upper)
             inequalities = not np.all(problem.equality | problem.bound_rows)
@@ -109,37 +108,13 @@ def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float
         options=options,
         callback=_stop_far_away,
     ).x
-    return _newton_polish(problem, x)
+    return newton_polish(problem, x, end)
 
 
 def _stop_far_away(intermediate_result: Any) -> None:
     """End a search that follows a falling objective to infinity."""
     if np.abs(intermediate_result.x).max(initial=0.0) > _FAR:
         raise StopIteration
-
-
-def _newton_polish(problem: Problem, x: NDArray) -> NDArray[np.float64]:
-    """Damped Newton steps in the variables off their bounds, as long as they descend."""
-    row = problem.objective_row
-    value = float(row.values(x)[0])
-    for _ in range(_NEWTON_STEPS):
-        inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))
-        hessian = row.gradient_system.jacobian(x)[inner][:, inner]
-        shift = 1e-12 * max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
-        step = np.zeros(x.size)
-        step[inner] = -spsolve(
-            (hessian + shift * sps.eye_array(inner.size)).tocsc(), row.gradient(x)[inner]
-        )
-        for _ in range(6):
-            trial = np.clip(x + step, problem.lower, problem.upper)
-            reached = float(row.values(trial)[0])
-            if reached < value:
-                break
-            step = 0.5 * step
-        else:
-            return x
-        x, value = trial, reached
-    return x
 
 
 def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
@@ -253,7 +228,8 @@ def starting_points(
 ) -> list[NDArray[np.float64]]:
     """The middle of the box (0 or a bound where it is endless) and random points.
 
-    Where the box is endless the points spread over three scales: 2, 10 and 50.
+    Where the box is endless the points spread over three scales: 2, 10 and 50. In very many
+    variables random points lead to poor minima; there the vectors of all 1 and all -1 follow.
     """
     rng = np.random.default_rng(seed)
     points = []
@@ -264,6 +240,8 @@ def starting_points(
         low = np.where(np.isfinite(box.lo), box.lo, from_high)
         high = np.where(np.isfinite(box.hi), box.hi, from_low)
         points.append(rng.uniform(low, high) if number else 0.5 * (low + high))
+    if problem.dimension > _DENSE_LIMIT and not problem.constraints:
+        points += [np.clip(np.full(problem.dimension, v), box.lo, box.hi) for v in (1.0, -1.0)]
     return points
 
 
@@ -343,6 +321,7 @@ def best_attained(
     tolerance: float,
     method: str | None = None,
     end: float = np.inf,
+    enough: float = -np.inf,
 ) -> tuple[ProvedPoint | None, list[NDArray[np.float64]]]:
     """Search from every start; the best proved point, and all nearly feasible vectors by value.
 
@@ -355,6 +334,8 @@ def best_attained(
     method : {None, "ipopt"}
     end : float
         When to stop, on the monotonic clock; what was found until then is kept.
+    enough : float
+        A value that needs no improvement, such as a proved bound with the allowed gap.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
     rows = RowForm.of(problem)
@@ -366,6 +347,8 @@ def best_attained(
         found += ends
         reached.append(min((value for value, _ in ends), default=np.inf))
         best_value = min(reached)
+        if best_value <= enough:
+            break
         near = best_value + 1e-5 * (1.0 + abs(best_value))
         if best_value < np.inf and sum(value <= near for value in reached) >= _ENOUGH:
             break

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -49,7 +49,7 @@ from .sparsity import Cliques, find_cliques
 from .system import PolynomialSystem
 from .terms import Terms, term_sparse
 
-__all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "relax"]
+__all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +256,14 @@ def relax(
         groups = term_sparse(groups, system, support, problem.dimension, terms)
     moments, entries = conic_rows(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
+
+
+def on_groups(relaxation: Relaxation, groups: tuple[BlockGroup, ...]) -> Relaxation:
+    """The relaxation of the same problem with other blocks."""
+    problem = relaxation.problem
+    system = generators.stacked(problem, relaxation.products)
+    moments, entries = conic_rows(groups, system, [problem.objective.words], problem.dimension)
+    return replace(relaxation, groups=groups, moments=moments, entries=entries)
 
 
 def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:

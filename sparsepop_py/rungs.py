@@ -33,6 +33,7 @@ from .waki import Switches
 
 __all__ = [
     "Argued",
+    "Attempt",
     "Bound",
     "Model",
     "argue",
@@ -42,6 +43,7 @@ __all__ = [
     "one_round",
     "relaxed",
     "short_if",
+    "stronger",
     "trivially",
 ]
 
@@ -116,7 +118,7 @@ def argue(
             with task.stages.stage("solve"):
                 solution = _solution(task, program, small, solver, size)
             with task.stages.stage("certify"):
-                attempt = _Attempt(replay, box, scaled, relaxation, program, solution, size, share)
+                attempt = Attempt(replay, box, scaled, relaxation, program, solution, size, share)
                 outcome = _certified(task, attempt, outcome)
             first = first or outcome
             if task.closed(outcome.proved.bound) or task.clock.over:
@@ -199,7 +201,7 @@ def _loses(task: Task, outcome: Argued) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class _Attempt:
+class Attempt:
     """One solution of one program, to be certified."""
 
     replay: Replay
@@ -223,20 +225,20 @@ class _Attempt:
         return Argued(proved, node, self.solution, value)
 
 
-def _certified(task: Task, attempt: _Attempt, outcome: Argued) -> Argued:
+def _certified(task: Task, attempt: Attempt, outcome: Argued) -> Argued:
     """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
     new = attempt.argued(attempt.solution.z)
-    outcome = _stronger(outcome, new)
+    outcome = stronger(outcome, new)
     if attempt.solution.status == "infeasible" or task.options.effort == "plain":
         return outcome
     loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
     scale = max(1.0, abs(attempt.size * attempt.solution.primal))
     if loss > 1e-9 * scale and not task.closed(outcome.proved.bound):
-        outcome = _stronger(outcome, attempt.argued(repaired(attempt.program, attempt.solution.z)))
+        outcome = stronger(outcome, attempt.argued(repaired(attempt.program, attempt.solution.z)))
     return outcome
 
 
-def _stronger(old: Argued, new: Argued) -> Argued:
+def stronger(old: Argued, new: Argued) -> Argued:
     """The argument with the larger bound, with the newest solver output."""
     if new.proved.bound >= old.proved.bound:
         return new
@@ -266,6 +268,8 @@ def one_round(task: Task, shared: Model | None) -> Bound:
         empty = _emptiness(problem, model)
         if empty is not None:
             return Bound(model, empty)
+        if trivially(task):
+            return _prove(task, model)
         with task.stages.stage("relax"):
             typical = best.x if best is not None else None
             scaled = relaxed(problem, (problem.objective,), model, options, typical)

@@ -100,6 +100,7 @@ def fitting_relaxations(
             cliques=cliques,
             objectives=objectives,
             products=constrained and not plain,
+            terms="none" if constrained or plain else "sign",
         )
         full = build()
         if plain:

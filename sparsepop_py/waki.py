@@ -29,11 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import generators, monomials
-from .basis import clique_bases, consistent_bases
+from .basis import clique_bases
 from .blocks import BlockGroup, Blocks, matrix_blocks, ragged, row_monomials, stacked_groups
 from .errors import ProblemError
 from .generators import Generators
 from .moment_bounds import moment_bounds
+from .newton import consistent_bases
 from .polynomial import Polynomial
 from .problem import Problem
 from .relaxation import Relaxation, conic_rows, least_order

@@ -50,7 +50,6 @@ def empty():
 
 @pytest.fixture
 def compiled():
-    pytest.importorskip("numba")
     return kernels.compiled_kernels()
 
 
@@ -121,8 +120,6 @@ def test_small_programs_and_short_limits_do_not_load_numba(monkeypatch):
 
 @pytest.mark.parametrize("flag", [False, True])
 def test_the_clock_is_looked_at_inside_an_iteration(flag):
-    if flag:
-        pytest.importorskip("numba")
     p = chain(12)
     numbers = Numbers.of(p, cliquetree.analyse(p, flag))
     inside = numbers.cone.identity()

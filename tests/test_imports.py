@@ -17,24 +17,29 @@ PACKAGE = "sparsepop_py"
 
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
-errors constraint progress display monomials rounding polynomial system cones symbolic problem
-enclosure semidefinite linear krawczyk rational feasibility generators presolve presolve.propagation
-presolve.scaling
-chordal sparsity basis blocks shapes signs terms relaxation substitution moment_bounds waki conic
+errors constraint progress display monomials rounding polynomial system cones squares
+symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
+presolve presolve.propagation presolve.scaling
+chordal sparsity basis newton blocks shapes signs terms relaxation substitution moment_bounds
+waki conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout
 solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.numbers
 solvers.cliquetree.progress solvers.cliquetree.repair solvers.cliquetree.interior
 solvers.cliquetree.second_order solvers.cliquetree solvers condense
-certificate certificate.multipliers certificate.priced certificate.identity certificate.linear
+certificate certificate.multipliers certificate.priced certificate.identity certificate.gram
+certificate.linear
 certificate.inverse certificate.rows certificate.box
 certificate.certificate certificate.dual
-extraction sequential rowform refinement unbounded options task catalogue sizing boxes incumbents
-result polyhedron exact_simplex polytope rungs lifting narrowing branch
+extraction sequential rowform descent refinement unbounded options task catalogue sizing boxes
+incumbents
+result polyhedron exact_simplex polytope rungs recovery free lifting narrowing branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
-structs problems plots
+structs
+problems.least_squares problems.chains problems.control problems.planted problems.classics
+problems plots
 formats.json_codecs formats.json_certificates formats.json_ formats.sdpa
 parameter_table parameter_values parameters error_bounds sedumi sparsepop_input sparsepop_output
 sparsepop_structs formats.mat sparsepop_sizes sparsepop_report sparsepop_files sparsepop door cli

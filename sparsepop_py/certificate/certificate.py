@@ -29,12 +29,13 @@ from ..problem import Problem
 from ..rounding import Interval, require_ieee
 from ..system import PolynomialSystem
 from .box import BoxProof, Known, Replay, Sublevel, Tightening, is_index
+from .gram import ExactGram
 from .identity import Identity
 from .linear import LinearDual
 
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
 
-Argument = Identity | LinearDual
+Argument = Identity | LinearDual | ExactGram
 
 
 class Verdict(NamedTuple):
@@ -61,7 +62,7 @@ class Node:
     ----------
     box : BoxProof
         Steps from the box of the part to a smaller one.
-    argument : Identity or LinearDual or None
+    argument : Identity, LinearDual, ExactGram or None
         Multipliers of the objective; of the constant 0 where ``empty``.
     empty : bool
         Whether the argument proves that the box holds no feasible point.
@@ -118,6 +119,9 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
     bound = -np.inf if empty else _without_multipliers(problem, box)
     if argument is None:
         return Proved(bound, 0.0, "")
+    if isinstance(argument, ExactGram):
+        value = -np.inf if empty else argument.bound(problem.objective)
+        return Proved(max(bound, value), 0.0, "" if np.isfinite(value) else "no sum of squares")
     if not argument.scaling.contains(box):
         return Proved(bound, 0.0, "the box is larger than the multipliers assume")
     objective = problem.objective_row

@@ -27,7 +27,9 @@ from .identity import Identity
 from .multipliers import Multipliers
 from .priced import Priced
 
-__all__ = ["identity_of", "margin", "repaired", "shortened"]
+__all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
+
+_FLOOR = 4e-13  # in scaled units; rounding leaves about a tenth of that in each row
 
 
 def identity_of(
@@ -111,6 +113,61 @@ def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float6
         step = lsmr(scaled.T, residual, atol=1e-15, btol=1e-15, conlim=1e12, maxiter=400)[0]
         z = z + weight * step
     return z
+
+
+def floored(
+    relaxation: Relaxation, program: ConicProgram, z: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Gram matrices of the objective less a constant, with a multiple of the identity split off.
+
+    For relaxations that have moment matrices only. Each entry stands for one monomial, so the
+    nearest z with q + A'z = 0 is found monomial by monomial, up to rounding. Where the least
+    eigenvalue is too small, the entry of the constant is raised as far as it takes, which
+    lowers the bound by as much.
+
+    Returns
+    -------
+    z : (R,) float
+        Without the floor.
+    floor : float
+        In scaled units; 0 where some matrix does not become positive definite.
+
+    References
+    ----------
+    H. Peyrl, P. A. Parrilo, Theoret. Comput. Sci. 409 (2008) 269-281 (projection on the
+    affine space of Gram matrices).
+    """
+    matrix = program.A
+    weight = np.asarray(matrix.multiply(matrix).sum(axis=0)).ravel()
+    for _ in range(2):
+        residual = program.q + matrix.T @ z
+        z = z - matrix @ np.divide(residual, weight, out=np.zeros_like(residual), where=weight > 0)
+    least, shift, offset = np.inf, np.zeros(z.size), 0
+    for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
+        i, j = group.pairs
+        lift = _lift(part, np.all(group.basis[:, 0] == 0, axis=1))
+        part[:, 0, 0] += lift
+        least = min(least, float(np.linalg.eigvalsh(part).min(initial=np.inf)))
+        rows = np.where(i == j, -_FLOOR, 0.0)[None, :].repeat(group.count, axis=0)
+        rows[:, 0] += lift
+        shift[offset : offset + rows.size] = rows.ravel()
+        offset += rows.size
+    return z + shift, _FLOOR if least > 1.01 * _FLOOR else 0.0
+
+
+def _lift(matrices: NDArray[np.float64], constant: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """What the first diagonal entries lack, by Schur complements; 0 where this cannot help."""
+    need = 2.0 * _FLOOR
+    low = np.linalg.eigvalsh(matrices)[:, 0] < need
+    lift = np.zeros(low.size)
+    rest = matrices[:, 1:, 1:] - need * np.eye(matrices.shape[1] - 1)
+    regular = np.linalg.eigvalsh(rest)[:, 0] > 0 if rest.size else np.ones(low.size, bool)
+    chosen = np.flatnonzero(low & constant & regular)
+    side = matrices[chosen, 1:, :1]
+    hidden = np.linalg.solve(rest[chosen], side)[:, :, 0]
+    complement = np.sum(hidden * side[:, :, 0], axis=1)
+    lift[chosen] = np.maximum(0.0, complement + need - matrices[chosen, 0, 0])
+    return lift
 
 
 def shortened(identity: Identity, share: float = 1e-8) -> Identity:

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..certificate.box import BoxProof, Known, Propagation, Sublevel, Tightening
 from ..certificate.certificate import Certificate, Node
+from ..certificate.gram import ExactGram
 from ..certificate.identity import Identity, Multipliers
 from ..certificate.inverse import LeftInverse
 from ..certificate.linear import LinearDual
@@ -49,7 +50,8 @@ TIGHTENING = record(
 INVERSE = record(
     LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
 )
-ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR})
+GRAM = record(ExactGram, basis=array, first=array, second=array, value=array)
+ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM})
 _CUT = Codec(
     lambda cut: [int(cut[0]), number.write(cut[1])],
     lambda found, place: (whole.read(_two(found, place)[0], place), number.read(found[1], place)),

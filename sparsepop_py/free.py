@@ -1,0 +1,115 @@
+"""Bounds without any box, where nothing is constrained or bounded.
+
+Gram matrices from the interior of the cone are moved onto the objective less a constant, and
+a multiple of the identity is split off that pays for rounding. The earlier a solver stops,
+the larger that multiple can be, and the lower the bound. Forms whose Gram matrices are all
+singular, whatever the constant, get nothing here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .certificate.box import BoxProof
+from .certificate.certificate import Node, Proved, prove
+from .certificate.dual import floored
+from .conic import assemble
+from .presolve.scaling import Scaled, scale_objective
+from .recovery import estimate, exact_grams
+from .rounding import Interval
+from .rungs import (
+    Argued,
+    Attempt,
+    Bound,
+    Model,
+    better,
+    bound_of,
+    level,
+    relaxed,
+    stronger,
+    trivially,
+)
+from .solvers import solve_conic
+from .task import Task
+
+__all__ = ["free_round", "good_enough"]
+
+_ACCURACIES = (1e-7, 1e-6, 1e-5, 1e-4)  # where solvers stop, one after the other
+_SHARES = (1e-3, 1e-2, 1e-1, 1.0)  # steps from the most accurate matrices into the interior
+_MANY = 300  # variables from which a box takes too long to gain the last digits
+_SMALL = 1e-4
+
+
+def good_enough(task: Task, bound: float) -> bool:
+    """Whether the bound closes the gap, or nearly so where there are many variables."""
+    near = _SMALL * max(1.0, abs(task.upper))
+    large = task.problem.dimension > _MANY
+    return task.closed(bound) or (large and bound >= task.upper - near)
+
+
+def free_round(task: Task) -> Bound | None:
+    """A bound of an unconstrained problem, None where it does not apply."""
+    problem = task.problem
+    endless = np.all(np.isinf(problem.lower) & np.isinf(problem.upper))
+    if problem.constraints or not endless or problem.degree % 2 or trivially(task):
+        return None
+    bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
+    outcome: Bound | None = None
+    for typical in (None, task.best.x if task.best is not None else None):
+        with task.stages.stage("relax"):
+            model = relaxed(problem, (problem.objective,), bare, task.options, typical)
+        if model.scaled is None or not model.relaxations:
+            return outcome
+        if outcome is None:
+            outcome = _exactly(task, model)
+            if good_enough(task, level(outcome.certificate)):
+                break
+        outcome = better(outcome, _from_the_interior(task, model, model.scaled))
+        known = outcome.certificate is not None or task.clock.over
+        if known or task.best is None or np.all(np.abs(task.best.x) <= 1.0):
+            break  # the scale would be the same
+    return outcome
+
+
+def _exactly(task: Task, model: Model) -> Bound:
+    """The first exact Gram matrix that is found, as singular as it may be."""
+    relaxation = model.relaxations[-1]
+    replay, f = task.replay(), task.problem.objective
+    argued = Argued(prove(replay, model.box, None, False), Node())
+    with task.stages.stage("certify"):
+        for gram in exact_grams(f, relaxation, task.clock.left):
+            if task.best is not None and not good_enough(task, estimate(gram, f)):
+                continue  # rationals would take long to prove little
+            proved = prove(replay, model.box, gram, False)
+            if proved.bound > argued.proved.bound:
+                argued = Argued(proved, Node(argument=gram))
+                break
+    return bound_of(replay, model, argued, relaxation)
+
+
+def _from_the_interior(task: Task, model: Model, scaled: Scaled) -> Bound:
+    """Solve the relaxation without any box, and pay for rounding from Gram matrices inside."""
+    relaxation = model.relaxations[-1]
+    replay, argued = task.replay(), Argued(Proved(-np.inf, 0.0, ""), Node())
+    minimised, size = scale_objective(task.problem.objective, scaled.scaling)
+    solver = "cliquetree" if task.options.solver == "auto" else task.options.solver
+    with task.stages.stage("assemble"):
+        program = assemble(relaxation, minimised)
+    sharp: NDArray[np.float64] | None = None
+    for accuracy in _ACCURACIES:
+        with task.stages.stage("solve"):
+            solution = solve_conic(program, solver, task.clock.left, accuracy)
+        if solution.status not in ("solved", "almost") or task.clock.over:
+            break
+        sharp = solution.z if sharp is None else sharp
+        with task.stages.stage("certify"):
+            for share in _SHARES:
+                z, floor = floored(relaxation, program, sharp + share * (solution.z - sharp))
+                if floor:
+                    break
+            attempt = Attempt(replay, model.box, scaled, relaxation, program, solution, size, floor)
+            argued = stronger(argued, attempt.argued(z))
+        if argued.proved.bound > -np.inf:
+            break
+    return bound_of(replay, model, argued, relaxation)

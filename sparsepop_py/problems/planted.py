@@ -1,0 +1,80 @@
+"""Random polynomials with a planted minimiser."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import monomials
+from ..errors import ProblemError
+from ..problem import Problem
+from .least_squares import Squares, check_size, least_squares
+
+__all__ = ["planted_point", "random_quartic"]
+
+
+def random_quartic(
+    n: int,
+    clique: int | None = None,
+    seed: int = 0,
+    density: float = 0.5,
+    optimum: float = 1.0,
+) -> Problem:
+    """Random quartic on [-1, 1]^n with a planted minimiser.
+
+    A constant plus, for each window of ``clique`` consecutive variables, ``clique + 1``
+    squares of random quadratics that vanish at :func:`planted_point`. The optimum is
+    ``optimum``, attained there. Coefficients are multiples of 1/8 and the point has
+    multiples of 1/4, so that all of this is exact in double precision.
+
+    Parameters
+    ----------
+    n : int
+        Number of variables.
+    clique : int, optional
+        Width of the windows; all n variables when left out.
+    seed : int
+    density : float
+        Expected share of the quadratic's coefficients that are not zero, in (0, 1].
+    optimum : float
+        The planted optimum.
+
+    Raises
+    ------
+    ProblemError
+        If ``n``, ``clique`` or ``density`` is out of range.
+
+    Examples
+    --------
+    >>> problem = random_quartic(6, clique=3, seed=1)
+    >>> problem.objective(planted_point(6, seed=1))
+    1.0
+    """
+    check_size(n, 1)
+    width = n if clique is None else clique
+    if not 1 <= width <= n:
+        raise ProblemError(f"clique: found {clique}, expected 1 <= clique <= {n}")
+    if not 0 < density <= 1:
+        raise ProblemError(f"density: found {density}, expected 0 < density <= 1")
+    rng = np.random.default_rng([seed, 1])
+    basis = monomials.full_basis(width, 2)
+    windows = np.arange(n - width + 1)
+    words = basis + (basis > 0) * windows[:, None, None].astype(np.int32)
+    shape = (windows.size, width + 1, basis.shape[0])
+    coefficients = rng.integers(-8, 9, shape) / 8 * (rng.random(shape) < density)
+    values = monomials.evaluate(words.reshape(-1, 2), planted_point(n, seed))
+    values = values.reshape(windows.size, 1, -1)
+    coefficients[..., 0] = -(coefficients[..., 1:] * values[..., 1:]).sum(axis=-1)
+    family = Squares(1.0, words, coefficients)
+    return least_squares(n, optimum, family, lower=-1.0, upper=1.0)
+
+
+def planted_point(n: int, seed: int = 0) -> NDArray[np.float64]:
+    """Minimiser of :func:`random_quartic` for the same ``n`` and ``seed``, shape (n,).
+
+    Examples
+    --------
+    >>> bool(np.all(np.abs(planted_point(5)) <= 0.75))
+    True
+    """
+    return np.random.default_rng([seed, 0]).integers(-3, 4, n) / 4
