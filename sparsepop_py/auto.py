@@ -117,6 +117,10 @@ class Auto:
         moved = old.box.hi > old.box.lo
         width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
         self.model, self.shared = model, model
+        node, replay = self.best.node, self.task.replay()
+        # the box before had steps of its own, so that it need not hold this one
+        proved = prove(replay, model.box, node.argument, node.empty)
+        self.best = replace(self.best, proved=proved)
         if self.search is None and self.tried and width.min(initial=1.0) < _SMALLER:
             # the same rung may do more now
             self.agenda.again(recipe for recipe, _, _ in self.tried)

@@ -7,6 +7,7 @@ bound of the largest distance: the negative of a certified lower bound.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from .options import Options
 from .polynomial import Constraint, Kind, Polynomial, total, variables
 from .problem import Problem
 from .result import Result
+from .rounding import Interval
 from .solve import solve_each
 
 __all__ = ["error_bounds", "index_sets"]
@@ -80,12 +82,26 @@ def error_bounds(
     >>> 2 - 2**0.5 < -ball.lower_bound < 2 - 2**0.5 + 1e-4
     True
     """
-    below = Constraint(level - problem.objective, Kind.NONNEGATIVE, "f <= fValueUbd")
+    below = Constraint(_below(problem.objective, level), Kind.NONNEGATIVE, "f <= fValueUbd")
     rows = [*problem.constraints, below]
     inside = Problem(problem.objective, rows, problem.lower, problem.upper, problem.names)
     return solve_each(inside, [_distance(centre, chosen) for chosen in sets], options)
 
 
+def _below(objective: Polynomial, level: float) -> Polynomial:
+    """level - f, its constant rounded up: non-negative wherever f <= level."""
+    constant = Fraction(level) - Fraction(objective.constant_term)
+    return total([-(objective - objective.constant_term), _above(constant)])
+
+
 def _distance(centre: NDArray[np.float64], chosen: Sequence[int]) -> Polynomial:
+    """-|x_I - centre_I|^2, its constant rounded down: never above it."""
     x = variables(centre.size)
-    return -total((x[v] - float(centre[v])) ** 2 for v in chosen)
+    rest = total((2.0 * float(centre[v])) * x[v] - x[v] ** 2 for v in chosen)
+    return total(
+        [rest, -_above(sum((Fraction(float(centre[v])) ** 2 for v in chosen), Fraction(0)))]
+    )
+
+
+def _above(value: Fraction) -> float:
+    return float(Interval.of_fraction(value).hi)

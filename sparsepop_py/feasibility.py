@@ -320,12 +320,13 @@ def _prove_exactly(
     value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
     point = np.array([float(v) for v in exact])
     radius = max(
-        (abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)), default=0
+        (abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)),
+        default=Fraction(0),
     )
-    upper = float(Interval.of_fraction(value).hi)
+    upper, reach = (float(Interval.of_fraction(v).hi) for v in (value, radius))
     kept = x.copy()
     kept[solved] = point[solved]
-    return ProvedPoint(kept, upper, float(radius) * (1 + 1e-15), "exact", rows, solved)
+    return ProvedPoint(kept, upper, reach, "exact", rows, solved)
 
 
 def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:

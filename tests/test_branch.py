@@ -17,6 +17,7 @@ from sparsepop_py.auto import Auto
 from sparsepop_py.branch import Plan, Search
 from sparsepop_py.catalogue import catalogue
 from sparsepop_py.certificate.box import BoxProof
+from sparsepop_py.certificate.certificate import prove
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained
@@ -263,3 +264,23 @@ def test_parts_of_a_dropped_tree_stay_counted(only_branch):
     auto.run(1)
     assert [rung.name for rung in auto.history] == ["linear", "branch", "linear"]
     assert auto.history[-1].nodes == 3
+
+
+def test_what_was_proved_on_a_box_of_its_own_is_proved_anew_on_a_shared_one(only_branch):
+    """Linear programs on [-1, 1/4]^4 bound nothing on the larger box that others share."""
+    problem = bilinear()
+    task = Task(problem, Options(effort="auto", node_limit=3), Stages(), Clock(None))
+    ground = Ground.of(problem, (problem.objective,), task.options)
+    given = Interval(problem.lower, problem.upper)
+    wide = Model(BoxProof(), given)
+    auto = Auto(task, Model(BoxProof(), Interval(given.lo, np.full(4, 0.25))), [], ground)
+    auto.run(1)
+    assert auto.best.proved.bound > -INF
+    auto.restart(wide)
+    node = auto.best.node
+    again = prove(auto.task.replay(), auto.model.box, node.argument, node.empty)
+    assert auto.best.proved.bound <= again.bound
+    auto.outcome = replace(auto.outcome, certificate=None)  # the narrow box has no proof here
+    auto.agenda.recipes = []
+    auto.run(1)
+    assert auto.outcome.certificate.verify(problem).ok

@@ -23,7 +23,7 @@ from known_certificates import (
 import sparsepop_py as sp
 from sparsepop_py.certificate.box import BoxProof, Replay, Sublevel, sublevel_box, with_cutoff
 from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
-from sparsepop_py.certificate.identity import Identity, Multipliers, losses
+from sparsepop_py.certificate.identity import Identity, Multipliers, Priced, losses
 from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval
 
@@ -170,3 +170,19 @@ def test_a_remainder_that_is_no_number_is_not_free():
     cost = losses(words, remainder, owner, 2)
     assert not cost[0] <= 1e300
     assert cost[1] == 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_ends_of_t_that_hold_no_number_prove_nothing(side):
+    """x^2 + x has the minimum -1/4; with t in [inf, inf] the multiple t would cost 1e308."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x**2 + side * x)
+    end = np.array([side * INF])
+    scaling = Scaling(np.zeros(1), np.ones(1), np.zeros(1, bool), np.zeros(1, int), (end, end))
+    basis = np.array([[[0], [1]]], np.int32)
+    group = Multipliers(np.array([0]), basis, np.zeros((1, 2, 1)), floor=1.0)
+    priced = Priced(np.array([[1]], np.int32), np.array([side]))
+    node = Node(argument=Identity(scaling, (group,), priced=priced))
+    verdict = Certificate(problem.fingerprint, 1e300, node).verify(problem)
+    assert not verdict.ok
+    assert verdict.bound <= -0.25

@@ -88,7 +88,10 @@ class Scaling:
         return Scaling(centre, scale, boxed, np.zeros(boxed.size, int), ends)
 
     def fits(self, n: int) -> bool:
-        """Whether every array has n entries, and the ends of t lie in [-1, 1] where boxed."""
+        """Whether every array has n entries, and the ends of t lie in [-1, 1] where boxed.
+
+        They must be intervals that hold real numbers: [inf, inf] holds none.
+        """
         arrays = (self.centre, self.scale, self.boxed, self.side, *(self.ends or ()))
         if not all(array.shape == (n,) for array in arrays):
             return False
@@ -96,6 +99,7 @@ class Scaling:
         far = np.where(self.boxed, 1.0, np.inf)
         sizes = np.abs(np.concatenate([low, high]))
         ordered = np.all((-far <= low) & (low <= high) & (high <= far))
+        ordered &= np.all((low < np.inf) & (high > -np.inf))
         return bool(ordered and np.all((sizes == 0) | (sizes >= _TINY)))
 
     def contains(self, box: Interval) -> bool:
