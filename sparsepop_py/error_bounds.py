@@ -89,7 +89,7 @@ def error_bounds(
 
 
 def _below(objective: Polynomial, level: float) -> Polynomial:
-    """level - f, its constant rounded up: non-negative wherever f <= level."""
+    """The row level - f, its constant rounded up: non-negative wherever f <= level."""
     constant = Fraction(level) - Fraction(objective.constant_term)
     return total([-(objective - objective.constant_term), _above(constant)])
 

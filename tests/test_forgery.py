@@ -23,6 +23,7 @@ from known_certificates import (
 import sparsepop_py as sp
 from sparsepop_py.certificate.box import BoxProof, Replay, Sublevel, sublevel_box, with_cutoff
 from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
+from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity, Multipliers, Priced, losses
 from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval
@@ -186,3 +187,27 @@ def test_ends_of_t_that_hold_no_number_prove_nothing(side):
     verdict = Certificate(problem.fingerprint, 1e300, node).verify(problem)
     assert not verdict.ok
     assert verdict.bound <= -0.25
+
+
+@pytest.mark.parametrize("kind", [np.longdouble, complex, object])
+def test_numbers_that_are_rounded_when_read_prove_nothing(results, kind):
+    """What is finite here may be infinite as a double, and other checks see another number."""
+    certificate, problem = results[disc].certificate, disc()
+    assert certificate.verify(problem).ok
+    changed = with_multipliers(certificate, lambda g: replace(g, values=g.values.astype(kind)))
+    assert not changed.verify(problem).ok
+    scaling = replace(certificate.identity.scaling)
+    moved = replace(scaling, centre=scaling.centre.astype(kind))
+    forged = with_root(certificate, argument=replace(certificate.identity, scaling=moved))
+    assert not forged.verify(problem).ok
+
+
+def test_a_gram_matrix_without_entries_proves_the_constant_and_nothing_more():
+    (x,) = sp.variables(1)
+    none = np.zeros(0, np.int64)
+    gram = ExactGram(np.zeros((1, 1), np.int32), none, none, np.zeros(0))
+    assert gram.bound(0 * x) == 0.0
+    assert gram.bound(0 * x - 3) == -3.0
+    assert gram.bound(x) == -INF
+    huge = ExactGram(np.array([[0], [1]], np.int32), none, none, np.zeros(0, np.longdouble))
+    assert huge.bound(0 * x) == -INF

@@ -26,7 +26,7 @@ from .. import monomials
 from ..monomials import Words
 from ..polynomial import Polynomial
 from ..rounding import Interval
-from .identity import are_indices
+from .multipliers import are_indices, are_numbers
 
 __all__ = ["ExactGram"]
 
@@ -91,7 +91,7 @@ class ExactGram:
             and self.first.ndim == 1
             and are_indices(self.first, size)
             and are_indices(self.second, size)
-            and np.all(np.isfinite(self.value))
+            and are_numbers(self.value)
         )
 
     def _matrix(self, objective: Polynomial) -> Rows | None:
@@ -121,7 +121,7 @@ class ExactGram:
                 continue
             rest[place] -= Fraction(value) * (1 if i == j else 2)
             _add(rows, i, j, Fraction(value))
-        constant = int(not distinct[0].any())
+        constant = int(not distinct[:1].any())
         for place in range(constant, len(rest)):
             if place in taker:
                 i, j = taker[place]

@@ -37,7 +37,7 @@ from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by, up
 from ..system import PolynomialSystem
-from .multipliers import Multipliers, ScaledGenerators, are_indices
+from .multipliers import Multipliers, ScaledGenerators, are_indices, are_numbers
 from .priced import Priced
 
 __all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
@@ -154,7 +154,7 @@ class Identity:
                 return "a multiplier without sign refers to an inequality"
             if not are_indices(group.basis, n + 1) or not 0 <= group.floor < np.inf:
                 return "a multiplier has a malformed basis or floor"
-            if not np.all(np.isfinite(group.values)):
+            if not are_numbers(group.values):
                 return "a multiplier is not finite"
         return ""
 

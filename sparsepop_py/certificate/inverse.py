@@ -29,7 +29,7 @@ from ..enclosure import range_over
 from ..problem import Problem
 from ..rounding import Interval, matmul
 from ..system import PolynomialSystem
-from .multipliers import are_indices
+from .multipliers import are_indices, are_numbers
 
 __all__ = ["LeftInverse", "left_inverse"]
 
@@ -92,7 +92,7 @@ class LeftInverse:
         numbers = (self.inverse, self.centre, self.radius)
         return bool(
             np.all(problem.equality[self.rows])
-            and all(a.dtype.kind == "f" and np.all(np.isfinite(a)) for a in numbers)
+            and all(are_numbers(array) for array in numbers)
             and np.all(self.radius > 0)
         )
 

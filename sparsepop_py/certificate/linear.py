@@ -30,7 +30,7 @@ from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by
 from ..system import PolynomialSystem
 from .identity import losses
-from .multipliers import ScaledGenerators, are_indices
+from .multipliers import ScaledGenerators, are_indices, are_numbers
 
 __all__ = ["LinearDual"]
 
@@ -133,7 +133,7 @@ class LinearDual:
             and are_indices(self.products, single + self.products.shape[0])
             and generators.are_products(self.products, single)
         )
-        if not fits or not np.all(np.isfinite(self.value)):
+        if not fits or not are_numbers(self.value):
             return None
         known = are_indices(self.generator, single + self.products.shape[0])
         if not known or not are_indices(self.owner, count) or not are_indices(self.word, n + 1):

@@ -27,7 +27,7 @@ from ..presolve.scaling import Scaling
 from ..rounding import Interval, gram
 from ..system import PolynomialSystem
 
-__all__ = ["Multipliers", "ScaledGenerators", "are_indices"]
+__all__ = ["Multipliers", "ScaledGenerators", "are_indices", "are_numbers"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,3 +183,8 @@ def are_indices(array: NDArray, stop: int) -> bool:
     """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
     whole = array.dtype in (np.int32, np.int64)
     return bool(whole and np.all(array >= 0) and np.all(array < stop))
+
+
+def are_numbers(array: NDArray) -> bool:
+    """Whether all are finite numbers that doubles hold, so that no reading of them rounds."""
+    return bool(array.dtype in (np.float64, np.float32) and np.all(np.isfinite(array)))

@@ -11,7 +11,7 @@ from ..enclosure import monomial_ranges
 from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by
-from .multipliers import are_indices
+from .multipliers import are_indices, are_numbers
 
 __all__ = ["Priced"]
 
@@ -35,7 +35,7 @@ class Priced:
         """Whether these are L monomials in n variables and L finite numbers."""
         shapes = self.words.ndim == 2 and self.values.shape == (self.words.shape[0],)
         wide = shapes and self.words.shape[1] > 0
-        return bool(wide and are_indices(self.words, n + 1) and np.all(np.isfinite(self.values)))
+        return bool(wide and are_indices(self.words, n + 1) and are_numbers(self.values))
 
     def least(self, scaling: Scaling) -> float:
         """Sum of the least values over the box of t, rounded down."""

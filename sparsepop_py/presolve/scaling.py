@@ -93,7 +93,11 @@ class Scaling:
         They must be intervals that hold real numbers: [inf, inf] holds none.
         """
         arrays = (self.centre, self.scale, self.boxed, self.side, *(self.ends or ()))
-        if not all(array.shape == (n,) for array in arrays):
+        if not all(array.shape == (n,) for array in arrays) or self.boxed.dtype != bool:
+            return False
+        if any(
+            array.dtype != np.float64 for array in (self.centre, self.scale, *(self.ends or ()))
+        ):
             return False
         low, high = self.bounds
         far = np.where(self.boxed, 1.0, np.inf)
