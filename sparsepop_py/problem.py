@@ -199,6 +199,8 @@ class Problem:
             p = self.constraints[number].polynomial
             slope, variable = float(p.coefficients[-1]), int(p.support[0])
             edge = -p.constant_term / slope
+            if not np.isfinite(edge):
+                continue  # beyond all doubles: the row says it better
             rounded = Fraction(edge) * Fraction(slope) != -Fraction(p.constant_term)
             if self.equality[number] or slope > 0:
                 inner = np.nextafter(edge, np.inf) if rounded else edge

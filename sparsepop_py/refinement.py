@@ -239,7 +239,8 @@ def starting_points(
         from_low = np.where(np.isfinite(box.lo), box.lo + 2 * size, size)
         low = np.where(np.isfinite(box.lo), box.lo, from_high)
         high = np.where(np.isfinite(box.hi), box.hi, from_low)
-        points.append(rng.uniform(low, high) if number else 0.5 * (low + high))
+        low, high = 0.5 * low, 0.5 * high  # widths may be beyond all doubles
+        points.append(2.0 * rng.uniform(low, high) if number else low + high)
     if problem.dimension > _DENSE_LIMIT and not problem.constraints:
         points += [np.clip(np.full(problem.dimension, v), box.lo, box.hi) for v in (1.0, -1.0)]
     return points

@@ -104,7 +104,8 @@ def _moved(old: Interval, new: Interval, progress: float) -> bool:
             (np.isfinite(old.lo) & (new.lo - old.lo > 0.1 * (1 + np.abs(old.lo))))
             | (np.isfinite(old.hi) & (old.hi - new.hi > 0.1 * (1 + np.abs(old.hi))))
         )
-    return bool(np.any(width - left > progress * width) or np.any(half))
+        narrower = width - left > progress * width
+    return bool(np.any(narrower) or np.any(half))
 
 
 def sweep(rows: Rows, box: Interval) -> Interval:
