@@ -68,7 +68,7 @@ def solve(
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
     options = options or Options()
-    _check_variables(problem, options)
+    _check_problem(problem, options)
     if options.gap_kind == "width":
         raise ProblemError(
             "Options.gap_kind: found 'width', which needs pairs of objectives (solve_each)"
@@ -187,12 +187,12 @@ class _Told:
 
 
 def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> None:
+    _check_problem(problem, options)
     for number, objective in enumerate(objectives):
         if not isinstance(objective, Polynomial) or objective.dimension != problem.dimension:
             raise ProblemError(
                 f"objectives[{number}]: expected a Polynomial in {problem.dimension} variables"
             )
-    _check_variables(problem, options)
     if options.gap_kind == "width":
         paired = pairs(objectives)
         for number in range(len(objectives)):
@@ -203,7 +203,12 @@ def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> 
                 )
 
 
-def _check_variables(problem: Problem, options: Options) -> None:
+def _check_problem(problem: Problem, options: Options) -> None:
+    if not isinstance(problem, Problem):
+        raise ProblemError(
+            f"problem: found {type(problem).__name__}, expected a Problem, such as "
+            "Problem(objective, constraints), parse(text) or read_gms(path)"
+        )
     for v in options.branch_on or ():
         if v >= problem.dimension:
             raise ProblemError(

@@ -308,6 +308,8 @@ def test_diagonal_blocks(tmp_path: pathlib.Path) -> None:
         ("2\n1\n", r"ends where bLOCKsTRUCT was expected"),
         ("1\n1\n0\n1\n", r"found a block of size 0"),
         ("1\n1\n1.5\n1\n", r"expected bLOCKsTRUCT, integers"),
+        ("2\n1\n2\n1.0 x\n1 1 1 1 1\n", r":4: found 'x', expected the objective, 2 numbers"),
+        ("2\n1\n2\n1.0 nan\n1 1 1 1 1\n", r":4: found 'nan', expected the objective"),
         ("1\n1\n2\n1\n1 1 1 1\n", r":5: found 4 numbers, expected matrix, block, row"),
         ("1\n1\n2\n1\n1 1 1 3 1.0\n", r"found the entry 1 1 1 3 1, expected one of 1 matrices"),
         ("1\n1\n2\n1\n1 2 1 1 1.0\n", r"found the entry 1 2 1 1 1"),
@@ -320,6 +322,12 @@ def test_malformed_sdpa(tmp_path: pathlib.Path, text: str, message: str) -> None
     path.write_text(text)
     with pytest.raises(FormatError, match=message):
         sp.read_sdpa(path)
+
+
+def test_only_conic_programs_are_written_as_sdpa(tmp_path: pathlib.Path) -> None:
+    (x,) = sp.variables(1)
+    with pytest.raises(sp.ProblemError, match="found Problem, expected a ConicProgram"):
+        sp.write_sdpa(sp.Problem(x), tmp_path / "x.dat-s")  # type: ignore[arg-type]
 
 
 def test_a_missing_sdpa_file(tmp_path: pathlib.Path) -> None:

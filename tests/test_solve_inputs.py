@@ -252,3 +252,11 @@ def test_results_describe_themselves():
     assert np.array_equal(result.points[0].x, result.x)
     for status in sp.Status:
         assert status.message.endswith(".")
+
+
+def test_what_is_no_problem_is_named():
+    (x,) = sp.variables(1)
+    with pytest.raises(sp.ProblemError, match="problem: found Polynomial, expected a Problem"):
+        sp.solve(x**2)
+    with pytest.raises(sp.ProblemError, match="problem: found str, expected a Problem"):
+        sp.solve_each("min x1", [x])

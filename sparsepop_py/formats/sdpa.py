@@ -27,6 +27,7 @@ __all__ = ["read_sdpa", "write_info", "write_sdpa"]
 
 _ROOT2 = float(np.sqrt(2.0))
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
+_PUNCTUATION = re.compile(r"[,(){}\[\]]")  # the format allows it around and between numbers
 
 
 def write_sdpa(program: ConicProgram, path: str | Path, title: str = "") -> None:
@@ -53,6 +54,11 @@ def write_sdpa(program: ConicProgram, path: str | Path, title: str = "") -> None
     >>> sp.read_sdpa(path).cones == program.cones
     True
     """
+    if not isinstance(program, ConicProgram):
+        raise ProblemError(
+            f"write_sdpa: found {type(program).__name__}, expected a ConicProgram, "
+            "such as assemble(relax(problem), problem.objective)"
+        )
     cones = program.cones
     first = 2 * cones.zero + cones.nonnegative
     sizes = ([-first] if first else []) + list(cones.psd)
@@ -168,8 +174,11 @@ class _Lines:
     def numbers(self, count: int, what: str, whole: bool = False) -> list[float]:
         found: list[float] = []
         while len(found) < count:
-            line = self.next(what)
-            found += [float(t.lower().replace("d", "e")) for t in _NUMBER.findall(line)]
+            fields = _PUNCTUATION.sub(" ", self.next(what)).split()
+            for field in fields[: count - len(found)]:  # what follows is a comment
+                if not _NUMBER.fullmatch(field):
+                    self.fail(f"found {field!r}, expected {what}, {count} numbers")
+                found.append(float(field.lower().replace("d", "e")))
             if whole and any(not value.is_integer() for value in found):
                 self.fail(f"expected {what}, integers")
         return found[:count]
