@@ -17,9 +17,12 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 Words = NDArray[np.int32]
+LARGEST_POWER = 1_000_000  # words are as long as the degree
 
 __all__ = [
+    "LARGEST_POWER",
     "Words",
+    "are_exponents",
     "collect",
     "degrees",
     "evaluate",
@@ -127,6 +130,11 @@ def runs(words: Words) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np
     position = np.flatnonzero(starts[letter])
     ends = np.append(position[1:], np.count_nonzero(letter))[: row.size]
     return row, words[row, column].astype(np.int64) - 1, ends - position
+
+
+def are_exponents(values: NDArray) -> NDArray[np.bool_]:
+    """Which values are powers that words can hold: whole numbers from 0 to LARGEST_POWER."""
+    return (values >= 0) & (values <= LARGEST_POWER) & (values == np.floor(values))
 
 
 def from_exponents(exponents: sps.csr_array) -> Words:

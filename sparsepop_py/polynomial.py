@@ -110,11 +110,11 @@ class Polynomial:
             raise ProblemError(
                 f"coefficients: found {values.size}, expected {matrix.shape[0]}, one a row"
             )
-        bad = ~np.isfinite(matrix.data) | (matrix.data < 0)
-        bad[~bad] = matrix.data[~bad] % 1 != 0
+        bad = ~monomials.are_exponents(matrix.data)
         if np.any(bad):
             raise ProblemError(
-                f"exponents: found {matrix.data[bad][0]}, expected non-negative integers"
+                f"exponents: found {matrix.data[bad][0]}, expected non-negative integers "
+                f"up to {monomials.LARGEST_POWER}"
             )
         if names is not None:
             _check_names(names, int(matrix.shape[1]))

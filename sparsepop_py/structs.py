@@ -299,9 +299,10 @@ def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
 
 
 def _check_exponents(struct: _Struct, values: NDArray) -> None:
-    wrong = values[~(np.isfinite(values) & (values >= 0) & (values % 1 == 0))]
+    wrong = values[~monomials.are_exponents(values)]
     if wrong.size:
-        raise struct.error("supports", f"the exponent {wrong[0]:g}", "non-negative integers")
+        expected = f"non-negative integers up to {monomials.LARGEST_POWER}"
+        raise struct.error("supports", f"the exponent {wrong[0]:g}", expected)
 
 
 def _coefficients(struct: _Struct, terms: int) -> NDArray[np.float64]:

@@ -329,3 +329,11 @@ def test_round_trips(
         loaded = scipy.io.loadmat(io.BytesIO(stream.getvalue()))
         arguments = [loaded[name] for name in names]
     assert from_structs(*arguments).fingerprint == problem.fingerprint
+
+
+def test_exponents_have_a_limit() -> None:
+    huge = {"supports": [[1e20], [0]], "coef": [1, 1], "dimVar": 1, "noTerms": 2, "typeCone": 1}
+    with pytest.raises(sp.ProblemError, match="found the exponent 1e.20, expected non-negative"):
+        sp.sparsePOP(huge, [], [0], [1], {"printLevel": 0})
+    with pytest.raises(sp.ProblemError, match="exponents: found .*up to 1000000"):
+        sp.Polynomial.from_terms([[2**40]], [1.0])
