@@ -13,7 +13,7 @@ from typing import Any
 
 from . import plots
 from .display import rounded
-from .errors import FormatError, ProblemError, SolverNotFound
+from .errors import FormatError, ProblemError, SolverNotFound, check_writable
 from .formats.gms import read_gms
 from .options import Options
 from .problem import Problem
@@ -131,6 +131,7 @@ def _version() -> str:
 def _solve(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         plots.require_matplotlib()  # before the work, not after it
+        check_writable(arguments.plot, "--plot")
     problem = read_gms(arguments.file)
     options = Options(
         order=arguments.order,

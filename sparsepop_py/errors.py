@@ -6,12 +6,15 @@ Mathematical outcomes (infeasible, unbounded, nothing proved) are statuses of a
 
 from __future__ import annotations
 
+from pathlib import Path
+
 __all__ = [
     "FormatError",
     "ParameterWarning",
     "ProblemError",
     "SolverNotFound",
     "SparsePOPError",
+    "check_writable",
 ]
 
 
@@ -39,3 +42,16 @@ class SolverNotFound(SparsePOPError, ImportError):
 
 class ParameterWarning(UserWarning):
     """A parameter of the original SparsePOP is unknown here or has no effect."""
+
+
+def check_writable(path: str, field: str) -> None:
+    """Whether a file can be written there, as far as that shows before the work.
+
+    Raises
+    ------
+    ProblemError
+        If the path is a directory, or its directory does not exist.
+    """
+    target = Path(path)
+    if target.is_dir() or not target.parent.is_dir():
+        raise ProblemError(f"{field}: found {path!r}, expected a file in a directory that exists")

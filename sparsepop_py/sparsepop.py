@@ -27,7 +27,7 @@ from .relaxation import least_order
 from .result import Result, Status
 from .rungs import Model, relaxed
 from .solve import solve
-from .sparsepop_files import write_files
+from .sparsepop_files import check_files, write_files
 from .sparsepop_input import Input, read_input, with_tolerance
 from .sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
 from .sparsepop_report import write_report
@@ -99,6 +99,7 @@ def sparsePOP(
     given = read()
     problem = given.problem
     _check_sizes(parameters, problem)
+    check_files(parameters)
     spent = time.process_time() - start
     larger = with_tolerance(problem, parameters.eqTolerance, bool(parameters.scalingSW))
     asked = bool(parameters.SDPsolverSW)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import monomials
+from .errors import check_writable
 from .formats.sdpa import write_info, write_sdpa
 from .parameters import Parameters
 from .polynomial import Polynomial
@@ -19,7 +20,7 @@ from .sparsepop_output import SparsePOPOutput
 from .sparsepop_report import report
 from .sparsepop_sizes import BuiltSDP
 
-__all__ = ["write_files"]
+__all__ = ["check_files", "write_files"]
 
 
 def write_files(
@@ -39,6 +40,25 @@ def write_files(
         sys.stdout.write(_log(output))
     elif log:
         _append(log, _log(output))
+
+
+def check_files(parameters: Parameters) -> None:
+    """Whether the files that the parameters ask for can be written, before any work.
+
+    Raises
+    ------
+    ProblemError
+        That names the field.
+    """
+    asked = {
+        "sdpaDataFile": parameters.sdpaDataFile,
+        "printFileName": parameters.printFileName if parameters.printLevel[1] else "",
+        "detailedInfFile": parameters.detailedInfFile,
+        "SDPsolverOutFile": parameters.SDPsolverOutFile,
+    }
+    for field, path in asked.items():
+        if isinstance(path, str) and path:
+            check_writable(path, f"param.{field}")
 
 
 def _append(path: str, text: str) -> None:

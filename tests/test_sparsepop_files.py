@@ -109,3 +109,26 @@ def test_the_report_names_switches_and_what_the_point_is(capsys: Any) -> None:
     text = capsys.readouterr().out
     assert "# SDP, not solved:" in text
     assert "none: the SDP was not to be solved" in text
+
+
+@pytest.mark.parametrize(
+    ("field", "name"),
+    [
+        ("sdpaDataFile", "nowhere/a.dat-s"),
+        ("detailedInfFile", "nowhere/a.txt"),
+        ("printFileName", "nowhere/a.txt"),
+        ("SDPsolverOutFile", "nowhere/a.txt"),
+        ("detailedInfFile", ""),  # the directory itself
+    ],
+)
+def test_files_that_cannot_be_written_are_named_before_the_work(
+    tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, field: str, name: str
+) -> None:
+    monkeypatch.setattr("sparsepop_py.sparsepop.solve", None)  # not to be reached
+    with pytest.raises(sp.ProblemError, match=rf"param\.{field}: found .*expected a file in a dir"):
+        sp.sparsePOP(tiny(), {"printLevel": (0, 1), field: str(tmp_path / name)})
+
+
+def test_a_report_that_is_not_asked_for_needs_no_directory(tmp_path: pathlib.Path) -> None:
+    name = str(tmp_path / "nowhere" / "report.txt")
+    assert sp.sparsePOP(tiny(), {**QUIET, "printFileName": name}).POP.status is sp.Status.OPTIMAL
