@@ -13,6 +13,8 @@ theta0) + (I - M R)(theta - theta0) gives abs(theta - theta0) <= d + G abs(theta
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -110,7 +112,8 @@ class SignTree:
     children : tuple of SignTree
         The parts theta_i <= 0 and theta_i >= 0, where there is a cut.
     bounds : tuple of sp.LinearBound
-        At a leaf: of theta_1, -theta_1, theta_2, ..., or a single one that proves it empty.
+        At a leaf: of theta_1, -theta_1, theta_2, ..., or a single one that proves it empty,
+        or none where the time was over: then the part is kept as it is.
     """
 
     split: int
@@ -162,11 +165,17 @@ class ParameterBox(Bounds):
                 box = found
         return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether time ended before all parts had been looked at."""
+        trees = [step for step in self.steps if isinstance(step, SignTree)]
+        return any(not leaf.bounds for tree in trees for leaf in tree.leaves())
+
     def driving(self, regression: Regression) -> list[tuple[int, int]]:
         """(record, sample) of the rows whose multipliers prove emptiness, most frequent first."""
         count: dict[tuple[int, int], int] = {}
         trees = [step for step in self.steps if isinstance(step, SignTree)]
-        for leaf in trees[-1].leaves() if trees else []:
+        for leaf in (leaf for tree in trees[-1:] for leaf in tree.leaves() if leaf.bounds):
             rows = np.array([number for number, _ in leaf.bounds[0].multipliers], np.int64)
             rows = np.unique(rows[rows < 2 * regression.target.size] // 2)
             for row in rows.tolist():
@@ -182,7 +191,9 @@ class ParameterBox(Bounds):
         return f"<ParameterBox: {ends}>"
 
 
-def parameter_box(rows: Regression, start: Reals | None = None) -> ParameterBox:
+def parameter_box(
+    rows: Regression, start: Reals | None = None, until: float = math.inf
+) -> ParameterBox:
     """Bound all parameters from the data.
 
     Parameters
@@ -190,6 +201,9 @@ def parameter_box(rows: Regression, start: Reals | None = None) -> ParameterBox:
     rows : Regression
     start : (2, p) float, optional
         Bounds from priors; infinite when left out.
+    until : float
+        Reading of ``time.monotonic`` from which on no further part is looked at. A linear
+        program that has begun is ended.
 
     Returns
     -------
@@ -222,7 +236,7 @@ def parameter_box(rows: Regression, start: Reals | None = None) -> ParameterBox:
         if np.any(box[0] > box[1]):
             break
         before, whole = box, len(steps) < 2 and bool(np.all(np.isfinite(box)))
-        tree, box = _grow(rows, box, [0 if whole else _LEAVES])
+        tree, box = _grow(rows, box, [0 if whole else _LEAVES], until)
         steps.append(tree)
         if not whole and not gained(before, box):
             break
@@ -248,8 +262,10 @@ def _halves(box: Box, place: int) -> tuple[Box, Box]:
     return (box[0], high), (low, box[1])
 
 
-def _grow(rows: Regression, box: Box, left: list[int]) -> tuple[SignTree, Box]:
+def _grow(rows: Regression, box: Box, left: list[int], until: float) -> tuple[SignTree, Box]:
     """Bound a part; cut it at the zero of a parameter whose sign is open and matters."""
+    if time.monotonic() >= until:
+        return SignTree(-1, (), ()), box
     place = _undecided(rows, box)
     leaf = place is None or left[0] < 2
     objectives = _objectives(len(rows.names))
@@ -259,7 +275,7 @@ def _grow(rows: Regression, box: Box, left: list[int]) -> tuple[SignTree, Box]:
     if place is None or leaf:
         return SignTree(-1, (), bounds), _shrunk(box, bounds)
     left[0] -= 1
-    grown = [_grow(rows, half, left) for half in _halves(box, place)]
+    grown = [_grow(rows, half, left, until) for half in _halves(box, place)]
     return SignTree(place, tuple(tree for tree, _ in grown), ()), _hull([b for _, b in grown])
 
 
@@ -282,6 +298,8 @@ def _replay(tree: SignTree, rows: Regression, box: Box) -> Box | None:
         parts = [_replay(c, rows, half) for c, half in zip(tree.children, halves, strict=True)]
         found = [part for part in parts if part is not None]
         return _hull(found) if len(found) == 2 else None
+    if not tree.bounds:
+        return box
     problem, objectives = linear_rows(rows, box), _objectives(len(rows.names))
     if len(tree.bounds) not in (1, len(objectives)):
         return None

@@ -174,17 +174,7 @@ def _direct(formulation: Formulation) -> Formulation | None:
     open_ = np.isinf(problem.lower[n:]) | np.isinf(problem.upper[n:])
     if not isinstance(model, TransferFunction) or not np.any(open_) or model.form == "direct":
         return None
-    other = TransferFunction(
-        model.na,
-        model.nb,
-        model.nk,
-        model.inputs,
-        model.outputs,
-        model.common_denominator,
-        offset=model.offset,
-        initial=model.initial,
-        form="direct",
-    )
+    other = replace(model, form="direct")
     return formulate(formulation.data, other, formulation.noise, formulation.priors)
 
 
@@ -192,26 +182,32 @@ def _identify(
     formulation: Formulation, settings: Options, timings: dict[str, float], notes: tuple[str, ...]
 ) -> Identification:
     """Box first, then the engine on it."""
-    p, problem = len(formulation.parameters), formulation.problem
-    start = np.array([problem.lower[:p], problem.upper[:p]])
-    box, driving = _timed(timings, "box", lambda: _bounded(formulation, start))
+    until = inf if settings.time_limit is None else time.monotonic() + settings.time_limit
+    box, driving = _timed(timings, "box", lambda: _bounded(formulation, _start(formulation), until))
     if box is not None and box.empty:
         return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
+    if isinstance(box, ParameterBox) and box.cut_short:
+        notes = (*notes, "time ended in the search for a box from the data: give more time")
     return _engine(formulation, settings, timings, box, notes)
 
 
 def start_box(formulation: Formulation) -> Box | None:
     """The box of the parameters that data and priors prove before the engine works."""
+    return _bounded(formulation, _start(formulation))[0]
+
+
+def _start(formulation: Formulation) -> NDArray[np.float64]:
+    """The bounds of the parameters that priors give, (2, p)."""
     p, problem = len(formulation.parameters), formulation.problem
-    return _bounded(formulation, np.array([problem.lower[:p], problem.upper[:p]]))[0]
+    return np.array([problem.lower[:p], problem.upper[:p]])
 
 
 def _bounded(
-    formulation: Formulation, start: NDArray[np.float64]
+    formulation: Formulation, start: NDArray[np.float64], until: float = inf
 ) -> tuple[Box | None, tuple[tuple[int, int], ...]]:
     """The box of the parameters, and the samples that prove it empty if it is."""
     if formulation.smoothed is not None:
-        box = parameter_box(formulation.smoothed, start)
+        box = parameter_box(formulation.smoothed, start, until)
         return box, tuple(box.driving(formulation.smoothed)) if box.empty else ()
     cells = cell_box(formulation, start)
     if cells is not None:

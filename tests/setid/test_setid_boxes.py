@@ -110,3 +110,15 @@ def test_exact_regressors_make_one_linear_program() -> None:
     box = parameter_box(rows)
     np.testing.assert_allclose(box.lower, [-0.5232558, 1.9166667], atol=1e-7)
     np.testing.assert_allclose(box.upper, [-0.3453333, 2.1093023], atol=1e-7)
+
+
+def test_when_time_is_over_what_is_left_is_kept_as_it_is() -> None:
+    rows = rows_of(20, 2.0, 0.05, 3)
+    start = np.array([[-2.0, -2.0, -50.0, -50.0, -50.0], [2.0, 2.0, 50.0, 50.0, 50.0]])
+    late = parameter_box(rows, start, until=0.0)
+    assert late.cut_short and late.verify(rows, start)
+    np.testing.assert_array_equal([late.lower, late.upper], start)
+    whole = parameter_box(rows, start)
+    assert not whole.cut_short
+    forged = replace(late, lower=whole.lower, upper=whole.upper)
+    assert not forged.verify(rows, start)
