@@ -29,6 +29,7 @@ from .noise_factor import last_variable, linear_problem, problem_with_factor, sc
 from .options import Options
 from .priors.base import Prior
 from .regression import Regression
+from .reports import rounded
 from .verification import Verification
 
 __all__ = ["Consistency", "consistency"]
@@ -105,7 +106,8 @@ class Consistency:
     def summary(self) -> str:
         """A few lines for people."""
         low, high = self.scale
-        lines = [f"least factor on the noise bounds: {low:.6g} (proved) to {high:.6g} (attained)"]
+        ends = f"{rounded(low, False, 6)} (proved) to {rounded(high, True, 6)} (attained)"
+        lines = [f"least factor on the noise bounds: {ends}"]
         lines.append(_MEANING[self.explains])
         if self.theta is not None:
             pairs = zip(self.formulation.parameters, self.theta.tolist(), strict=True)
@@ -116,7 +118,8 @@ class Consistency:
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        return f"<Consistency: factor {self.scale[0]:.6g} (proved) to {self.scale[1]:.6g}>"
+        low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
+        return f"<Consistency: factor {low} (proved) to {high}>"
 
 
 _MEANING = {

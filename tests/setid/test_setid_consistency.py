@@ -90,3 +90,10 @@ def test_an_upper_end_is_proved_where_the_parameters_have_no_box() -> None:
     for scale in ((0.0, 0.9 * found.scale[1]), (found.scale[1], found.scale[1])):
         assert not replace(found, scale=scale).verify()
     assert not replace(found, theta=None).verify()
+
+
+def test_printed_factors_are_as_proved_and_as_attained_as_the_numbers() -> None:
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    wide = replace(found, scale=(0.12345678, 0.12345678))
+    assert "0.123456 (proved) to 0.123457 (attained)" in wide.summary()
+    assert repr(wide) == "<Consistency: factor 0.123456 (proved) to 0.123457>"
