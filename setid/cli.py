@@ -23,6 +23,7 @@ from .noise import Noise
 from .options import Options
 from .plots import plot_intervals, require_matplotlib
 from .priors import DCGain, Stable
+from .reading import text_lines
 
 __all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 
@@ -166,8 +167,7 @@ def _columns(given: list[str] | None) -> list[str | int]:
 
 def _default_columns(path: str) -> tuple[str | int, str | int]:
     """U and y where the first line holds names, else the first two columns."""
-    with Path(path).open(encoding="utf-8-sig") as lines:
-        first = next((line for line in lines if line.strip() and line.lstrip()[0] not in "#%"), "")
+    first = next((line for _, line in text_lines(path)), "")
     named = any(character.isalpha() and character not in "eEnNaA" for character in first)
     return ("u", "y") if named else (0, 1)
 
@@ -205,9 +205,18 @@ def _options(arguments: argparse.Namespace) -> Options:
 # ---- identify ---------------------------------------------------------------------------
 
 
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """Whether the results can be written, before the work and not after it."""
+    picture = getattr(arguments, "plot", None)
+    if picture:
+        require_matplotlib()
+    for option, path in (("--json", arguments.json), ("--plot", picture)):
+        if path and path != "-" and (Path(path).is_dir() or not Path(path).parent.is_dir()):
+            raise SetidError(f"{option}: found {path!r}, expected a file in an existing directory")
+
+
 def _identify(arguments: argparse.Namespace) -> int:
-    if arguments.plot:
-        require_matplotlib()  # before the work, not after it
+    _check_outputs(arguments)
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
     record = _as_record(arguments.record, result)
@@ -249,6 +258,7 @@ def _as_record(path: str, result: Identification) -> dict[str, Any]:
 
 
 def _consistency(arguments: argparse.Namespace) -> int:
+    _check_outputs(arguments)
     data, model, noise, priors = _parts(arguments)
     found = consistency(data, model, noise, priors, _options(arguments))
     text = f"{arguments.record}: {data!r}\n{found.summary()}"

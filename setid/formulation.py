@@ -325,7 +325,7 @@ def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
                     "polynomial inequality or equation"
                 )
             item = Given(item)
-        if not isinstance(item, Prior):
+        if isinstance(item, type) or not isinstance(item, Prior):  # a class has the methods too
             raise PriorError(
                 f"priors[{place}]: found {type(item).__name__}, expected a prior such as Stable() "
                 "or a constraint in setid.parameters(model)"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .checks import real_array
 from .errors import DataError
 
-__all__ = ["Column", "listed", "read_csv_columns", "read_mat_columns", "stacked"]
+__all__ = ["Column", "listed", "read_csv_columns", "read_mat_columns", "stacked", "text_lines"]
 
 Column = str | int
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "?"}
@@ -58,12 +58,7 @@ def read_csv_columns(
 
 def _table(path: str | os.PathLike[str]) -> list[tuple[int, list[str]]]:
     """Numbered lines of fields."""
-    text = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    lines = [
-        (number, line.strip())
-        for number, line in enumerate(text, 1)
-        if line.strip() and line.lstrip()[0] not in "#%"
-    ]
+    lines = text_lines(path)
     if not lines:
         raise DataError(f"{path}: found no lines, expected a table of numbers")
     first = lines[0][1]
@@ -71,6 +66,25 @@ def _table(path: str | os.PathLike[str]) -> list[tuple[int, list[str]]]:
     if separator is None:
         return [(number, line.split()) for number, line in lines]
     return [(n, next(csv.reader([line], delimiter=separator))) for n, line in lines]
+
+
+def text_lines(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
+    """Numbered lines of a text file, without blank lines and comments.
+
+    Raises
+    ------
+    DataError
+        If the file is no text.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{path}: found bytes that are no UTF-8 text (at {error.start}), "
+            "expected a table of numbers"
+        ) from None
+    lines = ((number, line.strip()) for number, line in enumerate(text.splitlines(), 1))
+    return [(number, line) for number, line in lines if line and line[0] not in "#%"]
 
 
 def _is_number(field: str) -> bool:

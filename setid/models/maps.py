@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import natural
+from ..checks import natural, real_array
 from ..errors import ModelError
 
 __all__ = ["Function", "StaticMap"]
@@ -131,7 +131,8 @@ class StaticMap:
             return found
         known = ~np.any(np.isnan(arguments), axis=0)
         found = np.full(shape, np.nan)
-        values = np.asarray(item(*(np.asarray(a)[known] for a in arguments)), float)
+        returned = item(*(np.asarray(a)[known] for a in arguments))
+        values = real_array(returned, f"StaticMap.basis[{place}]: value", ModelError)
         if values.shape != found[known].shape or not np.all(np.isfinite(values)):
             raise ModelError(
                 f"StaticMap.basis[{place}]: found values of shape {values.shape}, finite: "

@@ -351,3 +351,10 @@ class TestBands:
         texts = [t.get_text() for t in plot_diagram(result.formulation.model, result).texts]
         assert any("gamma2 in [" in text for text in texts)
         assert any("gamma1 = 1" in text for text in texts)
+
+
+def test_basis_functions_that_return_no_numbers_are_named() -> None:
+    model = setid.Hammerstein(setid.TransferFunction(1, 1), [1, lambda u: "a"], normalise="gamma1")
+    data = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
+    with pytest.raises(setid.ModelError, match=r"StaticMap\.basis\[1\]: value: found str 'a'"):
+        setid.formulate(data, model, setid.Noise(output=1.0))

@@ -140,3 +140,21 @@ def test_as_a_module(record: str) -> None:
         check=False,
     )
     assert done.returncode == 0 and "certified" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("option", ["--json", "--plot"])
+def test_outputs_that_cannot_be_written_are_named_before_the_work(
+    record: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", option]
+    assert main([*arguments, str(tmp_path / "nowhere" / "out.png")]) == cli.EXIT_INPUT
+    printed = capsys.readouterr()
+    assert printed.out == "" and f"{option}: found" in printed.err
+
+
+def test_records_that_are_no_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "record.csv"
+    path.write_bytes(b"\xff\xfe\x00u,y\n\x01")
+    assert main(["identify", str(path), *FIRST, "--output-noise", "1"]) == cli.EXIT_INPUT
+    assert "no UTF-8 text" in capsys.readouterr().err
+    assert main(["identify", str(tmp_path), *FIRST, "--output-noise", "1"]) == cli.EXIT_INPUT

@@ -258,3 +258,9 @@ def test_nonlinear_structures_have_no_poles() -> None:
     model = setid.PolynomialNARX(["y1", "u0"], 1, 0)
     with pytest.raises(setid.ModelError, match="no transfer function"):
         setid.formulate(data, model, setid.Noise(0.1), [setid.Stable()])
+
+
+def test_the_class_of_a_prior_is_no_prior() -> None:
+    data, model = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), setid.TransferFunction(1, 1)
+    with pytest.raises(setid.PriorError, match=r"priors\[0\]: found .*expected a prior"):
+        setid.formulate(data, model, setid.Noise(output=1.0), [setid.Stable])  # type: ignore[list-item]
