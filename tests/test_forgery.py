@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -211,3 +212,14 @@ def test_a_gram_matrix_without_entries_proves_the_constant_and_nothing_more():
     assert gram.bound(x) == -INF
     huge = ExactGram(np.array([[0], [1]], np.int32), none, none, np.zeros(0, np.longdouble))
     assert huge.bound(0 * x) == -INF
+
+
+def test_a_result_states_no_more_than_its_certificate_proves() -> None:
+    (x,) = sp.variables(1)
+    text = json.loads(sp.to_json(sp.solve(sp.Problem(x**4 - x, (), -1, 1), sp.Options(order=2))))
+    text["result"]["lower_bound"] = 5.0
+    with pytest.raises(sp.ProblemError, match=r"result\.lower_bound: found 5\.0, expected at most"):
+        sp.from_json(json.dumps(text))
+    text["result"].update(certificate=None, lower_bound=-5.0)
+    with pytest.raises(sp.ProblemError, match="expected at most -inf"):
+        sp.from_json(json.dumps(text))

@@ -8,6 +8,7 @@ children, and certificates that quote others as lists with those quoted first.
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -234,7 +235,17 @@ def _status(found: Any, place: str) -> Status:
 
 
 def _result(**parts: Any) -> Result:
-    return Result(**parts, relaxation=None, solution=None)
+    """The result, if its certificate proves the bound that the text states."""
+    result = Result(**parts, relaxation=None, solution=None)
+    proved = -math.inf
+    if result.certificate is not None:
+        proved = result.certificate.verify(result.problem).bound
+    if result.lower_bound > proved:
+        raise ProblemError(
+            f"result.lower_bound: found {result.lower_bound!r}, expected at most {proved!r}, "
+            "which its certificate proves"
+        )
+    return result
 
 
 STATUS = Codec(lambda status: status.name, _status)
