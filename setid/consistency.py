@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -225,8 +226,9 @@ def _by_engine(
     formulation = formulate(data, model, scaled_noise(bounds, limit), priors)
     box, refuted = None, None
     if formulation.regression is not None:
-        box = _box(formulation)
-        refuted = _bisect(data, model, bounds, priors, limit)
+        until = inf if settings.time_limit is None else monotonic() + settings.time_limit
+        box = _box(formulation, until)
+        refuted = _bisect(data, model, bounds, priors, limit, until)
     problem = problem_with_factor(formulation, box)
     low, high = (0.0, inf) if refuted is None else (refuted[0], inf)
     result, theta, witness = None, None, None
@@ -269,10 +271,11 @@ def _held_up(
     return tuple(refuted[1].driving(formulation.smoothed))
 
 
-def _box(formulation: Formulation) -> ParameterBox:
+def _box(formulation: Formulation, until: float) -> ParameterBox:
     assert formulation.smoothed is not None
     p, problem = len(formulation.parameters), formulation.problem
-    return parameter_box(formulation.smoothed, np.array([problem.lower[:p], problem.upper[:p]]))
+    start = np.array([problem.lower[:p], problem.upper[:p]])
+    return parameter_box(formulation.smoothed, start, until)
 
 
 def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
@@ -294,13 +297,18 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
 
 
 def _bisect(
-    data: IOData, model: Structure, bounds: tuple[NDArray, ...], priors: list[Any], limit: float
+    data: IOData,
+    model: Structure,
+    bounds: tuple[NDArray, ...],
+    priors: list[Any],
+    limit: float,
+    until: float,
 ) -> tuple[float, ParameterBox] | None:
     """The largest factor that was found at which no parameters pass the rows one by one."""
     found, low, high = None, 0.0, limit
     for _ in range(_STEPS):
         factor = 0.5 * (low + high)
-        box = _box(formulate(data, model, scaled_noise(bounds, factor), priors))
+        box = _box(formulate(data, model, scaled_noise(bounds, factor), priors), until)
         if box.empty:
             found, low = (factor, box), factor
         else:
