@@ -1,6 +1,8 @@
-"""Problems with matrices, and their certificates, as JSON."""
+"""What JSON may say of results, and problems with matrices and their certificates as JSON."""
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
@@ -20,3 +22,20 @@ def test_matrices_and_their_certificates_travel() -> None:
             certificate = sp.from_json(sp.to_json(result.certificate))
             assert certificate.verify(again).ok
             assert certificate.bound == result.lower_bound
+
+
+def test_a_result_states_no_point_and_no_status_that_is_not_proved() -> None:
+    (x,) = sp.variables(1)
+    honest = sp.solve(sp.Problem(x**4 - x, (), -1, 1), sp.Options(order=2))
+    for change, match in (
+        ({"upper_bound": -50.0}, r"result\.upper_bound: found -50"),
+        ({"attained": None}, r"result\.upper_bound"),
+        ({"status": "INFEASIBLE"}, r"result\.status"),
+        ({"status": "UNBOUNDED"}, r"result\.status"),
+    ):
+        text = json.loads(sp.to_json(honest))
+        text["result"].update(change)
+        with pytest.raises(sp.ProblemError, match=match):
+            sp.from_json(json.dumps(text))
+    falling = sp.solve(sp.Problem(x), sp.Options(order=1))
+    assert sp.from_json(sp.to_json(falling)).status is falling.status is sp.Status.UNBOUNDED

@@ -42,7 +42,7 @@ def nothing() -> int:
         (f" {__name__}:scaled_disc( 3. ) ", -3 * 2**0.5),
         ("rosenbrock(3)", None),
     ],
-    ids=str,
+    ids=lambda value: getattr(value, "__name__", None) or str(value),
 )
 def test_functions(given: Any, minimum: float | None) -> None:
     value = sp.sparsePOP(given, {**QUIET, "relaxOrder": 2})[1]

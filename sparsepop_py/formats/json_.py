@@ -22,6 +22,7 @@ from ..options import Options
 from ..polynomial import Constraint, Kind, Polynomial
 from ..problem import Problem
 from ..result import Point, Result, Rung, Status
+from ..unbounded import falling_ray
 from ..waki import Switches
 from . import json_codecs as codecs
 from .json_certificates import CERTIFICATE
@@ -235,7 +236,7 @@ def _status(found: Any, place: str) -> Status:
 
 
 def _result(**parts: Any) -> Result:
-    """The result, if its certificate proves the bound that the text states."""
+    """The result, if certificate and attained point prove the bounds that the text states."""
     result = Result(**parts, relaxation=None, solution=None)
     proved = -math.inf
     if result.certificate is not None:
@@ -245,6 +246,21 @@ def _result(**parts: Any) -> Result:
             f"result.lower_bound: found {result.lower_bound!r}, expected at most {proved!r}, "
             "which its certificate proves"
         )
+    attained = math.inf
+    if result.attained is not None:
+        again = result.attained.recheck(result.problem)
+        attained = math.inf if again is None else again.value
+    falls = result.status is Status.UNBOUNDED and result.attained is not None
+    if falls and falling_ray(result.problem, result.attained) is not None:  # type: ignore[arg-type]
+        attained = -math.inf
+    if result.upper_bound < attained:
+        raise ProblemError(
+            f"result.upper_bound: found {result.upper_bound!r}, expected at least {attained!r}, "
+            "which its point attains"
+        )
+    claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
+    if not claims.get(result.status, True):
+        raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
     return result
 
 
