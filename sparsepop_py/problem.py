@@ -175,6 +175,7 @@ class Problem:
         with np.errstate(invalid="ignore", over="ignore"):
             values = self.rows.values(point)
             worst = np.where(self.equality, np.abs(values), -values)
+            worst[self.matrices.constraints] = 0.0  # what follows from a matrix is not asked twice
             least = -self.matrices.least_eigenvalue(point[None])
             parts = [worst, self.lower - point, point - self.upper, np.zeros(1), least]
             largest = np.concatenate(parts)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 import sympy
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_matrices import matrix_at, random_problem
 
@@ -128,6 +128,7 @@ def test_what_a_problem_says_of_itself():
         bool(problem.constraints[0])
 
 
+@example(129269)  # a trace more negative than the least eigenvalue
 @settings(max_examples=40, deadline=None)
 @given(SEEDS)
 def test_violation_is_the_least_eigenvalue(seed):

@@ -132,7 +132,7 @@ def test_laboratory_three_is_nested() -> None:
 
 
 def test_each_level_of_bounds_contains_the_next() -> None:
-    """Signs of theta alone, the box with shared bounds, the engine, attained values."""
+    """The box from the data, the engine's bounds, attained values; and what no time proves."""
     data, noise = laboratory_three(14, 0.1)
     result = setid.identify(data, SECOND, noise, options=QUICK)
     box = result.box
@@ -142,7 +142,7 @@ def test_each_level_of_bounds_contains_the_next() -> None:
     )
     for place, (name, item) in enumerate(result.intervals.items()):
         outer = first.intervals[name].outer
-        assert box.lower[place] <= outer[0] <= outer[1] <= box.upper[place]
+        assert outer[0] <= item.inner[0] <= item.inner[1] <= outer[1]
         assert box.lower[place] <= item.outer[0] <= item.inner[0]
         assert item.inner[1] <= item.outer[1] <= box.upper[place]
     assert np.all(widths(result) < 0.9 * (box.upper - box.lower))
