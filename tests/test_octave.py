@@ -21,9 +21,12 @@ from sparsepop_py import door
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "matlab.md"
 SCRIPTS = Path(__file__).resolve().parent / "octave"
 OCTAVE = shutil.which("octave-cli")
-pytestmark = pytest.mark.skipif(
-    OCTAVE is None, reason="GNU Octave is not installed (Debian: apt-get install octave)"
-)
+pytestmark = [
+    pytest.mark.octave,
+    pytest.mark.skipif(
+        OCTAVE is None, reason="GNU Octave is not installed (Debian: apt-get install octave)"
+    ),
+]
 
 # one_child counts the children of the session, inside_matlab hides the way to them
 EVERY = sorted(path.stem for path in SCRIPTS.glob("*.m") if path.stem != "inside_matlab")
