@@ -12,14 +12,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 from scipy.signal import cont2discrete, lfilter
 
 import setid
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+plt.switch_backend("Agg")
 
 TRUTH = {"a1": 1.2, "a0": 2.0, "b1": 0.5, "b0": 2.0}  # (0.5 s + 2) / (s^2 + 1.2 s + 2)
 NOISE = 0.005

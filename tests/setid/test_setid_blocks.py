@@ -337,7 +337,6 @@ class TestBands:
             setid.static_band(result, "v")
 
     def test_of_signals_and_pictures(self) -> None:
-        pytest.importorskip("matplotlib")
         from setid.block_plots import plot_diagram
 
         truth, result = self.result()

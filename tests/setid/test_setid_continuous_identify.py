@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import control
 import numpy as np
 import pytest
 from continuous_cases import PLANT, QUICK, THETA, exact_samples, levels, noisy
@@ -66,7 +67,6 @@ def test_a_result_says_what_it_takes_for_granted(
 
 
 def test_bands_and_models_are_continuous(rates: dict[float, setid.Identification]) -> None:
-    control = pytest.importorskip("control")
     result = rates[0.2]
     plant = control.tf([0.5, 2.0], [1.0, 1.2, 2.0])
     band = setid.frequency_band(result, [0.3, 1.4, 5.0, 100.0])  # beyond pi / Ts as well
