@@ -9,7 +9,7 @@ their rows are scaled by D Z D with a diagonal D.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sps
@@ -81,7 +81,7 @@ class Condensed:
 
 def _again(program: ConicProgram, of: ConicSolution, y: NDArray, z: NDArray) -> ConicSolution:
     words = of.iterations, of.seconds, of.solver, of.detail
-    return recomputed(program, of.status, y, z, *words)
+    return replace(recomputed(program, of.status, y, z, *words), wall=of.wall)
 
 
 def condensed(

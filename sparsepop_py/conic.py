@@ -132,6 +132,8 @@ class ConicSolution:
         CPU seconds spent in the solver.
     solver : str
     detail : str
+    wall : float
+        Seconds of wall time spent in the solver.
     """
 
     status: str
@@ -145,6 +147,7 @@ class ConicSolution:
     seconds: float
     solver: str
     detail: str = ""
+    wall: float = 0.0
 
 
 def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:

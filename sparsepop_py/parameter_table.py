@@ -52,21 +52,32 @@ class Field:
 
 _MULTIPLIERS = "It only chooses the multipliers, and any multipliers prove a bound."
 _SAME = "The same."
-_DEVELOPERS = tuple(
-    Field(
-        name,
-        0,
-        "none",
-        "",
-        original,
-        "No effect: it is no matter of the problem or its relaxation.",
-        "test_parameters.py::test_fields_without_effect_are_named",
-    )
-    for name, original in (
-        ("reduceEqualitiesSW", "A developer's switch."),
-        ("elimFrSW", "A developer's switch."),
-        ("aggressiveSW", "A developer's switch; 1 may lose the candidate solution."),
-        ("developmentSW", "Set by the original for itself."),
+_NAMED = "test_fields_without_effect_are_named"
+_INSTALLED = "test_fields_that_follow_the_installation_are_silent"
+_WITHOUT = tuple(
+    Field(name, value, "none", "", text, "No effect: " + why, "test_parameters.py::" + test, legal)
+    for name, value, text, why, test, legal in (
+        *(
+            (name, 0, original, "it is no matter of the problem or its relaxation.", _NAMED, ())
+            for name, original in (
+                ("reduceEqualitiesSW", "A developer's switch."),
+                ("elimFrSW", "A developer's switch."),
+                ("developmentSW", "Set by the original for itself."),
+            )
+        ),
+        (
+            *("symbolicMath", 1),
+            "Needed for parentheses in files; with scaling it also shifts variables, so that the "
+            "SDP depends on what is installed.",
+            "parentheses and right-hand sides in files are always read, and the SDP does not "
+            "depend on what is installed.",
+            *(_INSTALLED, _SWITCH),
+        ),
+        (
+            *("mex", 1, "C++ conversion, with slightly different SDPs."),
+            "there is one implementation. Sizes are those of the C++ path.",
+            *(_INSTALLED, _SWITCH),
+        ),
     )
 )
 _OLD_NAMES = tuple(
@@ -87,6 +98,36 @@ _OLD_NAMES = tuple(
     )
 )
 
+_FILES = tuple(
+    Field(name, default, "works", "", original, ours, "test_sparsepop_files.py::" + test)
+    for name, default, original, ours, test in (
+        (
+            *(
+                "SDPsolverOutFile",
+                0,
+                "The solver's log: off, on the screen, or appended to a file.",
+            ),
+            *("The same: one line for the last solve.", "test_the_log_of_the_solver"),
+        ),
+        (
+            *("sdpaDataFile", ""),
+            "Writes the SDP in SDPA sparse format, and a `.info` file that maps variables.",
+            "The same, of the SDP that was solved; `.info` is complete with `tighten = 0`.",
+            "test_the_sdpa_file_has_the_value_of_the_sdp",
+        ),
+        (
+            *("detailedInfFile", ""),
+            "Appends parameters, the problem before and after scaling, cliques, supports, the SDP.",
+            *(_SAME, "test_the_detailed_file"),
+        ),
+        (
+            *("printFileName", 1),
+            "A file name: results are appended there. Numbers set the file's print level to 0.",
+            *(_SAME, "test_the_printed_file"),
+        ),
+    )
+)
+
 FIELDS: tuple[Field, ...] = (
     Field(
         "relaxOrder",
@@ -104,11 +145,13 @@ FIELDS: tuple[Field, ...] = (
         1,
         "works",
         "sparse",
-        "0 dense, 1 correlative sparsity; 2 and 3 are smaller, perturbed variants of 0 and 1.",
-        "0 makes one clique of all variables, which can prove more and costs more. 2 and 3 are "
-        "treated as 0 and 1, with a warning: what the variants leave out is not published in a "
-        "form that determines their SDP, and the full ones prove at least as much.",
-        "test_parameters.py::test_perturbed_variants_become_plain_ones",
+        "0 dense, 1 correlative sparsity; 2 and 3 are smaller variants of 0 and 1, by the "
+        "perturbed sums of squares theorem of Muramatsu, Waki and Tuncel (2016).",
+        "0 makes one clique of all variables, which can prove more and costs more. 2 and 3: with "
+        "`tighten = 0`, the multiplier of a constraint g has only products of at most "
+        "floor(order / deg g - 1/2) of its own terms, as in that paper; such a relaxation proves "
+        "no more than that of 0 or 1. With `tighten = 1` they are 0 and 1, with a warning.",
+        "test_narrow.py::test_multipliers_are_made_of_terms_of_their_constraints",
         (0, 1, 2, 3),
     ),
     Field(
@@ -175,11 +218,25 @@ FIELDS: tuple[Field, ...] = (
         1,
         "works",
         "switches.consistent",
-        "Drops redundant rows of moment matrices; 2 is stronger.",
-        "Monomials of degree two and more whose squares nothing can match go, until nothing "
-        "changes, for 1 as for 2. " + _MULTIPLIERS,
-        "test_switches.py::test_reduced_moment_matrices",
+        "Drops redundant rows of moment matrices; 2 those of constraints too (Waki and Muramatsu "
+        "2011).",
+        "1: monomials of degree two and more whose squares nothing can match go, until nothing "
+        "changes. 2: those of the constraints' multipliers too; as in the original before bounds "
+        "of moments are added, so that with `boundSW` the value may be smaller. " + _MULTIPLIERS,
+        "test_narrow.py::test_eliminated_monomials_change_no_value",
         (0, 1, 2),
+        True,
+    ),
+    Field(
+        "aggressiveSW",
+        0,
+        "works",
+        "switches.aggressive",
+        "A developer's switch: moment matrices lose variables too, and with them the candidate "
+        "solution.",
+        "The same; `POP.xVect` is empty where a moment of degree one has left. " + _MULTIPLIERS,
+        "test_narrow.py::test_an_aggressive_reduction_may_lose_the_point",
+        _SWITCH,
         True,
     ),
     Field(
@@ -228,7 +285,7 @@ FIELDS: tuple[Field, ...] = (
         _SWITCH,
         True,
     ),
-    *_DEVELOPERS,
+    *_WITHOUT,
     Field(
         "SDPsolver",
         "sedumi",
@@ -265,45 +322,10 @@ FIELDS: tuple[Field, ...] = (
         "works",
         "max_iterations",
         "Passed to SeDuMi if present.",
-        "Passed to Clarabel. Few iterations prove a weaker bound.",
+        "Passed to Clarabel and to the clique-tree method. Few iterations prove a weaker bound.",
         "test_sparsepop_problem.py::test_few_iterations_prove_less",
     ),
-    Field(
-        "SDPsolverOutFile",
-        0,
-        "works",
-        "",
-        "The solver's log: off, on the screen, or appended to a file.",
-        "The same: one line for the last solve.",
-        "test_sparsepop_files.py::test_the_log_of_the_solver",
-    ),
-    Field(
-        "sdpaDataFile",
-        "",
-        "works",
-        "",
-        "Writes the SDP in SDPA sparse format, and a `.info` file that maps variables.",
-        "The same, of the SDP that was solved; `.info` is complete with `tighten = 0`.",
-        "test_sparsepop_files.py::test_the_sdpa_file_has_the_value_of_the_sdp",
-    ),
-    Field(
-        "detailedInfFile",
-        "",
-        "works",
-        "",
-        "Appends parameters, the problem before and after scaling, cliques, supports, the SDP.",
-        _SAME,
-        "test_sparsepop_files.py::test_the_detailed_file",
-    ),
-    Field(
-        "printFileName",
-        1,
-        "works",
-        "",
-        "A file name: results are appended there. Numbers only set the file's print level to 0.",
-        _SAME,
-        "test_sparsepop_files.py::test_the_printed_file",
-    ),
+    *_FILES,
     Field(
         "printLevel",
         (2, 0),
@@ -315,18 +337,6 @@ FIELDS: tuple[Field, ...] = (
         "test_sparsepop_face.py::test_report_levels",
     ),
     Field(
-        "symbolicMath",
-        1,
-        "none",
-        "",
-        "Needed for parentheses in files; with scaling it also shifts variables, so that the "
-        "SDP depends on what is installed.",
-        "No effect: parentheses and right-hand sides in files are always read, and the SDP does "
-        "not depend on what is installed.",
-        "test_parameters.py::test_fields_that_follow_the_installation_are_silent",
-        _SWITCH,
-    ),
-    Field(
         "POPsolver",
         "",
         "works",
@@ -335,16 +345,6 @@ FIELDS: tuple[Field, ...] = (
         "Fills `xVectL` to `scaledErrorL` with a point that provably exists. `'ipopt'` chooses "
         "IPOPT, any other name SciPy.",
         "test_sparsepop_face.py::test_refined_point_only_when_asked_for",
-    ),
-    Field(
-        "mex",
-        1,
-        "none",
-        "",
-        "C++ conversion, with slightly different SDPs.",
-        "No effect: there is one implementation. Sizes are those of the C++ path.",
-        "test_parameters.py::test_fields_that_follow_the_installation_are_silent",
-        _SWITCH,
     ),
     Field(
         "errorBdIdx",

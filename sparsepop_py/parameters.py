@@ -60,7 +60,7 @@ class Parameters:
     ----------
     relaxOrder : int or float
         :func:`~sparsepop_py.sparsepop.sparsePOP` returns it raised to the least legal one.
-    sparseSW : {0, 1}
+    sparseSW : {0, 1, 2, 3}
     POPsolver : str
         Empty: no refined point in the output.
     printLevel : (int, int)
@@ -137,7 +137,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     for name, value in values.items():
         _check(name, value, strict, tighten, says)
     order = check_order(values.get("relaxOrder", 1))
-    sparse = _sparse(values.get("sparseSW", 1), says)
+    sparse = _sparse(values.get("sparseSW", 1), tighten, says)
     local = _local(values.get("POPsolver", ""), strict, says)
     named = isinstance(values.get("printFileName", 1), str)
     level = check_level(values.get("printLevel", (2, 2 if named else 0)))
@@ -150,7 +150,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
         warnings.warn(message, ParameterWarning, stacklevel=stacklevel)
     options = Options(
         order=max(1, math.ceil(order)) if tighten else max(1, math.floor(order)),
-        sparse=bool(sparse),
+        sparse=bool(sparse % 2),
         effort="presolve" if tighten else "plain",
         refine="ipopt" if local == "ipopt" else "scipy",
         solver=solver,
@@ -175,9 +175,11 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
         merge=values.get("multiCliquesFactor", 1.0),
         scaled=on("scalingSW"),
         moment_bounds=int(values.get("boundSW", 2)),
-        consistent=on("reduceMomentMatSW"),
+        consistent=int(values.get("reduceMomentMatSW", 1)),
+        aggressive=on("aggressiveSW"),
         substituted=tuple(kind for name, kind in _SUBSTITUTED.items() if on(name)),
         independent=on("reduceAMatSW"),
+        narrow=values.get("sparseSW", 1) > 1,
         perturbation=values.get("perturbation", 0.0),
     )
 
@@ -256,11 +258,11 @@ def _check(name: str, value: Any, strict: bool, tighten: int, says: list[str]) -
         says.append(f"param.{name} = {value!r} has an effect with tighten = 0 only")
 
 
-def _sparse(value: Any, says: list[str]) -> int:
+def _sparse(value: Any, tighten: int, says: list[str]) -> int:
     switch = int(value)
-    if switch > 1:
-        says.append(f"param.sparseSW = {switch} is treated as {switch - 2}")
-    return switch % 2
+    if switch > 1 and tighten:
+        says.append(f"param.sparseSW = {switch} is treated as {switch - 2} with tighten = 1")
+    return switch
 
 
 def _local(value: Any, strict: bool, says: list[str]) -> str:

@@ -120,8 +120,9 @@ class SolverInfo:
         may give one), dinf when it reports that the moment relaxation has no point.
         Both are NaN when no SDP was solved on request.
     cpusec : float
-    feasratio : None
-        SeDuMi's alone, as are r0 and wallsec.
+    feasratio : float or None
+        What SeDuMi's indicator tends to: 1 when both programs were solved, -1 when one is
+        reported to have no point; None where the solver stopped between.
     residual : float or None
         Largest entry of the stationarity residual.
     detail : str
@@ -130,6 +131,10 @@ class SolverInfo:
         CPU seconds before, in and after the solver's iterations; only the second is known.
     err : (6,) float or None
         The DIMACS error measures, recomputed from the program.
+    r0 : float or None
+        The largest of ``err`` in size.
+    wallsec : float or None
+        Wall seconds of the solver.
     """
 
     solver: str
@@ -138,13 +143,13 @@ class SolverInfo:
     pinf: float
     dinf: float
     cpusec: float
-    feasratio: None
+    feasratio: float | None
     residual: float | None
     detail: str
     timing: tuple[float, float, float] = (0.0, 0.0, 0.0)
     err: NDArray[np.float64] | None = None
-    r0: None = None
-    wallsec: None = None
+    r0: float | None = None
+    wallsec: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

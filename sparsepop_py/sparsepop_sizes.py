@@ -21,6 +21,8 @@ from .sparsepop_output import SDPInfo, SolverInfo
 
 __all__ = ["BuiltSDP", "sizes_of", "solver_info"]
 
+_FEASIBILITY = {"solved": 1.0, "infeasible": -1.0, "unbounded": -1.0}
+
 
 @dataclass(frozen=True, eq=False)
 class BuiltSDP:
@@ -185,6 +187,7 @@ def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
     if built is None or built.solution is None:
         return SolverInfo("", 0, 0, 0, 0, 0.0, None, None, "no SDP was solved")
     solution = built.solution
+    errors = dimacs_errors(built.program, solution)
     return SolverInfo(
         solution.solver,
         solution.iterations,
@@ -192,9 +195,11 @@ def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
         int(solution.status == "unbounded"),
         int(solution.status == "infeasible"),
         solution.seconds,
-        None,
+        _FEASIBILITY.get(solution.status),
         solution.residual,
         solution.detail,
         (0.0, solution.seconds, 0.0),
-        dimacs_errors(built.program, solution),
+        errors,
+        float(np.abs(errors).max()),
+        solution.wall,
     )

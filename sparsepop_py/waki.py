@@ -13,11 +13,17 @@ substituted: their monomials leave all bases, and :mod:`sparsepop_py.condense` s
 that remain of them. A fractional order gives matrices of the whole order below it, and
 equations multipliers up to the degree floor(2 (d - ceil(deg h / 2))).
 
+The multipliers of constraints may be narrower: sums of squares of polynomials whose monomials
+are products of at most floor(d / deg g - 1/2) terms of g, and for an equation products of twice
+as many. With a perturbation as small as rounding errors that is enough for convergence.
+
 References
 ----------
 H. Waki, S. Kim, M. Kojima, M. Muramatsu, Sums of squares and semidefinite program
 relaxations for polynomial optimization problems with structured sparsity, SIAM J. Optim.
 17 (2006) 218-242.
+M. Muramatsu, H. Waki, L. Tuncel, A perturbed sums of squares theorem for polynomial
+optimization and its applications, Optim. Methods Softw. 31 (2016) 134-156 (narrow multipliers).
 """
 
 from __future__ import annotations
@@ -31,9 +37,11 @@ from numpy.typing import NDArray
 from . import generators, monomials
 from .basis import clique_bases
 from .blocks import BlockGroup, Blocks, matrix_blocks, ragged, row_monomials, stacked_groups
+from .elimination import eliminated
 from .errors import ProblemError
 from .generators import Generators
 from .moment_bounds import moment_bounds
+from .monomials import Words
 from .newton import consistent_bases
 from .polynomial import Polynomial
 from .problem import Problem
@@ -61,13 +69,18 @@ class Switches:
     moment_bounds : {0, 1, 2}
         No bounds of moments of degree two and more, all, or those that are not redundant
         (``boundSW``).
-    consistent : bool
-        Drop monomials whose squares nothing can match (``reduceMomentMatSW``).
+    consistent : {0, 1, 2}
+        Keep all monomials, or drop those of moment matrices whose squares nothing can match;
+        2: those of the constraints' multipliers too (``reduceMomentMatSW``).
+    aggressive : bool
+        Drop variables as well: moments of degree one may then be missing (``aggressiveSW``).
     substituted : tuple of str
         Equations to substitute: ``"square"`` x^2 = c, ``"binary"`` x^2 = c x, ``"fixed"``
         x = c, ``"zero"`` x y = 0.
     independent : bool
         Drop equations of the program that have become empty (``reduceAMatSW``).
+    narrow : bool
+        Multipliers of constraints made of their own terms (``sparseSW`` 2 and 3).
     perturbation : float
         Largest random change of each linear coefficient of the scaled objective. The
         multipliers found are certified for the objective as given.
@@ -82,9 +95,11 @@ class Switches:
     merge: float = 1.0
     scaled: bool = True
     moment_bounds: int = 2
-    consistent: bool = True
+    consistent: int = 1
+    aggressive: bool = False
     substituted: tuple[str, ...] = ("square", "binary", "fixed")
     independent: bool = True
+    narrow: bool = False
     perturbation: float = 0.0
 
     def __post_init__(self) -> None:
@@ -93,10 +108,11 @@ class Switches:
                 f"Switches.substituted: found {self.substituted!r}, expected some of "
                 + ", ".join(KINDS)
             )
-        if self.moment_bounds not in (0, 1, 2):
-            raise ProblemError(
-                f"Switches.moment_bounds: found {self.moment_bounds!r}, expected 0, 1 or 2"
-            )
+        for name in ("moment_bounds", "consistent"):
+            if getattr(self, name) not in (0, 1, 2):
+                raise ProblemError(
+                    f"Switches.{name}: found {getattr(self, name)!r}, expected 0, 1 or 2"
+                )
         for name in ("merge", "perturbation"):
             if not getattr(self, name) >= 0:
                 raise ProblemError(
@@ -146,17 +162,19 @@ def plain_relaxation(
     rules = Rules.of(problem, switches.substituted)
     system = generators.stacked(problem, np.zeros((0, 2), np.int64))
     binary = rules.binary(problem)
-    blocks = _multiplied(problem, cliques, system, rules, order, switches.merge)
+    blocks = _multiplied(problem, cliques, system, rules, order, switches)
     asked = [f.words for f in (problem.objective, *objectives)]
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
     moment = clique_bases(members, np.arange(len(members)), int(order))
     plain = [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
     moment = [(block.clique, block.basis) for block in rules.normal(plain)]
+    least_degree = 0 if switches.aggressive else 2  # first moments of every solution
     if switches.consistent:
         held = [row_monomials(group, system) for group in stacked_groups(blocks)] + asked
-        # variables stay, so that every solution has first moments
-        moment = consistent_bases(moment, held, n, rules.rewritten, 2)
+        moment = consistent_bases(moment, held, n, rules.rewritten, least_degree)
     blocks += [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
+    if switches.consistent == 2:
+        blocks = eliminated(blocks, system, asked, rules, least_degree)
     groups = stacked_groups([block for block in blocks if block.size])
     words, _ = conic_rows(groups, system, asked, n)
     blocks += rules.rows(words, n)
@@ -195,7 +213,7 @@ def _multiplied(
     system: Generators,
     rules: Rules,
     order: float,
-    merge: float,
+    switches: Switches,
 ) -> Blocks:
     """Blocks of all constraints and bounds, but for those that are substituted."""
     m, n = len(problem.constraints), problem.dimension
@@ -213,7 +231,7 @@ def _multiplied(
     number = number[~np.isin(number, rules.generator)]
     blocks: Blocks = []
     supports = {k + 1: c.polynomial.support for k, c in enumerate(problem.constraints)}
-    unions = _Unions(cliques, merge)
+    unions = _Unions(cliques, switches.merge)
     by_degree: dict[tuple[bool, int], list[tuple[int, int, tuple[int, ...]]]] = {}
     for k in number.tolist():
         support = supports.get(k, np.array([(k - 1 - m) % n]))
@@ -221,6 +239,11 @@ def _multiplied(
         half = order - (int(degree[k]) + 1) // 2
         reach = int(2 * half) if free[k] else int(half)
         inside = tuple(v for v in union if not fixed[v])
+        if switches.narrow:
+            times = int(order / int(degree[k]) - 0.5) * (2 if free[k] else 1)
+            place, basis = np.array([k]), _powers(system, k, times, fixed)
+            blocks.append(BlockGroup(bool(free[k]), place, np.array([home]), basis[None]))
+            continue
         by_degree.setdefault((bool(free[k]), reach), []).append((k, home, inside))
     for (is_free, reach), items in sorted(by_degree.items()):
         index = np.array([k for k, _, _ in items])
@@ -231,6 +254,20 @@ def _multiplied(
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
     blocks = [part for block in rules.normal(blocks) for part in _alive(block, system, rules)]
     return blocks + rules.normal(matrix_blocks(system, cliques, members, int(order)))
+
+
+def _powers(system: Generators, number: int, times: int, fixed: NDArray[np.bool_]) -> Words:
+    """Products (s, D) of at most so many terms of a polynomial, terms of open variables."""
+    _, term = system.terms_of(np.array([number]))
+    words = system.words[term]
+    words = words[~np.append(False, fixed)[words].any(axis=1)]
+    found = np.zeros((1, 1), np.int32)
+    for _ in range(times):
+        products = monomials.multiply(found[:, None, :], words[None])
+        products = products.reshape(-1, products.shape[-1])
+        both = [monomials.widen(found, products.shape[1]), products]
+        found, _ = monomials.collect(monomials.trim(np.concatenate(both)), system.dimension)
+    return found
 
 
 def _alive(block: BlockGroup, system: Generators, rules: Rules) -> Blocks:

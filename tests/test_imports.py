@@ -21,7 +21,7 @@ errors constraint progress display monomials rounding polynomial system cones sq
 symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
 presolve presolve.propagation presolve.scaling
 chordal sparsity basis newton blocks shapes signs terms relaxation substitution moment_bounds
-waki conic
+elimination waki conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout

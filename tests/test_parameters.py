@@ -94,9 +94,14 @@ def test_a_fraction_is_kept(tighten: int, order: int) -> None:
 
 
 @pytest.mark.parametrize(("given", "sparse"), [(2, False), (3, True)])
-def test_perturbed_variants_become_plain_ones(given: int, sparse: bool) -> None:
-    with pytest.warns(ParameterWarning, match=f"sparseSW = {given} is treated as {given - 2}"):
-        assert read_parameters({"sparseSW": given}).options.sparse is sparse
+def test_perturbed_variants(given: int, sparse: bool) -> None:
+    options = read_parameters({"sparseSW": given, "tighten": 0}).options
+    assert options.sparse is sparse
+    assert options.switches is not None and options.switches.narrow
+    with pytest.warns(ParameterWarning, match=f"sparseSW = {given} is treated as {given - 2} with"):
+        parameters = read_parameters({"sparseSW": given})
+    assert parameters.options.sparse is sparse
+    assert parameters.sparseSW == given
 
 
 @pytest.mark.parametrize(
@@ -136,7 +141,7 @@ def test_every_field_of_the_original_is_known() -> None:
     assert sorted(entry.name for entry in FIELDS) == sorted([*ORIGINAL, "tighten"])
 
 
-NOTHING = ["reduceEqualitiesSW", "elimFrSW", "aggressiveSW", "developmentSW"]
+NOTHING = ["reduceEqualitiesSW", "elimFrSW", "developmentSW"]
 
 
 @pytest.mark.parametrize("name", NOTHING)
@@ -154,6 +159,7 @@ PLAIN: dict[str, Any] = {
     "boundSW": 0,
     "perturbation": 1e-4,
     "reduceMomentMatSW": 0,
+    "aggressiveSW": 1,
     "complementaritySW": 1,
     "SquareOneSW": 0,
     "binarySW": 0,

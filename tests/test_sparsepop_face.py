@@ -65,7 +65,7 @@ def test_six_outputs_in_the_order_of_the_original() -> None:
     assert np.abs(POP.xVect - 0.5).max() < 1e-3
     assert POP.objValue == pytest.approx(0.75, abs=1e-6)
     assert param.relaxOrder == 1
-    assert (solver.numerr, solver.pinf, solver.dinf, solver.feasratio) == (0, 0, 0, None)
+    assert (solver.numerr, solver.pinf, solver.dinf, solver.feasratio) == (0, 0, 0, 1)
     assert times.total == times.conversion + times.SDPsolver + times.certification
     assert sizes.infeasibleSW == 0
     assert (sizes.dimVar0, sizes.dimVar, sizes.fixedVar.shape) == (2, 2, (0, 2))

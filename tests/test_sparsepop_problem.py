@@ -167,8 +167,9 @@ def test_a_coarse_tolerance_proves_less() -> None:
     assert coarse.SDPobjValue < fine.SDPobjValue <= -(2**0.5)
 
 
-def test_few_iterations_prove_less() -> None:
-    param = {**QUIET, "tighten": 0, "relaxOrder": 3, "SDPsolver": "clarabel"}
+@pytest.mark.parametrize("solver", ["clarabel", "clarabel-moment", "cliquetree"])
+def test_few_iterations_prove_less(solver: str) -> None:
+    param = {**QUIET, "tighten": 0, "relaxOrder": 3, "SDPsolver": solver}
     few = sp.sparsePOP(disc(), {**param, "SDPsolverMaxIter": 3})
     assert few.SDPsolverInfo.iter <= 3
     assert few.SDPsolverInfo.numerr == 1
@@ -211,6 +212,9 @@ def test_the_data_of_the_sdp_belong_together(scaling: int) -> None:
     assert -info.objValScale * (b @ info.y) - 4 == pytest.approx(output.POP.solverValue, abs=1e-3)
     errors = output.SDPsolverInfo.err
     assert errors.shape == (6,) and np.abs(errors).max() < 1e-4
+    assert output.SDPsolverInfo.r0 == np.abs(errors).max()
+    assert output.SDPsolverInfo.feasratio == 1
+    assert output.SDPsolverInfo.wallsec > 0
 
 
 def test_first_moments_are_the_point_of_the_plain_relaxation() -> None:

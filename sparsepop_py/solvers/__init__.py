@@ -6,6 +6,9 @@ convention of :mod:`sparsepop_py.conic`.
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
+
 from ..conic import ConicProgram, ConicSolution
 from ..errors import SolverNotFound
 from . import clarabel_, cliquetree, cvxpy_
@@ -66,6 +69,19 @@ def solve_conic(
     SolverNotFound
         If the name is unknown or the package is missing.
     """
+    start = time.perf_counter()
+    found = _solved(program, solver, time_limit, accuracy, target, max_iterations)
+    return replace(found, wall=time.perf_counter() - start)
+
+
+def _solved(
+    program: ConicProgram,
+    solver: str,
+    time_limit: float | None,
+    accuracy: float,
+    target: float | None,
+    max_iterations: int | None,
+) -> ConicSolution:
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
     if solver == "clarabel":
@@ -74,6 +90,8 @@ def solve_conic(
         return clarabel_.solve_moment_form(program, time_limit, accuracy, max_iterations)
     if solver == "cliquetree":
         settings = cliquetree.Settings(gap=max(1e-7, accuracy))
+        if max_iterations is not None:
+            settings = replace(settings, iterations=max_iterations)
         return cliquetree.run(
             program, target=target, time_limit=time_limit, settings=settings
         ).solution
