@@ -32,7 +32,7 @@ from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row
 from .registry import Case, Family, Selection, Task
 
-__all__ = ["PLANTS", "Experiment", "cases", "findings", "rows"]
+__all__ = ["PLANTS", "Experiment", "cases", "findings", "nesting", "rows"]
 
 PLANTS: Mapping[int, tuple[setid.TransferFunction, tuple[float, ...]]] = MappingProxyType(
     {
@@ -44,6 +44,7 @@ PLANTS: Mapping[int, tuple[setid.TransferFunction, tuple[float, ...]]] = Mapping
 SIZES = (20, 50, 100, 200, 500)
 PERCENT = (1.0, 5.0, 10.0)
 _INPUT_SHARE = 1.0 / 3.0
+_BRIEFLY = 5.0  # seconds for the first half of a record: any proved interval is a check
 
 
 @dataclass(frozen=True)
@@ -159,6 +160,7 @@ def rows(family: Family, case: Case, setting: Setting) -> Iterator[Row]:
     if "sparsepop_py" in setting.solvers:
         for measured in own_rows(family, case, "default", solve, tolerance, setting.repeats):
             said = [text for each in found for text in findings(*each)]
+            said += [text for each, _ in found for text in _against_beginning(each, settings)]
             notes = (*measured.notes, *(f"finding: {text}" for text in said))
             own = replace(measured, valid=bool(found) and not said, notes=notes)
             if found and str(found[0][0].status) == "unbounded":
@@ -175,6 +177,30 @@ def _options(settings: Mapping[str, Any]) -> setid.Options:
     if "solver" in rest:
         own["solver"] = rest["solver"]
     return setid.Options(**own, engine=sp.Options(**rest))
+
+
+def _against_beginning(result: setid.Identification, settings: Mapping[str, Any]) -> Iterator[str]:
+    """What contradicts the first half of the record, whose set holds that of the whole."""
+    known = result.formulation
+    limit = min(_BRIEFLY, settings.get("time_limit") or _BRIEFLY)
+    half = known.data.split(known.data.samples // 2)[0]
+    options = _options({**settings, "time_limit": limit})
+    yield from nesting(
+        result, setid.identify(half, known.model, known.noise, known.priors, options)
+    )
+
+
+def nesting(longer: setid.Identification, beginning: setid.Identification) -> Iterator[str]:
+    """Inner intervals of a record that are not inside the outer ones of its beginning.
+
+    Parameters
+    ----------
+    longer, beginning : setid.Identification
+    """
+    for name, interval in longer.intervals.items():
+        outer, inner = beginning.intervals[name].outer, interval.inner
+        if inner is not None and not (outer[0] <= inner[0] and inner[1] <= outer[1]):
+            yield f"{name}: inner {inner} is not inside {outer} of the first half"
 
 
 def findings(result: setid.Identification, truth: setid.Simulated) -> Iterator[str]:
