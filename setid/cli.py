@@ -15,7 +15,7 @@ import sparsepop_py as sp
 
 from .consistency import Consistency, consistency
 from .data import IOData
-from .errors import DataError, SetidError
+from .errors import DataError, NoiseError, SetidError
 from .identify import identify
 from .intervals import Identification, IntervalStatus
 from .models.lti import TransferFunction
@@ -24,6 +24,7 @@ from .options import Options
 from .plots import plot_intervals, require_matplotlib
 from .priors import DCGain, Stable
 from .reading import text_lines
+from .verification import Verification
 
 __all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 
@@ -33,6 +34,12 @@ EXIT_INPUT = 2
 EXIT_MISSING = 3
 EXIT_EMPTY = 4
 
+_NOISE = {
+    "output": "largest error of a measured output",
+    "input": "largest error of a measured input",
+    "equation": "largest error of the difference equation",
+}
+_VERIFIED = "verified: box, outer and inner ends follow from the record, without any solver"
 _CODES = """exit codes:
   0  every interval is certified; for consistency: the data are explained by these bounds
   1  an interval is proved but not closed, or unbounded, or not identifiable
@@ -110,6 +117,9 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--json", metavar="OUT.json", help="write the result; - prints it")
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
+            command.add_argument(
+                "--verify", action="store_true", help="check every claim again, without any solver"
+            )
     return parser
 
 
@@ -120,7 +130,7 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     group.add_argument("--Ts", type=float, default=1.0, help="sampling time")
     group.add_argument("--rows", metavar="FIRST:END", help="part of the record, from 0")
     for kind in ("output", "input", "equation"):
-        group.add_argument(f"--{kind}-noise", type=float, default=0.0, metavar="BOUND")
+        group.add_argument(f"--{kind}-noise", type=float, metavar="BOUND", help=_NOISE[kind])
     group.add_argument("--relative", action="store_true", help="bounds are shares of readings")
 
 
@@ -186,16 +196,24 @@ def _parts(
         offset=arguments.offset,
         initial="zero" if arguments.from_rest else "free",
     )
-    noise = Noise(
-        arguments.output_noise,
-        arguments.input_noise,
-        arguments.equation_noise,
-        relative=arguments.relative,
-    )
+    noise = _noise(arguments)
     priors: list[Any] = [Stable()] if arguments.stable else []
     if arguments.dc_gain:
         priors.append(DCGain(*arguments.dc_gain))
     return data, model, noise, priors
+
+
+def _noise(arguments: argparse.Namespace) -> Noise:
+    """The bounds that were given; without any there is nothing to prove."""
+    output, input, equation = (getattr(arguments, f"{kind}_noise") for kind in _NOISE)
+    if output is input is equation is None:
+        raise NoiseError(
+            "--output-noise, --input-noise, --equation-noise: found none, expected a bound of the "
+            "errors of at least one kind (0 says exact); where no bound is known, `setid "
+            "consistency` with a guess, such as --output-noise 1, finds the least one that "
+            "explains the record"
+        )
+    return Noise(output or 0.0, input or 0.0, equation or 0.0, relative=arguments.relative)
 
 
 def _options(arguments: argparse.Namespace) -> Options:
@@ -209,20 +227,35 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     """Whether the results can be written, before the work and not after it."""
     picture = getattr(arguments, "plot", None)
     if picture:
-        require_matplotlib()
+        _check_suffix(picture)
     for option, path in (("--json", arguments.json), ("--plot", picture)):
         if path and path != "-" and (Path(path).is_dir() or not Path(path).parent.is_dir()):
             raise SetidError(f"{option}: found {path!r}, expected a file in an existing directory")
+
+
+def _check_suffix(picture: str) -> None:
+    known = require_matplotlib().FigureCanvasBase.get_supported_filetypes()
+    if Path(picture).suffix.removeprefix(".").lower() not in known:
+        raise SetidError(
+            f"--plot: found {picture!r}, expected a file that ends in one of "
+            + ", ".join(f".{name}" for name in known)
+        )
 
 
 def _identify(arguments: argparse.Namespace) -> int:
     _check_outputs(arguments)
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
-    record = _as_record(arguments.record, result)
-    _write(arguments.json, record, f"{arguments.record}: {data!r}\n{result.summary()}")
+    checked = result.verify(data) if arguments.verify else None
+    record = _as_record(arguments.record, result, checked)
+    text = f"{arguments.record}: {data!r}\n{result.summary()}"
+    if checked is not None:
+        text += f"\n{_VERIFIED if checked else f'NOT VERIFIED: {checked.reason}'}"
+    _write(arguments.json, record, text)
     if arguments.plot:
         _save(result, arguments.plot)
+    if checked is not None and not checked:
+        return EXIT_OPEN
     if result.empty:
         return EXIT_EMPTY
     return EXIT_PROVED if result.status is IntervalStatus.CERTIFIED else EXIT_OPEN
@@ -231,13 +264,10 @@ def _identify(arguments: argparse.Namespace) -> int:
 def _save(result: Identification, path: str) -> None:
     figure = plot_intervals(result).get_figure(root=True)
     assert figure is not None
-    try:
-        figure.savefig(path, dpi=150)
-    except ValueError as error:  # an unknown suffix
-        raise SetidError(f"--plot: {error}") from None
+    figure.savefig(path, dpi=150)
 
 
-def _as_record(path: str, result: Identification) -> dict[str, Any]:
+def _as_record(path: str, result: Identification, checked: Verification | None) -> dict[str, Any]:
     return {
         "file": path,
         "model": repr(result.formulation.model),
@@ -250,6 +280,9 @@ def _as_record(path: str, result: Identification) -> dict[str, Any]:
             }
             for name, interval in result.intervals.items()
         },
+        "verified": None if checked is None else checked.ok,
+        "samples": [list(map(int, pair)) for pair in result.samples],
+        "notes": list(result.notes),
         "assumptions": list(result.assumptions),
     }
 

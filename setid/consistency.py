@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
-from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -167,6 +166,7 @@ def consistency(
     A discretisation error bound of a continuous-time model counts as output noise.
     """
     settings = options or Options(time_limit=60.0)
+    until = settings.deadline()
     if noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
     model, noise = settled(data, model, noise)
@@ -178,7 +178,7 @@ def consistency(
     formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
     if formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1]):
         return _exactly(formulation, noise)
-    return _by_engine(data, model, noise, given, settings)
+    return _by_engine(data, model, noise, given, settings, until)
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
@@ -218,7 +218,12 @@ def _exactly(formulation: Formulation, noise: Noise) -> Consistency:
 
 
 def _by_engine(
-    data: IOData, model: Structure, noise: Noise, priors: list[Any], settings: Options
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: list[Any],
+    settings: Options,
+    until: float,
 ) -> Consistency:
     bounds = noise.bounds(data)
     unit = formulate(data, model, scaled_noise(bounds, 1.0), priors)
@@ -226,7 +231,6 @@ def _by_engine(
     formulation = formulate(data, model, scaled_noise(bounds, limit), priors)
     box, refuted = None, None
     if formulation.regression is not None:
-        until = inf if settings.time_limit is None else monotonic() + settings.time_limit
         box = _box(formulation, until)
         refuted = _bisect(data, model, bounds, priors, limit, until)
     problem = problem_with_factor(formulation, box)
@@ -235,7 +239,7 @@ def _by_engine(
     p = len(formulation.parameters)
     if np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
         start = None if x is None else np.append(x, 1.0)
-        result = sp.solve(problem, settings.for_engine("absolute"), start=start)
+        result = sp.solve(problem, settings.for_engine("absolute", until), start=start)
         if np.isfinite(result.lower_bound):
             low = max(low, float(np.nextafter(max(0.0, result.lower_bound) * limit, 0.0)))
         if result.attained is not None:

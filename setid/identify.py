@@ -33,6 +33,7 @@ from .driving import driving_samples
 from .equivalence import unidentifiable
 from .errors import SetidError
 from .formulation import Formulation, formulate
+from .idle import idle_parameters
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .lifted import LiftedBox, lifted_box, lifted_rows
 from .models.block import BlockStructured
@@ -42,7 +43,7 @@ from .noise import Noise
 from .options import Options
 from .priors.base import Prior
 from .progress import Progress
-from .results import empty_result, factor_text, result_of, unbounded_text
+from .results import empty_result, factor_text, free_text, result_of, unbounded_text
 from .search import attained_ends, checked, coupled
 from .starts import first_point, repair
 from .unnormalised import reference_model, refuse
@@ -111,24 +112,24 @@ def identify(
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
             return _reported(data, model, noise, priors, settings, set(affected))
         refuse(model)
-    timings: dict[str, float] = {}
+    until, timings = settings.deadline(), dict[str, float]()
     model, noise, given = _timed(
         timings, "delta", lambda: with_estimate(data, model, noise, priors)
     )
     formulation = _timed(timings, "formulate", lambda: formulate(data, model, noise, given))
-    return _with_remarks(_settle(formulation, settings, timings))
+    return _with_remarks(_settle(formulation, settings, timings, until))
 
 
 def _settle(
-    formulation: Formulation, settings: Options, timings: dict[str, float]
+    formulation: Formulation, settings: Options, timings: dict[str, float], until: float
 ) -> Identification:
     problem = formulation.problem
     if problem.degree <= 1 and problem.dimension <= _FEW:
         return _linear(formulation, settings, timings)
     direct = _direct(formulation)
     if direct is not None:
-        return _identify(direct, settings, timings, (_DIRECT,))
-    return _identify(formulation, settings, timings, ())
+        return _identify(direct, settings, timings, until, (_DIRECT,))
+    return _identify(formulation, settings, timings, until, ())
 
 
 def _with_remarks(found: Identification) -> Identification:
@@ -179,16 +180,19 @@ def _direct(formulation: Formulation) -> Formulation | None:
 
 
 def _identify(
-    formulation: Formulation, settings: Options, timings: dict[str, float], notes: tuple[str, ...]
+    formulation: Formulation,
+    settings: Options,
+    timings: dict[str, float],
+    until: float,
+    notes: tuple[str, ...],
 ) -> Identification:
-    """Box first, then the engine on it."""
-    until = inf if settings.time_limit is None else time.monotonic() + settings.time_limit
+    """Box first, then the engine on it, in one time."""
     box, driving = _timed(timings, "box", lambda: _bounded(formulation, _start(formulation), until))
     if box is not None and box.empty:
         return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
     if isinstance(box, ParameterBox) and box.cut_short:
         notes = (*notes, "time ended in the search for a box from the data: give more time")
-    return _engine(formulation, settings, timings, box, notes)
+    return _engine(formulation, settings, timings, until, box, notes)
 
 
 def start_box(formulation: Formulation) -> Box | None:
@@ -276,6 +280,7 @@ def _engine(
     formulation: Formulation,
     settings: Options,
     timings: dict[str, float],
+    until: float,
     box: Box | None,
     notes: tuple[str, ...],
 ) -> Identification:
@@ -286,12 +291,15 @@ def _engine(
     parts: dict[str, Any] = {"box": box, "problem": problem}
     results: tuple[sp.Result, ...] = ()
     endless: tuple[str, ...] = ()
+    free, alone = idle_parameters(formulation) if loose.size else ((), None)
     blocks = isinstance(formulation.model, BlockStructured)
     if loose.size and (box is not None or blocks):
-        endless = _timed(timings, "common factor", lambda: unbounded_names(formulation))
-        parts["notes"] = (*notes, unbounded_text(formulation, loose), *factor_text(endless))
+        if not free:
+            endless = _timed(timings, "common factor", lambda: unbounded_names(formulation))
+        open_ = (unbounded_text(formulation, loose), *factor_text(endless))
+        parts["notes"] = (*notes, *(free_text(free) or open_))
     else:
-        results = _timed(timings, "engine", lambda: _solved(formulation, problem, settings))
+        results = _timed(timings, "engine", lambda: _solved(formulation, problem, settings, until))
         told = (note for found in results for note in found.notes)
         parts["notes"] = tuple(dict.fromkeys([*notes, *told]))
         for found in results:
@@ -301,7 +309,7 @@ def _engine(
     if any(r.status is sp.Status.INFEASIBLE for r in results):
         parts.pop("box")
         spent = sum(timings[stage] for stage in ("box", "engine"))
-        left = _SEARCH + spent if settings.time_limit is None else settings.time_limit - spent
+        left = _SEARCH + spent if until == inf else until - time.monotonic()
         parts["samples"] = _timed(
             timings,
             "driving samples",
@@ -309,24 +317,36 @@ def _engine(
         )
         return empty_result(formulation, settings, timings, box, **parts)
     items = _intervals(formulation, problem, results, settings.tol, set(idle.tolist()))
-    free = IntervalStatus.UNBOUNDED
-    items = [replace(item, status=free) if item.name in endless else item for item in items]
+    items = [_open(item, endless, free, alone) for item in items]
     return result_of(formulation, settings, timings, items, **parts)
 
 
+def _open(
+    item: ParameterInterval,
+    endless: tuple[str, ...],
+    free: tuple[str, ...],
+    witness: NDArray[np.float64] | None,
+) -> ParameterInterval:
+    """An interval with what is proved of parameters that nothing bounds."""
+    if item.name in free:
+        ends, status = (-inf, inf), IntervalStatus.UNIDENTIFIABLE
+        return ParameterInterval(item.name, ends, ends, status, (witness, witness))
+    return replace(item, status=IntervalStatus.UNBOUNDED) if item.name in endless else item
+
+
 def _solved(
-    formulation: Formulation, problem: sp.Problem, settings: Options
+    formulation: Formulation, problem: sp.Problem, settings: Options, until: float
 ) -> tuple[sp.Result, ...]:
     """All ends over one feasible set."""
     progress = Progress(formulation.parameters, settings.tol, settings.progress)
     start = first_point(formulation, problem)
-    engine = settings.for_engine()
     points: list[sp.ProvedPoint] = []
     branch_on = None
     if coupled(formulation):
         branch_on = range(len(formulation.parameters))
         points = [] if start is None else attained_ends(formulation, problem, start)
-        engine = replace(engine, refine="none") if points else engine
+    engine = settings.for_engine(until=until)
+    engine = replace(engine, refine="none") if points else engine
     try:
         found = sp.solve_each(
             problem,

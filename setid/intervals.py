@@ -133,6 +133,8 @@ class ParameterInterval:
         return self.outer[0] <= value <= self.outer[1]
 
     def __repr__(self) -> str:
+        if self.status is IntervalStatus.EMPTY:
+            return f"{self.name}: empty"
         inner = "none" if self.inner is None else f"[{self.inner[0]:.6g}, {self.inner[1]:.6g}]"
         low, high = self.outer
         return f"{self.name} in [{low:.6g}, {high:.6g}], attained {inner}, {self.status}"

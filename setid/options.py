@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
+from time import monotonic
 from typing import Literal
 
 import sparsepop_py as sp
@@ -11,6 +13,8 @@ from .checks import number
 from .errors import SetidError
 
 __all__ = ["Options"]
+
+_LEAST = 1e-3  # seconds: what an engine without time is given, to say what is known already
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +26,11 @@ class Options:
     tol : float
         Gap that counts as closed, as a fraction of the attained width of an interval.
     time_limit : float, optional
-        Seconds of wall time for all proofs together. What is proved by then is returned.
+        Seconds of wall time for all proofs together, the box of the parameters included. What
+        is proved by then is returned.
     solver : str
-        Conic solver of the engine; ``"auto"`` is its own choice.
+        Conic solver of the engine, as of :class:`sparsepop_py.Options`; ``"auto"`` is its own
+        choice.
     progress : bool
         Whether to draw a progress line when standard error is a terminal.
     unidentifiable : {"refuse", "report"}
@@ -38,6 +44,8 @@ class Options:
     ------
     SetidError
         If a value is outside its range; the message names the option.
+    SolverNotFound
+        If the solver is unknown or not installed.
 
     Examples
     --------
@@ -72,14 +80,29 @@ class Options:
             raise SetidError(
                 f"Options.engine: found {type(self.engine).__name__}, expected sparsepop_py.Options"
             )
+        self.for_engine()  # refuses solvers that are not there
 
-    def for_engine(self, gap_kind: Literal["absolute", "width"] = "width") -> sp.Options:
-        """The engine's options that go with these."""
+    def deadline(self) -> float:
+        """The reading of ``time.monotonic`` at which work that begins now is to end."""
+        return inf if self.time_limit is None else monotonic() + self.time_limit
+
+    def for_engine(
+        self, gap_kind: Literal["absolute", "width"] = "width", until: float | None = None
+    ) -> sp.Options:
+        """The engine's options that go with these.
+
+        Parameters
+        ----------
+        gap_kind : {"absolute", "width"}
+        until : float, optional
+            A :meth:`deadline`; the whole time limit begins now when left out.
+        """
         base = self.engine or sp.Options(effort="auto")
+        left = None if until is None else max(until - monotonic(), _LEAST)
         return replace(
             base,
             gap=float(self.tol),
             gap_kind=gap_kind,
             solver=self.solver,
-            time_limit=self.time_limit,
+            time_limit=self.time_limit if left is None or left == inf else left,
         )

@@ -38,12 +38,13 @@ def read_csv_columns(
     Raises
     ------
     DataError
-        With file, line, column and the text found.
+        With file, line, column and the text found; or where two columns are the same.
     """
     lines = _table(path)
     header = None if all(map(_is_number, lines[0][1])) else [f.strip() for f in lines[0][1]]
     body = lines[1:] if header else lines
     places = [_place(path, column, header, len(lines[0][1])) for column in columns]
+    _check_distinct(path, columns, places)
     values = np.empty((len(body), len(places)))
     for row, (number, fields) in enumerate(body):
         if len(fields) != len(lines[0][1]):
@@ -54,6 +55,17 @@ def read_csv_columns(
         for out, place in enumerate(places):
             values[row, out] = _number(path, number, place, fields[place])
     return [values[:, out].copy() for out in range(len(places))]
+
+
+def _check_distinct(
+    path: str | os.PathLike[str], columns: Sequence[Column], places: list[Any]
+) -> None:
+    """Refuse one column for two signals."""
+    for column, place in zip(columns, places, strict=True):
+        if places.count(place) > 1:
+            raise DataError(
+                f"{path}: found column {column!r} for two signals, expected one for each"
+            )
 
 
 def _table(path: str | os.PathLike[str]) -> list[tuple[int, list[str]]]:
@@ -142,6 +154,7 @@ def read_mat_columns(
         raise DataError(
             f"{path}: found a MATLAB 7.3 file, expected version 7 or older (save with '-v7')"
         )
+    _check_distinct(path, names, list(names))
     arrays = []
     for name in names:
         if name not in found or name.startswith("__"):

@@ -39,6 +39,8 @@ def table(result: Identification) -> str:
         if item.inner is not None:
             inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
         outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+        if result.empty:
+            outer = ("empty", "")
         lines.append(line.format(item.name, *outer, *inner, f"{item.width:.3g}", item.status))
     return "\n".join(lines)
 
@@ -127,7 +129,9 @@ def _advice(result: Identification) -> list[str]:
     wide = [
         item.name
         for item in result.intervals.values()
-        if not item.width < 2 * _WIDE * abs(item.centre) and item.width > 0
+        if not item.width < 2 * _WIDE * abs(item.centre)
+        and item.width > 0
+        and str(item.status) != "unidentifiable"
     ]
     if wide:
         lines.append(

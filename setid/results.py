@@ -17,7 +17,7 @@ from .models.block import BlockStructured, HammersteinWiener, Wiener
 from .options import Options
 from .reports import active_priors
 
-__all__ = ["empty_result", "factor_text", "result_of", "unbounded_text"]
+__all__ = ["empty_result", "factor_text", "free_text", "result_of", "unbounded_text"]
 
 
 def result_of(
@@ -63,8 +63,10 @@ def _exactness(formulation: Formulation) -> list[str]:
     y = formulation.data.y
     size = float(np.nanmax(np.abs(y))) * 2.0**-50
     return [
-        "readings are rounded, so that no parameters explain them with noise of exactly zero; "
-        f"give the resolution of the record as a bound, such as Noise(equation={size:.1e})"
+        "readings are rounded, so that no parameters explain them with noise of exactly zero: give "
+        "bounds of the errors, output= and input= of the sensors or equation= of the model "
+        "(setid.consistency finds the least that explain the record); of an exact simulation the "
+        f"rounding alone, Noise(equation={size:.1e})"
     ]
 
 
@@ -82,6 +84,16 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     return (
         f"the data give no finite bounds of {names}: the noise is strong for this input; give "
         "a prior such as Box or Stable, a longer record, or more excitation"
+    )
+
+
+def free_text(free: tuple[str, ...]) -> tuple[str, ...]:
+    """What is said where noise alone explains the record."""
+    if not free:
+        return ()
+    return (
+        "noise within its bounds explains the whole record without any system: nothing is learnt "
+        f"of {', '.join(free)}; excite more strongly, or lower the noise bounds",
     )
 
 

@@ -17,6 +17,7 @@ from .cells import CellBox
 from .common_factor import unbounded_names
 from .data import IOData
 from .formulation import Formulation, formulate
+from .idle import idle_parameters
 from .lifted import LiftedBox, lifted_rows
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ def _verify_results(
     endless = {n for n, item in result.intervals.items() if str(item.status) == "unbounded"}
     if not endless <= set(unbounded_names(again) if endless else ()):
         return Verification(False, f"it is not proved that {', '.join(endless)} are unbounded")
+    free = set(idle_parameters(again)[0])
     known: dict[int, Any] = {}
     count = 2 * len(again.parameters)
     ends = [(problem_low(problem, number), inf) for number in range(count)]
@@ -127,7 +129,22 @@ def _verify_results(
         ends[number] = lower, upper
     for number, (lower, upper) in enumerate(ends):
         ends[number] = lower, min([upper, *(_reached(problem, p, number) for p in points)])
+    for place, item in enumerate(result.intervals.values()):
+        if str(item.status) == "unidentifiable" or item.outer == (-inf, inf):
+            ends[2 * place : 2 * place + 2] = _untouched(again, place, item.name in free, points)
     return _ends_follow(result, ends)
+
+
+def _untouched(
+    again: Formulation, place: int, free: bool, points: list[sp.ProvedPoint]
+) -> list[tuple[float, float]]:
+    """What holds of a parameter that changes no row: nothing, or its own bounds."""
+    if free:
+        return [(-inf, -inf)] * 2
+    if not np.any(again.problem.rows.words == place + 1):
+        low, high = float(again.problem.lower[place]), -float(again.problem.upper[place])
+        return [(low, low if points else inf), (high, high if points else inf)]
+    return [(-inf, inf)] * 2
 
 
 def _reached(problem: sp.Problem, point: sp.ProvedPoint, number: int) -> float:
@@ -151,8 +168,6 @@ def _ends_follow(result: Identification, ends: list[tuple[float, float]]) -> Ver
         if result.empty:
             if not any(end[0] == inf for end in ends):
                 return Verification(False, "emptiness does not follow")
-            continue
-        if str(item.status) == "unidentifiable" and item.outer == (-inf, inf):
             continue
         if item.outer[0] > low[0] or item.outer[1] < -high[0]:
             return Verification(False, f"the outer interval of {item.name} does not follow")

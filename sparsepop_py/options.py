@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from .errors import ProblemError
+from .solvers import require_solver
 from .waki import Switches
 
 __all__ = ["SKIPPED", "Options"]
@@ -183,6 +184,7 @@ class Options:
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
         if not isinstance(self.solver, str):
             raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
+        require_solver(self.solver)
         if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
             raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
         for name in ("sparse", "progress"):

@@ -13,7 +13,7 @@ from ..conic import ConicProgram, ConicSolution
 from ..errors import SolverNotFound
 from . import clarabel_, cliquetree, cvxpy_
 
-__all__ = ["preferred", "solve_conic", "solver_names"]
+__all__ = ["preferred", "require_solver", "solve_conic", "solver_names"]
 
 # Rows of the largest block from which on, with at least so many moments, the clique-tree method
 # was measured to be faster, with numpy alone and more so with compiled kernels.
@@ -37,6 +37,20 @@ def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
 def solver_names() -> list[str]:
     """Names that ``Options(solver=...)`` accepts; ``cvxpy:NAME`` opens any cvxpy solver."""
     return ["auto", "clarabel", "clarabel-moment", "cliquetree", "cvxpy:NAME"]
+
+
+def require_solver(name: str) -> None:
+    """Refuse a name that no installed solver has.
+
+    Raises
+    ------
+    SolverNotFound
+        If the name is unknown or the package is missing.
+    """
+    if name.startswith("cvxpy:"):
+        cvxpy_.require(name.removeprefix("cvxpy:"))
+    elif name not in solver_names():
+        raise SolverNotFound(f"solver: found {name!r}, expected one of {', '.join(solver_names())}")
 
 
 def solve_conic(
@@ -95,6 +109,5 @@ def _solved(
         return cliquetree.run(
             program, target=target, time_limit=time_limit, settings=settings
         ).solution
-    if solver.startswith("cvxpy:"):
-        return cvxpy_.solve(program, solver.removeprefix("cvxpy:"))
-    raise SolverNotFound(f"solver: found {solver!r}, expected one of {', '.join(solver_names())}")
+    require_solver(solver)
+    return cvxpy_.solve(program, solver.removeprefix("cvxpy:"))

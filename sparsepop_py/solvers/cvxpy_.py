@@ -16,7 +16,7 @@ from ..conic import ConicProgram, ConicSolution
 from ..errors import SolverNotFound
 from .base import solution
 
-__all__ = ["solve"]
+__all__ = ["require", "solve"]
 
 _STATUS = {
     "optimal": "solved",
@@ -29,8 +29,8 @@ _STATUS = {
 _ROOT2 = float(np.sqrt(2.0))
 
 
-def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
-    """Solve a program by the cvxpy solver ``name``.
+def require(name: str) -> Any:
+    """The package cvxpy, which has the solver ``name``.
 
     Raises
     ------
@@ -48,6 +48,18 @@ def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
             f"solver: cvxpy has no installed solver {name!r}, found "
             f"{', '.join(cp.installed_solvers())}"
         )
+    return cp
+
+
+def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:
+    """Solve a program by the cvxpy solver ``name``.
+
+    Raises
+    ------
+    SolverNotFound
+        If cvxpy or the solver is not installed.
+    """
+    cp = require(name)
     y = cp.Variable(program.q.size)
     slack = program.b - program.A @ y
     cones = program.cones

@@ -11,6 +11,7 @@ import pytest
 
 from setid import cli
 from setid.cli import main
+from setid.verification import Verification
 
 ROWS = "u,y\n4,0\n-3,-6.25\n2,1.175\n1,2.0875\n"
 FIRST = ["--na", "1", "--nb", "1"]
@@ -47,7 +48,25 @@ def test_json_alone(record: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_an_empty_set_has_its_exit_code(record: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", record, *FIRST, "--equation-noise", "0.3"]) == cli.EXIT_EMPTY
-    assert "empty" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "empty" in text and "inf" not in text and "samples that contradict each other" in text
+    assert main(["identify", record, *FIRST, "--output-noise", "0"]) == cli.EXIT_EMPTY
+    text = capsys.readouterr().out
+    assert "noise of exactly zero" in text and "setid.consistency" in text
+
+
+def test_results_are_verified_on_request(
+    record: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--verify"]
+    assert main(arguments) == cli.EXIT_PROVED
+    assert "\nverified: " in capsys.readouterr().out
+    wrong = Verification(False, "nothing holds")
+    monkeypatch.setattr(cli.Identification, "verify", lambda self, data: wrong)
+    assert main([*arguments, "--json", "-"]) == cli.EXIT_OPEN
+    assert json.loads(capsys.readouterr().out)["verified"] is False
+    assert main(arguments) == cli.EXIT_OPEN
+    assert "NOT VERIFIED: nothing holds" in capsys.readouterr().out
 
 
 def test_consistency(record: str, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -93,9 +112,17 @@ def test_rows(record: str, capsys: pytest.CaptureFixture[str]) -> None:
         (["identify", "nowhere.csv", *FIRST], "nowhere.csv"),
         (["identify", "record.csv", *FIRST, "--equation-noise", "-1"], "bounds >= 0"),
         (["identify", "record.csv", "--na", "-1", "--nb", "1"], "na"),
-        (["identify", "record.csv", *FIRST, "--time-limit", "-1"], "time_limit"),
+        (
+            ["identify", "record.csv", *FIRST, "--output-noise", "1", "--time-limit", "-1"],
+            "time_limit",
+        ),
         (["identify", "record.csv", "--na", "1"], "--nb"),
         (["consistency", "record.csv", *FIRST], "noise"),
+        (["identify", "record.csv", *FIRST], "`setid consistency`"),
+        (
+            [*"identify record.csv --output-noise 1 --input y --output y".split(), *FIRST],
+            "'y' for two signals",
+        ),
     ],
 )
 def test_wrong_input(
@@ -111,7 +138,8 @@ def test_wrong_input(
 def test_a_wrong_suffix_of_a_picture(record: str, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["identify", record, *FIRST, "--equation-noise", "0.5", "--plot", "out.nothing"]
     assert main(arguments) == cli.EXIT_INPUT
-    assert "--plot" in capsys.readouterr().err
+    printed = capsys.readouterr()
+    assert printed.out == "" and "--plot: found 'out.nothing'" in printed.err
 
 
 def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,7 @@ estimators simulate equivalence responses supports enclosures members bands exch
 projections
 residuals block_bands validation
 options bounds attained boxes lifted cell_structure cell_arithmetic cells
-boxed reports existence starts common_factor verification centre intervals progress driving
+boxed reports existence starts idle common_factor verification centre intervals progress driving
 noise_factor discretisation search unnormalised results identify consistency select
 plots block_plots cli
 """.split()
