@@ -1,9 +1,9 @@
-"""Records of block-structured systems and the parameters that explain them.
+"""Records of block-structured systems, identified by :func:`setid.identify`.
 
 Systems at rest before the record, with uniform output noise of a share of the largest
 output: static nonlinearities at the input (Hammerstein), at the output (Wiener), in the
-feedback (Lur'e), and two inputs of which one passes a nonlinearity. The boxes are those that
-setid proves from the data; solvers that cannot prove boxes are given the same.
+feedback (Lur'e), and two inputs of which one passes a nonlinearity. The peer gets the problem
+of the formulation on the box that identification proves from the data.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from functools import partial
 import numpy as np
 
 import setid
-from setid.boxed import boxed, objectives
 from setid.identify import start_box
 
 from .errors import BenchmarkError
-from .registry import Case, Selection, Task
+from .intervals import RecordTask
+from .registry import Case, Selection
 
 __all__ = ["KINDS", "cases", "record", "task"]
 
@@ -34,7 +34,7 @@ _TWO_INPUTS = setid.BlockStructured(
     normalise="gamma1",
 )
 
-# structure, true parameters, priors
+# structure, true parameters, priors; outputs stay bounded for all inputs in [-1, 1]
 KINDS = {
     "hammerstein 1": (setid.Hammerstein(_ONE, 3, "gamma1"), (-0.7, 0.8, 0.4, -0.3), ()),
     "hammerstein 2": (
@@ -48,14 +48,16 @@ KINDS = {
         (-1.1, 0.4, 0.2, 0.1, 0.3),
         _STABLE,
     ),
-    "lure 1": (setid.Lure(_ONE, 2, "nolinear"), (-0.6, 0.8, 0.3), ()),
-    "lure 2": (setid.Lure(_TWO, 2, "nolinear"), (-1.1, 0.4, 0.3, 0.1, 0.2), ()),
+    "lure 1": (setid.Lure(_ONE, 2, "nolinear"), (-0.6, 0.5, 0.15), ()),
+    "lure 2": (setid.Lure(_TWO, 2, "nolinear"), (-1.1, 0.4, 0.3, 0.1, 0.1), ()),
     "two inputs 1": (_TWO_INPUTS, (-0.5, 0.3, 0.8, 0.6, 0.4), _STABLE),
 }
 
 
-def record(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> tuple:
-    """Simulated data and the noise bound.
+def record(
+    kind: str, samples: int, noise: float = 1.0, seed: int = 0
+) -> tuple[setid.Simulated, setid.Noise]:
+    """The simulated record with the truth behind it, and the noise bound.
 
     Parameters
     ----------
@@ -66,10 +68,15 @@ def record(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> tuple:
         Per cent of the largest output.
     seed : int
 
+    Raises
+    ------
+    BenchmarkError
+        If the kind is unknown.
+
     Examples
     --------
-    >>> data, bound = record("hammerstein 1", 20)
-    >>> data.samples
+    >>> truth, bound = record("hammerstein 1", 20)
+    >>> truth.data.samples
     20
     """
     if kind not in KINDS:
@@ -78,22 +85,15 @@ def record(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> tuple:
     u = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, model.inputs))
     size = noise / 100.0 * float(np.abs(setid.simulate(model, theta, u)).max())
     bound = setid.Noise(output=size)
-    return setid.simulate_record(model, theta, u, bound, seed=seed + 1).data, bound
+    return setid.simulate_record(model, theta, u, bound, seed=seed + 1), bound
 
 
-def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> Task:
+def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> RecordTask:
     """All ends of all parameters, on the box that the data prove."""
-    data, bound = record(kind, samples, noise, seed)
+    truth, bound = record(kind, samples, noise, seed)
     model, _, priors = KINDS[kind]
-    formulation = setid.formulate(data, model, bound, priors)
-    box = start_box(formulation)
-    problem = boxed(formulation, box)
-    p = len(model.parameters)
-    if box is None or not np.all(np.isfinite(problem.upper[:p] - problem.lower[:p])):
-        raise BenchmarkError(f"record: the data of {kind!r} do not bound all parameters")
-    labels = tuple(f"{sense} {name}" for name in model.parameters for sense in ("min", "max"))
-    widths = tuple((problem.upper[:p] - problem.lower[:p]).tolist())
-    return Task(problem, tuple(objectives(formulation)), labels, True, widths)
+    known = setid.formulate(truth.data, model, bound, priors)
+    return RecordTask.on_box(known, truth, start_box(known))
 
 
 def cases(selection: Selection) -> Iterator[Case]:

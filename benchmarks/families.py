@@ -146,7 +146,9 @@ REGISTRY = Registry(
             "block_structured",
             "Hammerstein, Wiener, Lur'e and two-input records, on boxes from the data",
             block_structured.cases,
+            "identify",
             options=_WIDTH,
+            peer_limit=10.0,
         ),
         Family(
             "identify",

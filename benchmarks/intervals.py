@@ -27,6 +27,7 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 from setid.boxed import boxed, objectives
+from setid.identify import Box
 
 from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row
@@ -102,17 +103,7 @@ class Experiment:
         p = len(known.parameters)
         start = np.array([known.problem.lower[:p], known.problem.upper[:p]])
         assert known.regression is not None
-        box = setid.parameter_box(known.regression, start)
-        labels = [f"{sense} {name}" for name in known.parameters for sense in ("min", "max")]
-        return RecordTask(
-            boxed(known, box),
-            tuple(objectives(known)),
-            tuple(labels),
-            True,
-            tuple((box.upper - box.lower).tolist()),
-            known=known,
-            truth=truth,
-        )
+        return RecordTask.on_box(known, truth, setid.parameter_box(known.regression, start))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -127,6 +118,15 @@ class RecordTask(Task):
 
     known: setid.Formulation
     truth: setid.Simulated
+
+    @staticmethod
+    def on_box(known: setid.Formulation, truth: setid.Simulated, box: Box | None) -> RecordTask:
+        """The problem of a formulation on the box that data and priors prove, if they do."""
+        problem, p = boxed(known, box), len(known.parameters)
+        labels = [f"{sense} {name}" for name in known.parameters for sense in ("min", "max")]
+        widths = tuple((problem.upper[:p] - problem.lower[:p]).tolist())
+        asked = tuple(objectives(known))
+        return RecordTask(problem, asked, tuple(labels), True, widths, known=known, truth=truth)
 
 
 def cases(stable: bool, selection: Selection) -> Iterator[Case]:

@@ -26,6 +26,7 @@ __all__ = [
     "Witness",
     "affine",
     "complete_point",
+    "defined_unknowns",
     "held_unknowns",
     "least_noise",
     "noise_shares",
@@ -219,7 +220,7 @@ def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:
     )
 
 
-def _defined(formulation: Formulation) -> NDArray[np.bool_]:
+def defined_unknowns(formulation: Formulation) -> NDArray[np.bool_]:
     """Unknowns whose bounds follow from those of others: samples of internal signals."""
     groups = formulation.layout.groups
     found = np.zeros(formulation.layout.dimension, bool)
@@ -253,7 +254,7 @@ def _least_step(
     ).tocsr()
     right = np.concatenate([np.zeros(2 * noise.size), rows.constant[bands] - width[bands]])
     equal = np.flatnonzero(model & rows.equality)
-    loose = scaled[free] | _defined(formulation)[free]
+    loose = scaled[free] | defined_unknowns(formulation)[free]
     lower = np.where(loose, -np.inf, problem.lower[free])
     upper = np.where(loose, np.inf, problem.upper[free])
     try:

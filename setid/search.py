@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .completion import affine, held_unknowns
+from .completion import affine, defined_unknowns, held_unknowns
 from .errors import SetidError
 from .existence import proved_point
 from .formulation import Formulation
@@ -144,6 +144,9 @@ class _Search:
             np.isfinite(problem.upper - problem.lower), problem.upper - problem.lower, 0.0
         )
         low, high = problem.lower + shrink, problem.upper - shrink
+        # bounds that only follow from those of others would stop linearised squares at zero
+        follow = defined_unknowns(self.formulation)
+        low[follow], high[follow] = -inf, inf
         low[:p] = np.maximum(low[:p], x[:p] - trust)
         high[:p] = np.minimum(high[:p], x[:p] + trust)
         if np.any(low > high):

@@ -112,6 +112,7 @@ def test_coupled_samples_have_proved_ends_and_attained_ones(name: str) -> None:
         assert value in item
         assert item.inner is not None
         assert item.outer[0] <= item.inner[0] <= item.inner[1] <= item.outer[1]
+        assert item.status == "certified"
     assert result.verify(truth.data).ok
 
 
