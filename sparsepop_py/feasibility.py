@@ -195,7 +195,7 @@ def _pull_inside(
     equal = np.flatnonzero(problem.equality & (size > 0))
     active = np.flatnonzero(near)
     slopes, sizes, held = jacobian[active], size[active], values[active]
-    slope = problem.objective_row.jacobian(x).toarray().ravel()
+    slope = problem.objective_row.gradient(x)
     slope = slope / max(1e-300, np.abs(slope).sum())
     moved = x
     for _ in range(_CUTS if problem.matrices.constraints.size else 1):
@@ -229,7 +229,7 @@ def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str
         yield nothing, nothing, "exact"
         return
     system = problem.rows.take(equal)
-    jacobian = system.jacobian(x).toarray()
+    jacobian = system.dense_jacobian(x)
     room = np.minimum(x - problem.lower, problem.upper - x)
     weight = np.clip(room, 0.0, 1.0)
     if equal.size > _MANY_ROWS:  # rationals would take too long, and so would their pivots

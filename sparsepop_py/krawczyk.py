@@ -75,7 +75,7 @@ def zero_near(
         None if the test fails for every radius tried.
     """
     try:
-        inverse = np.linalg.inv(system.jacobian(x).toarray()[:, solved])
+        inverse = np.linalg.inv(system.dense_jacobian(x)[:, solved])
     except np.linalg.LinAlgError:
         return None
     residual = range_over(system, Interval.point(x))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 Words = NDArray[np.int32]
 LARGEST_POWER = 1_000_000  # words are as long as the degree
+_ONE = np.ones(1)
 
 __all__ = [
     "LARGEST_POWER",
@@ -113,6 +114,10 @@ def collect(words: Words, dimension: int) -> tuple[Words, NDArray[np.int64]]:
 
 def evaluate(words: Words, points: NDArray) -> NDArray:
     """Values of the words at ``points`` of shape (n,) or (N, n), giving (T,) or (N, T)."""
+    if points.ndim == 1:  # local searches call it thousands of times
+        letters = np.concatenate([_ONE, points]).take(words.T)
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            return np.multiply.reduce(letters, axis=0)
     extended = np.concatenate([np.ones((*points.shape[:-1], 1)), points], axis=-1)
     values = extended[..., words[:, 0]]
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):

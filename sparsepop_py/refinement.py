@@ -131,7 +131,7 @@ def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float6
                 {
                     "type": kind,
                     "fun": lambda x, p=part, s=scale: p.values(x) / s,
-                    "jac": lambda x, p=part, s=scale: p.jacobian(x).toarray() / s[:, None],
+                    "jac": lambda x, p=part, s=scale: p.dense_jacobian(x) / s[:, None],
                 }
             )
     finite = np.isfinite(problem.lower) | np.isfinite(problem.upper)
@@ -155,7 +155,7 @@ def _independent(problem: Problem, x: NDArray) -> NDArray[np.bool_]:
     degree = np.array([c.polynomial.degree for c in problem.constraints], int)
     linear = np.flatnonzero(chosen & (degree <= 1))
     if linear.size > 1:
-        matrix = problem.rows.take(linear).jacobian(x).toarray()
+        matrix = problem.rows.take(linear).dense_jacobian(x)
         _, triangle, pivots = scipy.linalg.qr(matrix.T, mode="economic", pivoting=True)
         size = np.abs(np.diag(triangle))
         rank = int(np.count_nonzero(size > 1e-10 * max(size[0], 1e-300)))

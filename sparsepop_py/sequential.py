@@ -51,12 +51,22 @@ class _Search:
         return size
 
     @cached_property
-    def _elastic(self) -> sps.csr_array:
-        """Slacks: minus and plus for each equality, plus for each inequality."""
-        m, equal = self.problem.rows.size, np.flatnonzero(self.problem.equality)
-        row = np.concatenate([np.arange(m), equal])
-        value = np.concatenate([np.ones(m), -np.ones(equal.size)])
-        return sps.csr_array((value, (row, np.arange(row.size))), shape=(m, row.size))
+    def _program(self) -> tuple[sps.csr_array, NDArray[np.intp]]:
+        """Rows of the linearised problem, [J | slacks], and where the entries of J stand.
+
+        The slacks: plus for each row, minus for each equality.
+        """
+        m, n = self.problem.rows.size, self.problem.dimension
+        equal = np.flatnonzero(self.problem.equality)
+        rows, columns = self.problem.rows.jacobian_places()
+        row = np.concatenate([rows, np.arange(m), equal])
+        column = np.concatenate([columns, n + np.arange(m + equal.size)])
+        value = np.concatenate([np.zeros(rows.size), np.ones(m), -np.ones(equal.size)])
+        order = np.argsort(row, kind="stable")
+        first = np.searchsorted(row[order], np.arange(m + 1)).astype(np.int32)
+        shape = (m, n + m + equal.size)
+        matrix = sps.csr_array((value[order], column[order].astype(np.int32), first), shape=shape)
+        return matrix, np.argsort(order)[: rows.size]
 
     _model: LinearModel | None = None
 
@@ -76,12 +86,11 @@ class _Search:
         high: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], float] | None:
         """The best x + d of the linearised problem with low <= x + d <= high, and its value."""
-        rows, elastic = self.problem.rows, self._elastic
-        jacobian = sps.csr_array(sps.diags_array(1.0 / self.size) @ rows.jacobian(x))
-        matrix = sps.csr_array(sps.hstack([jacobian, elastic]))
+        rows, (matrix, places) = self.problem.rows, self._program
+        matrix.data[places] = rows.slopes(x) / self.size[rows.jacobian_places()[0]]
         right = -rows.values(x) / self.size
         top = np.where(self.problem.equality, right, np.inf)
-        slack = np.full(elastic.shape[1], penalty)
+        slack = np.full(matrix.shape[1] - x.size, penalty)
         columns = (
             np.append(low - x, np.zeros(slack.size)),
             np.append(high - x, np.full(slack.size, np.inf)),

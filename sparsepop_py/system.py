@@ -119,8 +119,33 @@ class PolynomialSystem:
             words[order], coefficient[order], variable[order], self.dimension, self.dimension
         )
 
+    @cached_property
+    def _places(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64]]:
+        """Rows and variables of the Jacobian's entries, and the entry of each derivative term."""
+        row, variable, *_ = self._gradient
+        keys, entry = np.unique(row * self.dimension + variable, return_inverse=True)
+        rows, columns = np.divmod(keys, max(self.dimension, 1))
+        return rows.astype(np.int32), columns.astype(np.int32), entry
+
+    def jacobian_places(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Rows and variables of the entries that :meth:`slopes` lists, ascending."""
+        return self._places[:2]
+
+    def slopes(self, x: NDArray) -> NDArray[np.float64]:
+        """Entries of the Jacobian at ``x`` that are not zero everywhere."""
+        _, _, coefficient, words = self._gradient
+        rows, _, entry = self._places
+        values = coefficient * monomials.evaluate(words, x)
+        return np.bincount(entry, weights=values, minlength=rows.size).astype(float)
+
+    def dense_jacobian(self, x: NDArray) -> NDArray[np.float64]:
+        """Jacobian at ``x`` of shape (n,), dense (m, n)."""
+        matrix = np.zeros((self.size, self.dimension))
+        matrix[self.jacobian_places()] = self.slopes(x)
+        return matrix
+
     def jacobian(self, x: NDArray) -> sps.csr_array:
         """Jacobian at ``x`` of shape (n,), sparse (m, n)."""
-        row, variable, coefficient, words = self._gradient
-        values = coefficient * monomials.evaluate(words, x)
-        return sps.csr_array((values, (row, variable)), shape=(self.size, self.dimension))
+        rows, columns = self.jacobian_places()
+        first = np.searchsorted(rows, np.arange(self.size + 1)).astype(np.int32)
+        return sps.csr_array((self.slopes(x), columns, first), shape=(self.size, self.dimension))

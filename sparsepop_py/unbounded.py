@@ -44,7 +44,7 @@ def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | N
 
 
 def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
-    gradient = problem.objective_row.jacobian(x).toarray().ravel()
+    gradient = problem.objective_row.gradient(x)
     yield -np.sign(np.where(np.abs(gradient) > 1e-9 * np.abs(gradient).max(initial=0), gradient, 0))
     for unit in np.eye(problem.dimension):
         yield unit
