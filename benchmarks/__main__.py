@@ -1,4 +1,4 @@
-"""The command line: ``python -m benchmarks {list,run,ablation,report,orders,sparsepop_sizes}``."""
+"""The command line: ``python -m benchmarks {list,run,ablation,report,orders,...}``."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from .families import REGISTRY
 from .measure import Setting
 from .orders import compare, order_table
 from .pictures import draw_orders, draw_report
+from .published import published_tables
 from .records import Row, read_rows, write_row
 from .registry import Selection
 from .report import report
@@ -122,6 +123,13 @@ def _sizes(chosen: argparse.Namespace) -> None:
     print(sizes_table(list(compare_sizes(files, reference, not chosen.no_solve))))
 
 
+def _times(chosen: argparse.Namespace) -> None:
+    if not chosen.folder.is_dir():
+        raise BenchmarkError(f"{chosen.folder}: found no folder, expected one of .gms files")
+    for line in published_tables(chosen.folder, chosen.names, chosen.repeat):
+        print(line, flush=True)
+
+
 def _gms(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.gms"))
 
@@ -143,7 +151,21 @@ def _parser() -> argparse.ArgumentParser:
             "sparsepop_sizes", help="sizes of plain relaxations, beside SparsePOP's"
         )
     )
+    _times_parser(
+        commands.add_parser("sparsepop_times", help="times beside those SparsePOP published")
+    )
     return parser
+
+
+def _times_parser(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "folder", type=Path, metavar="FOLDER", help="with files such as Bex2_1_2.gms"
+    )
+    parser.add_argument("--names", nargs="+", default=[], help="only these rows, ex2_1_2 and so on")
+    parser.add_argument(
+        "--repeat", type=int, default=2, help="the least of them, default %(default)s"
+    )
+    parser.set_defaults(act=_times)
 
 
 def _sizes_parser(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import sparsepop_py as sp
+from sparsepop_py.display import rounded
 
 from .errors import BenchmarkError
 from .tables import table
@@ -131,7 +132,9 @@ def sizes_table(rows: Sequence[Compared]) -> str:
             cliques += ", complementarity"
         cells = [row.name, f"{row.param['relaxOrder']:g}", cliques, _shown(row.sizes), there]
         cells += [f"{row.solver_value:.9g}", "" if known is None else f"{known.value:.9g}"]
-        lines.append([*cells, f"{row.proved:.9g}", f"{row.seconds:.1f}"])
+        lines.append(
+            [*cells, rounded(row.proved, False, 10, scientific=False), f"{row.seconds:.1f}"]
+        )
     return table(head, lines)
 
 

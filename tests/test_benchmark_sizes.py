@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import main
+from benchmarks.published import published
 
 GMS = """Variables x1,x2,objvar; Equations e1,e2;
 e1.. objvar + 2*x1*x2 =E= 0; e2.. 4*x1*x2 + 2*x1 + 2*x2 =L= 3;
@@ -53,3 +54,41 @@ def test_wrong_input(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = str(folder / "reference.csv")
     assert main(["sparsepop_sizes", str(folder), "--reference", table]) == 2
     assert "reference.csv: found no column 'SDPobjValue'" in capsys.readouterr().err
+
+
+# ---- published times --------------------------------------------------------------------------
+
+
+def test_published_times_stand_beside_ours(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """ex3_1_2 is listed at order 2 with 0.1 s; the file here is another problem, minimum -1/2."""
+    (folder / "Bex3_1_2.gms").write_text(GMS)
+    assert main(["sparsepop_times", str(folder), "--names", "ex3_1_2", "--repeat", "1"]) == 0
+    out = capsys.readouterr().out
+    [line] = [row for row in out.splitlines() if row.startswith("| ex3_1_2")]
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[:6] == ["ex3_1_2", "5", "2", "yes", "0.1", "7.0e-11"]
+    proved, attained = float(cells[7]), float(cells[8])
+    assert -0.5 - 1e-5 < proved <= -0.5 <= attained < -0.5 + 1e-5
+    assert "geometric mean" in out
+
+
+def test_published_rows_are_those_of_the_guide() -> None:
+    """Some rows of tables 2 and 3 of the user guide, SeDuMi and fmincon together."""
+    rows = {(row.name, row.n, row.order): row for row in published()}
+    assert len(rows) == 41
+    assert rows["ex5_2_5", 32, 2].seconds == pytest.approx(10551.2)
+    assert rows["ex5_3_2", 22, 3].seconds == pytest.approx(35536.0)
+    assert rows["RosenbrockLS", 10000, 2].seconds == 48.8
+    assert rows["ex9_2_1", 10, 2].dense
+    assert rows["ex9_2_1", 10, 2].param == {"relaxOrder": 2, "sparseSW": 0, "complementaritySW": 1}
+
+
+def test_published_problems_that_are_missing(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sparsepop_times", str(folder), "--names", "ex9_2_8"]) == 2
+    assert "found no problem of these names" in capsys.readouterr().err
+    assert main(["sparsepop_times", str(folder / "nowhere")]) == 2
+    assert "expected one of .gms files" in capsys.readouterr().err
