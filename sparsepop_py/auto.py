@@ -9,6 +9,7 @@ Whatever improves the attained value lowers the cut-off, and with it the box.
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -58,6 +59,8 @@ class Auto:
         Nearly feasible vectors seen so far.
     ground : Ground
         The structure of the problem and what was learned on it.
+    later : iterable of (n,) float
+        Starts of local searches for where the first rung leaves a gap.
     """
 
     task: Task
@@ -72,6 +75,7 @@ class Auto:
     best: Argued = field(init=False)
     rate: float | None = None
     linear: float = -np.inf
+    later: Iterable[NDArray[np.float64]] = ()
     solved: set[int] = field(default_factory=set)
 
     def __post_init__(self) -> None:
@@ -104,6 +108,8 @@ class Auto:
                 if recipe is None:
                     break
                 self._climb(recipe)
+                self._attain(list(self.later))
+                self.later = ()
                 climbed += 1
         finally:
             if self.search is not None:
@@ -255,7 +261,7 @@ class Auto:
             self._shrink()
 
     def _attain_in_search(self, task: Task, starts: list[NDArray]) -> Task:
-        self.task, near = attained(task, starts)
+        self.task, near = attained(task, starts, self.bound)
         self.near = self.near + near
         return self.task
 

@@ -24,6 +24,7 @@ from .system import PolynomialSystem
 __all__ = ["newton_polish", "zeros_of_squares"]
 
 _STEPS = 300
+_DENSE = 60  # variables up to which elimination is dense
 _SHIFTS = 12  # times a shift grows tenfold before the search ends
 
 
@@ -62,6 +63,15 @@ def newton_polish(problem: Problem, x: NDArray, end: float) -> NDArray[np.float6
     return _descended(problem, x, end, value, model)
 
 
+def _solved(matrix: sps.csr_array, right: NDArray) -> NDArray[np.float64]:
+    if right.size > _DENSE:
+        return np.asarray(spsolve(matrix.tocsc(), right))
+    try:
+        return np.linalg.solve(matrix.toarray(), right)
+    except np.linalg.LinAlgError:
+        return np.full(right.size, np.nan)  # as a sparse elimination says it
+
+
 def _descended(
     problem: Problem,
     x: NDArray[np.float64],
@@ -84,7 +94,7 @@ def _descended(
         size = max(1.0, float(np.abs(hessian.data).max(initial=0.0)))
         shifted = hessian + (shift + 1e-12) * size * sps.eye_array(inner.size)
         step = np.zeros(x.size)
-        step[inner] = -spsolve(shifted.tocsc(), slope)
+        step[inner] = -_solved(shifted, slope)
         trial = np.clip(x + step, problem.lower, problem.upper)
         new = value(trial)
         if new < reached:

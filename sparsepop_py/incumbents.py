@@ -5,6 +5,7 @@ Everything that is returned as attained carries a proof of existence.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -19,32 +20,60 @@ from .options import Options
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaling
 from .problem import Problem
-from .refinement import best_attained, starting_points
+from .multistart import Aim, best_attained, starting_points
 from .relaxation import Relaxation
 from .rounding import Interval
 from .shapes import Products
 from .task import Task
 
-__all__ = ["attain", "attained", "carried", "extracted", "random_starts"]
+__all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
 
 _MANY = 2000  # variables from which atoms are not looked for: means start a search, too
 _FAR = 1e-3  # candidates whose value is this much above the best are not worth keeping
 
 
 def attain(
-    problem: Problem, starts: list[NDArray], task: Task
+    problem: Problem, starts: list[NDArray], task: Task, proved: float = -np.inf
 ) -> tuple[ProvedPoint | None, list[NDArray]]:
-    """The best proved point that local searches from the starts lead to, and all they saw."""
+    """The best proved point that local searches from the starts lead to, and all they saw.
+
+    They end early at a point that closes the gap to the ``proved`` bound.
+    """
     options = task.options
     if options.refine == "none" or not starts:
         return None, []
-    method = "ipopt" if options.refine == "ipopt" else None
-    starts = _with_repaired(task, starts)
+    aim = Aim(options.tolerance, _enough(problem, task, proved))
+    return best_attained(problem, _with_repaired(task, starts), aim, _method(task), task.clock.end)
+
+
+def _method(task: Task) -> str | None:
+    return "ipopt" if task.options.refine == "ipopt" else None
+
+
+def _enough(problem: Problem, task: Task, proved: float) -> float:
+    """The value that leaves half of the allowed gap to what is known of the minimum."""
+    if task.options.gap_kind == "width":
+        return -np.inf
     constant = problem.squares_constant
-    enough = -np.inf if constant is None else constant + 0.5 * options.gap
-    if options.gap_kind == "width":
-        enough = -np.inf
-    return best_attained(problem, starts, options.tolerance, method, task.clock.end, enough)
+    known = proved if constant is None else max(proved, constant)
+    relative = task.options.gap_kind == "relative" and np.isfinite(proved)
+    return known + 0.5 * task.options.gap * (max(1.0, abs(known)) if relative else 1.0)
+
+
+def first_attained(task: Task, starts: Iterator[NDArray]) -> tuple[Task, list[NDArray]]:
+    """The task with the first point that is proved, and all that was seen on the way.
+
+    A relaxation comes next, and its moments are the best start. No more starts are taken
+    from the iterator than it takes.
+    """
+    if task.options.refine == "none":
+        return task, []
+    if task.repair is not None:
+        starts = (x for start in starts for x in _with_repaired(task, [start]))
+    enough = _enough(task.problem, task, -np.inf)
+    aim = Aim(task.options.tolerance, enough, any=enough == -np.inf)
+    found, near = best_attained(task.problem, starts, aim, _method(task), task.clock.end)
+    return (task if found is None else replace(task, best=found)), near
 
 
 def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:
@@ -55,10 +84,12 @@ def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:
     return [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)] + starts
 
 
-def attained(task: Task, starts: list[NDArray]) -> tuple[Task, list[NDArray]]:
+def attained(
+    task: Task, starts: list[NDArray], proved: float = -np.inf
+) -> tuple[Task, list[NDArray]]:
     """The task with a better point if the starts lead to one, and all that was seen."""
     with task.stages.stage("refine"):
-        found, near = attain(task.problem, starts, task)
+        found, near = attain(task.problem, starts, task, proved)
     if found is not None and found.value < task.upper:
         task = replace(task, best=found)
     return task, near

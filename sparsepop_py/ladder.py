@@ -24,7 +24,7 @@ from .certificate.certificate import Node, prove
 from .feasibility import ProvedPoint
 from .free import free_round, good_enough
 from .ground import Ground
-from .incumbents import attain, attained, extracted
+from .incumbents import attained, extracted
 from .options import Options
 from .relaxation import least_order
 from .result import Rung
@@ -63,7 +63,9 @@ def nothing_yet(task: Task, near: list[NDArray]) -> Climbed:
     return Climbed(task, outcome, near, (), (INTERRUPTED,))
 
 
-def climb(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
+def climb(
+    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> Climbed:
     """Bound the task on one order, or on one rung after the other while the gap is open.
 
     Parameters
@@ -73,35 +75,44 @@ def climb(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
         Nearly feasible vectors seen so far.
     shared : Model or None
         Box and relaxations that several objectives share; used on the first rung.
+    later : iterator of (n,) float
+        Starts of local searches for where the first relaxation leaves a gap.
     """
     if shared is None and task.options.effort != "plain":
-        free = _freely(task, near)
+        free = _freely(task, near, later)
         if free is not None:
             if good_enough(free.task, level(free.outcome.certificate)) or free.task.clock.over:
                 return free
-            climbed = _climbed(free.task, free.near, None)
+            climbed = _climbed(free.task, free.near, None, later)
             outcome = better(free.outcome, climbed.outcome)
             return replace(climbed, outcome=outcome, history=free.history + climbed.history)
-    return _climbed(task, near, shared)
+    return _climbed(task, near, shared, later)
 
 
-def _freely(task: Task, near: list[NDArray]) -> Climbed | None:
+def _freely(task: Task, near: list[NDArray], later: Iterator[NDArray]) -> Climbed | None:
     """What Gram matrices prove where there is no box, and the points behind them."""
     start = time.process_time()
-    try:
-        bound = free_round(task)
-    except KeyboardInterrupt:
-        return nothing_yet(task, near)
-    if bound is None:
-        return None
-    if not task.closed(level(bound.certificate)):
-        task, more = attained(task, _extracted(bound))
-        near = near + more
+    while True:
+        try:
+            bound = free_round(task)
+        except KeyboardInterrupt:
+            return nothing_yet(task, near)
+        if bound is None:
+            return None
+        old = task.best
+        for starts in (_extracted(bound), later):
+            if not task.closed(level(bound.certificate)):
+                task, more = attained(task, list(starts), level(bound.certificate))
+                near = near + more
+        if task.best is old or good_enough(task, level(bound.certificate)) or task.clock.over:
+            break
     rung = _rung(task, bound, bound, time.process_time() - start)
     return Climbed(task, bound, near, (rung,))
 
 
-def _climbed(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
+def _climbed(
+    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> Climbed:
     if task.options.effort == "auto":
         with task.stages.stage("presolve"):
             replay = task.replay()
@@ -114,8 +125,8 @@ def _climbed(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
             )
         if finite(box):
             ground = Ground.of(task.problem, (task.problem.objective,), task.options)
-            return climbed_by(Auto(task, Model(proof, box), near, ground))
-    return _orders(task, near, shared)
+            return climbed_by(Auto(task, Model(proof, box), near, ground, later=later))
+    return _orders(task, near, shared, later)
 
 
 def climbed_by(auto: Auto) -> Climbed:
@@ -128,7 +139,9 @@ def climbed_by(auto: Auto) -> Climbed:
     return Climbed(auto.task, auto.outcome, auto.near, tuple(auto.history), notes)
 
 
-def _orders(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
+def _orders(
+    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> Climbed:
     """One order, or with effort "auto" growing orders."""
     outcome: Bound | None = None
     history: list[Rung] = []
@@ -138,7 +151,7 @@ def _orders(task: Task, near: list[NDArray], shared: Model | None) -> Climbed:
         if options.effort == "auto" and outcome is None:
             options = replace(options, effort="presolve")  # the first order may step down
         try:
-            step, bound, near = _rounds(replace(task, options=options), near, shared)
+            step, bound, near = _rounds(replace(task, options=options), near, shared, later)
         except KeyboardInterrupt:
             if outcome is None:
                 return nothing_yet(task, near)
@@ -188,7 +201,7 @@ def _rung(task: Task, outcome: Bound, bound: Bound, seconds: float) -> Rung:
 
 
 def _rounds(
-    task: Task, near: list[NDArray], shared: Model | None
+    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
 ) -> tuple[Task, Bound, list[NDArray]]:
     """Rounds on one order while the attained value improves."""
     outcome: Bound | None = None
@@ -201,18 +214,17 @@ def _rounds(
             task.clock.stop()
             break
         outcome = better(outcome, bound)
-        if task.closed(level(outcome.certificate)) and task.problem.dimension > _MANY:
+        proved, old = level(outcome.certificate), task.best
+        if task.closed(proved) and task.problem.dimension > _MANY:
             break  # reading further minimisers out of the moments would take the longest
-        with task.stages.stage("refine"):
-            found, more = attain(task.problem, _extracted(bound), task)
+        task, more = attained(task, _extracted(bound), proved)
         near = near + more
-        old, improved = task.best, _lower(found, task.best)
-        if improved:
-            task = replace(task, best=found)
-        closed = task.closed(level(outcome.certificate))
-        if closed or task.clock.over or task.options.effort == "plain":
+        if not task.closed(proved) and not task.clock.over:
+            task, more = attained(task, list(later), proved)
+            near = near + more
+        if task.closed(proved) or task.clock.over or task.options.effort == "plain":
             break
-        if not improved or not _worth_another(old, task.best, bound):
+        if task.best is old or not _worth_another(old, task.best, bound):
             break
     assert outcome is not None
     return task, outcome, near
@@ -222,10 +234,6 @@ def _extracted(bound: Bound) -> list[NDArray[np.float64]]:
     if bound.relaxation is None or bound.model.scaled is None:
         return []
     return extracted(bound.relaxation, bound.solution, bound.model.scaled.scaling)
-
-
-def _lower(new: ProvedPoint | None, old: ProvedPoint | None) -> bool:
-    return new is not None and (old is None or new.value < old.value)
 
 
 def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: Bound) -> bool:

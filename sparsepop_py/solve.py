@@ -7,8 +7,9 @@ The stages are in :mod:`sparsepop_py.rungs`, their repetition in :mod:`sparsepop
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, tee
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from .boxes import finite
 from .errors import ProblemError, SparsePOPError
 from .family import Family, first_starts, pairs, shared_model, width_between
 from .feasibility import ProvedPoint
-from .incumbents import attain, random_starts
+from .incumbents import first_attained, random_starts
 from .ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from .options import Options
 from .polynomial import Polynomial
@@ -245,19 +246,22 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
 
 
 def _climb_one(task: Task, starts: list[NDArray], shared: Model | None) -> Climbed:
-    """Local searches, then the ladder; an interrupt ends both with what is proved."""
+    """A local search, then the ladder; an interrupt ends both with what is proved."""
     problem, near = task.problem, list[NDArray]()
     try:
         with task.stages.stage("search"):
             box = shared.box if shared else Interval(problem.lower, problem.upper)
-            starts = starts + random_starts(problem, box, task.options)
-            best, near = attain(problem, starts, task)
-            task = replace(task, best=best)
-        return climb(task, near, shared)
+            first, later = tee(chain(starts, _random(problem, box, task.options)))
+            task, near = first_attained(task, first)
+        return climb(task, near, shared, later)
     except KeyboardInterrupt:
         return nothing_yet(task, near)
     finally:
         task.stages.close()
+
+
+def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArray[np.float64]]:
+    yield from random_starts(problem, box, options)  # a box is found only if they are asked for
 
 
 def _result(climbed: Climbed) -> Result:

@@ -11,7 +11,7 @@ from solved import INF, check, region
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
-from sparsepop_py.refinement import best_attained
+from sparsepop_py.multistart import best_attained
 
 AUTO = Options(effort="auto")
 WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.refinement import local_search, starting_points
+from sparsepop_py.multistart import starting_points
+from sparsepop_py.refinement import local_search
 from sparsepop_py.rounding import Interval
 
 
