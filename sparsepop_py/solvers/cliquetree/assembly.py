@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...conic import Cones
 from .fronts import Fronts
-from .kernels import check, compiled_kernels
+from .kernels import Workers, check, compiled_kernels
 from .layout import BlockStack, Layout
 from .tree import Tree
 
@@ -26,7 +28,8 @@ __all__ += ["block_pairs", "row_pairs", "stacked"]
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _CHUNK = 2**16  # doubles that the temporary products of one assembly may take
-_WORK = 1e9  # multiplications between two looks at the clock
+_HELD = 2**15  # sums of pairs that are held before they are added to the fronts
+_PART, _MOST_PARTS = 5e5, 8  # multiplications that are worth a thread, parts of one operation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +62,7 @@ class Assembly:
     right_indptr: Indices
     place: Indices
 
-    def bound(self, data: Reals) -> StackProduct:
+    def bound(self, data: Reals, workers: Workers) -> StackProduct:
         """The same with numbers: ``data`` of the entry matrix."""
         count, size, moments = self.count, self.size, self.moments
         left = sps.csr_array(
@@ -113,7 +116,7 @@ class BlockPairs:
     at : (K + 1,) int
         Where the places of each block begin.
     place : int array
-        Places of all pairs p <= q, row by row.
+        Places of all pairs p <= q: those of the first q, of the second, and so on.
     """
 
     start: Indices
@@ -126,43 +129,58 @@ class BlockPairs:
     at: Indices
     place: NDArray[np.uint32] | Indices
 
-    def bound(self, data: Reals) -> PairProduct:
+    def parts(self) -> list[tuple[int, int]]:
+        """Ranges of blocks with about equal work for operations on matrices, one if it is small."""
+        return _ranges(self.size.astype(float) ** 3 + 50.0, _PART, _MOST_PARTS)
+
+    def bound(self, data: Reals, workers: Workers) -> PairProduct:
         """The same with numbers: ``data`` of the entry matrix."""
         half = np.where(self.row == self.column, 0.5, 1.0)
-        work = np.cumsum(self.size.astype(float) ** 4)
-        cuts = np.searchsorted(work, np.arange(_WORK, work[-1] if work.size else 0, _WORK))
-        ends = np.unique(np.concatenate([[0], cuts, [self.size.size]]))
-        return PairProduct(self, half * data[self.source], ends)
+        held = np.diff(self.at)
+        ranges = _ranges(held, _HELD, held.size + 1)
+        room = max((int(self.at[high] - self.at[low]) for low, high in ranges), default=0)
+        memory = [np.empty(room) for _ in range(workers.threads)]
+        return PairProduct(self, half * data[self.source], ranges, memory, workers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairProduct:
-    """The weights of all nonzeros, and ranges of blocks between which to look at the clock."""
+    """The weights of all nonzeros, and the ranges of blocks that are taken together.
+
+    Their sums are computed in parallel and then added to the fronts one range after the other,
+    so that the result does not depend on the number of threads. Memory is taken once: pages
+    that are returned and asked for in every iteration cost as much as the sums.
+    """
 
     pattern: BlockPairs
     weight: Reals
-    ends: Indices
+    ranges: list[tuple[int, int]]
+    memory: list[Reals]
+    workers: Workers
 
     def add(self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None) -> None:
         """Add A_p' (P x Z) A_q of all blocks to the entries of all fronts."""
-        b = self.pattern
-        for low, high in zip(self.ends[:-1], self.ends[1:], strict=True):
+        b, compiled = self.pattern, compiled_kernels()
+        numbers = inverse, dual, b.start, b.size, b.member, b.first, b.row, b.column, self.weight
+
+        def sums(part: tuple[tuple[int, int], Reals]) -> None:
             check(deadline)
-            some, bounds = slice(low, high), slice(low, high + 1)
-            compiled_kernels().add_blocks(
-                entries,
-                inverse,
-                dual,
-                b.start[some],
-                b.size[some],
-                b.member[bounds],
-                b.first,
-                b.row,
-                b.column,
-                self.weight,
-                b.at[bounds],
-                b.place,
-            )
+            compiled.pair_sums(*numbers, *part[0], part[1])
+
+        for begin in range(0, len(self.ranges), self.workers.threads):
+            parts = list(zip(self.ranges[begin:], self.memory, strict=False))
+            self.workers.each(sums, parts)
+            for (low, high), found in parts:
+                compiled.scatter(entries, found, b.place, b.at[low], b.at[high])
+
+
+def _ranges(work: NDArray[Any], least: float, most: int) -> list[tuple[int, int]]:
+    """Ranges of about equal work, at least so much each and at most so many."""
+    total = np.concatenate([[0.0], np.cumsum(work, dtype=float)])
+    count = int(np.clip(total[-1] // least, 1, most))
+    cuts = np.searchsorted(total, total[-1] / count * np.arange(1, count))
+    ends = np.unique(np.concatenate([[0], cuts, [work.size]])).tolist()
+    return list(pairwise(ends))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,13 +223,13 @@ def block_pairs(
     at = np.concatenate([[0], np.cumsum(width * (width + 1) // 2)]).astype(np.int64)
     place = np.empty(at[-1], np.uint32 if tree.entries < 2**32 else np.int64)
     for count in np.unique(width).tolist():
-        upper = np.triu_indices(count)
+        later, earlier = np.tril_indices(count)
         which = np.flatnonzero(width == count)
         step = max(1, _CHUNK // max(1, count**2))
         for some in (which[k : k + step] for k in range(0, which.size, step)):
             ranks = spot[low[some][:, None] + np.arange(count)]
-            found = tree.pairs(ranks, np.ones(ranks.shape, bool))[:, upper[0], upper[1]]
-            place[at[some][:, None] + np.arange(upper[0].size)] = found
+            found = tree.pairs(ranks, np.ones(ranks.shape, bool))[:, earlier, later]
+            place[at[some][:, None] + np.arange(later.size)] = found
     return BlockPairs(
         start[:-1],
         size,

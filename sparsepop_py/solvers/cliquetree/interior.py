@@ -74,46 +74,41 @@ class _Newton:
 
     def direction(self, centring: float, correction: Reals | None) -> Iterate:
         """The direction towards mu * centring, with Mehrotra's second-order term."""
-        n, cone = self.numbers, self.numbers.cone
-        fixed = centring * self.mu * self.inverse - self.z
+        n = self.numbers
+        fixed = centring * self.mu * self.inverse - self.z - self.moved
         if correction is not None:
             fixed = fixed - correction
-        right = self.residuals.dual - n.Ct @ (fixed - self.moved)
+        right = self.residuals.dual - n.Ct @ fixed
         accuracy = np.inf if correction is None else self._needed(right)
-        dy, dw = self._solve(right, self.residuals.equal, accuracy)
-        ds = self.residuals.cone - n.C @ dy
-        dz = fixed - cone.sandwich(self.inverse, ds, self.z)
-        return Iterate(dy, ds, dz, dw)
+        dy, dw, image = self._solve(right, self.residuals.equal, accuracy)
+        return Iterate(dy, self.residuals.cone - n.C @ dy, fixed + image, dw)
 
     def _needed(self, right: Reals) -> float:
         """The accuracy that leaves a dual residual well below the gap that is left."""
         allowed = _SPARED * self.mu * self.numbers.cone.degree / max(right.size, 1)
         return float(min(_ROUGH, max(_EXACT, allowed / np.abs(right).max(initial=1e-300))))
 
-    def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, Reals]:
-        """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy."""
+    def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, Reals, Reals]:
+        """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy, and D(C dy)."""
         n, delta = self.numbers, self.settings.penalty
-        dy, dw = np.zeros_like(h), np.zeros_like(equal)
         first, second = h, equal
         size, before = np.abs(h).max(initial=1e-300), np.inf
+        best = np.zeros_like(h), np.zeros_like(equal), np.zeros_like(self.z)
         for _ in range(self.settings.refinements + 1):
             step = self.factor.solve(first + n.Et @ (second / delta))
-            new_y, new_w = dy + step, dw + (n.E @ step - second) / delta
+            dy, dw = best[0] + step, best[1] + (n.E @ step - second) / delta
+            image = n.cone.sandwich(self.inverse, n.C @ dy, self.z)
             if np.isinf(accuracy):
-                return new_y, new_w
-            first = h - self._apply(new_y) - n.Et @ new_w
-            second = equal - n.E @ new_y
+                return dy, dw, image
+            first = h - n.Ct @ image - n.Et @ dw
+            second = equal - n.E @ dy
             error = np.abs(first).max(initial=0.0) / size + np.abs(second).max(initial=0.0)
             if not error < 0.5 * before:
                 break
-            dy, dw, before = new_y, new_w, error
+            best, before = (dy, dw, image), error
             if error < accuracy:
                 break
-        return dy, dw
-
-    def _apply(self, y: Reals) -> Reals:
-        n = self.numbers
-        return n.Ct @ n.cone.sandwich(self.inverse, n.C @ y, self.z)
+        return best
 
 
 def minimise(

@@ -8,8 +8,11 @@ built from products by halving.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from types import ModuleType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +20,7 @@ from scipy.linalg import lapack
 
 __all__ = [
     "OutOfTime",
+    "Workers",
     "check",
     "cholesky",
     "compiled_kernels",
@@ -27,12 +31,38 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
+Part, Result = TypeVar("Part"), TypeVar("Result")
 _SLIGHTLY_LESS = 1.0 - 1e-9
 _LARGE = 64  # size from which LAPACK runs matrix by matrix
 
 
 class OutOfTime(Exception):
     """The CPU time of a solve ended inside an iteration."""
+
+
+class Workers:
+    """Threads that do parts of one piece of work, each with the same result whoever does it.
+
+    Parameters
+    ----------
+    threads : int
+        One does everything in the thread that asks.
+    """
+
+    def __init__(self, threads: int = 1) -> None:
+        self.threads = threads
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+
+    def each(self, work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
+        """The results of all parts, in their order."""
+        if self._pool is None or len(parts) < 2:
+            return [work(part) for part in parts]
+        return list(self._pool.map(work, parts))
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
 
 
 def check(deadline: float | None) -> None:

@@ -14,112 +14,13 @@ from numpy.typing import NDArray
 
 from ...conic import ConicProgram
 from .assembly import BlockPairs, PairProduct, StackProduct
-from .kernels import (
-    cholesky,
-    compiled_kernels,
-    largest_step,
-    lower_inverse,
-    symmetric,
-    transposed,
-)
-from .layout import BlockStack
+from .cone import CompiledCone, Cone
+from .kernels import Workers
 from .symbolic import Symbolic
 
-__all__ = ["Cone", "Numbers"]
+__all__ = ["Numbers"]
 
 Reals = NDArray[np.float64]
-_SLIGHTLY_LESS = 1.0 - 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Cone:
-    """The semidefinite blocks and linear rows of vectors of all matrix entries.
-
-    Parameters
-    ----------
-    stacks : tuple of BlockStack
-    entries : int
-        Where the linear rows begin.
-    linear : int
-        Number of linear rows.
-    pairs : BlockPairs, optional
-        All blocks for the compiled kernels, if these are to be used.
-    """
-
-    stacks: tuple[BlockStack, ...]
-    entries: int
-    linear: int
-    pairs: BlockPairs | None = None
-
-    @property
-    def degree(self) -> int:
-        """The barrier parameter: rows of all matrices and linear rows."""
-        return sum(s.size * s.count for s in self.stacks) + self.linear
-
-    def identity(self) -> Reals:
-        """Unit matrices and ones."""
-        result = np.ones(self.entries + self.linear)
-        for stack in self.stacks:
-            result[stack.span] = np.tile(np.eye(stack.size).ravel(), stack.count)
-        return result
-
-    def inverse_factor(self, x: Reals) -> Reals:
-        """L^-1 of each matrix L L', and 1 / sqrt(x) of linear rows.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If x is not in the interior of the cone.
-        """
-        result = np.empty_like(x)
-        if self.pairs is not None:
-            if (
-                compiled_kernels().inverse_factors(x, self.pairs.start, self.pairs.size, result)
-                >= 0
-            ):
-                raise np.linalg.LinAlgError("a block is not positive definite")
-        else:
-            for s in self.stacks:
-                factor = cholesky(x[s.span].reshape(s.shape))
-                lower_inverse(factor, result[s.span].reshape(s.shape))
-        tail = x[self.entries :]
-        if tail.size and not tail.min() > 0.0:
-            raise np.linalg.LinAlgError("a linear row is not positive")
-        result[self.entries :] = 1.0 / np.sqrt(tail)
-        return result
-
-    def inverse(self, factor: Reals) -> Reals:
-        """L^-T L^-1."""
-        result = factor * factor
-        for s in self.stacks:
-            matrices = factor[s.span].reshape(s.shape)
-            result[s.span] = (transposed(matrices) @ matrices).ravel()
-        return result
-
-    def sandwich(self, left: Reals, middle: Reals, right: Reals) -> Reals:
-        """The symmetric part of P D Z, and p d z."""
-        result = np.empty_like(middle)
-        for s in self.stacks:
-            p, d, z = (x[s.span].reshape(s.shape) for x in (left, middle, right))
-            result[s.span] = symmetric(p @ d @ z).ravel()
-        tail = slice(self.entries, None)
-        result[tail] = left[tail] * middle[tail] * right[tail]
-        return result
-
-    def largest_step(self, factor: Reals, direction: Reals, limit: float, roughly: bool) -> float:
-        """The largest a <= limit that keeps x + a d in the cone, x by its inverse factor."""
-        if self.pairs is not None:
-            at, sizes = self.pairs.start, self.pairs.size
-            limit = _SLIGHTLY_LESS * compiled_kernels().largest_step(
-                factor, direction, at, sizes, limit
-            )
-        else:
-            for s in self.stacks:
-                inverse, change = (x[s.span].reshape(s.shape) for x in (factor, direction))
-                limit = largest_step(inverse, change, limit, roughly)
-        ratio = direction[self.entries :] * factor[self.entries :] ** 2
-        least = float(ratio.min(initial=0.0))
-        return -1.0 / least if least * limit < -1.0 else limit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,8 +63,11 @@ class Numbers:
     products: tuple[StackProduct | PairProduct, ...]
 
     @staticmethod
-    def of(program: ConicProgram, symbolic: Symbolic) -> Numbers:
-        """Put the numbers of a program into place."""
+    def of(
+        program: ConicProgram, symbolic: Symbolic, workers: Workers | None = None
+    ) -> Numbers:
+        """Put the numbers of a program into place; compiled kernels use the workers."""
+        workers = workers or Workers()
         layout, zero = symbolic.layout, program.cones.zero
         scale = _row_scale(program, layout.block)
         data = program.A.data * scale[program.A.indices]
@@ -181,10 +85,11 @@ class Numbers:
         scaled = sps.csc_array((data, program.A.indices, program.A.indptr), shape=program.A.shape)
         E = scaled.tocsr()[:zero]
         unit = float(np.abs(program.q).max(initial=0.0)) or 1.0
-        compiled = next((a for a in symbolic.assemblies if isinstance(a, BlockPairs)), None)
+        blocks = layout.stacks, layout.entries, linear
+        pairs = [a for a in symbolic.assemblies if isinstance(a, BlockPairs)]
         return Numbers(
             symbolic,
-            Cone(layout.stacks, layout.entries, linear, compiled),
+            CompiledCone(*blocks, pairs[0], pairs[0].parts(), workers) if pairs else Cone(*blocks),
             program.q / unit,
             unit,
             program.offset / unit,
@@ -196,7 +101,7 @@ class Numbers:
             right[:zero],
             scale,
             data,
-            tuple(assembly.bound(C.data) for assembly in symbolic.assemblies),
+            tuple(assembly.bound(C.data, workers) for assembly in symbolic.assemblies),
         )
 
     def fixed_entries(self, weight: float) -> Reals:

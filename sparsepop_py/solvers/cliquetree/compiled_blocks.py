@@ -1,0 +1,289 @@
+"""Compiled kernels on semidefinite blocks, taken one by one so that each stays in the cache.
+
+Block k has size[k]^2 entries from start[k] on, by rows. Work is done on copies whose rows are
+padded to whole vectors; two rows are computed at a time, the last two again where their number
+is odd. Numba frees an array after the last statement that names it, whatever is known of its
+address, so these copies are parts of one array that every turn of a loop names.
+"""
+
+# mypy: disallow-untyped-defs=False
+from __future__ import annotations
+
+import numpy as np
+
+from .machine import LANES, WORD, inline, jit, products, routine, symmetric_products
+
+__all__ = ["inverse_factors", "inverses", "largest_step", "pair_sums", "sandwich", "scatter"]
+
+_dpotrf = routine("lapack", "dpotrf", 5)
+_dtrtri = routine("lapack", "dtrtri", 6)
+_dsyev = routine("lapack", "dsyev", 9)
+
+_SMALL = 16  # size up to which calls of LAPACK cost more than they gain
+_LETTERS = np.frombuffer(b"UN", np.uint8)
+
+
+@inline
+def _width(size):
+    """Size rounded up to whole vectors, and at least two rows."""
+    return (size + LANES - 1) // LANES * LANES
+
+
+@inline
+def _room(size):
+    width = _width(size.max()) if size.size else LANES
+    return width * width
+
+
+@inline
+def _pad(x, begin, s, width, result, place):
+    for i in range(s):
+        for j in range(s):
+            result[place + i * width + j] = x[begin + i * s + j]
+
+
+@inline
+def _pad_turned(x, begin, s, width, result, place):
+    for i in range(s):
+        for j in range(s):
+            result[place + j * width + i] = x[begin + i * s + j]
+
+
+@inline
+def _row(r, s):
+    """The first of two rows; the last two where only one is left."""
+    return r if r + 2 <= s else s - 2
+
+
+@jit
+def sandwich(left, middle, right, start, size, low, high, result):
+    """The symmetric part of P D Z of the blocks from low to high - 1."""
+    room = _room(size[low:high])
+    work = np.zeros(3 * room)
+    z_at = work.ctypes.data
+    t_at, r_at = z_at + room * WORD, z_at + 2 * room * WORD
+    for k in range(low, high):
+        s, b = size[k], start[k]
+        if s == 1:
+            result[b] = left[b] * middle[b] * right[b]
+            continue
+        width = _width(s)
+        row, step = s * WORD, width * WORD
+        _pad(right, b, s, width, work, 0)
+        p_at = left.ctypes.data + b * WORD
+        d_at = middle.ctypes.data + b * WORD
+        for t in range(0, step, LANES * WORD):
+            for r in range(0, s, 2):
+                i = _row(r, s)
+                out, a = t_at + i * step + t, d_at + i * row
+                products(out, step, a, row, WORD, z_at + t, step, 0, s)
+            for r in range(0, s, 2):
+                i = _row(r, s)
+                out, a = r_at + i * step + t, p_at + i * row
+                products(out, step, a, row, WORD, t_at + t, step, 0, s)
+        for i in range(s):
+            for j in range(i + 1):
+                mean = 0.5 * (work[2 * room + i * width + j] + work[2 * room + j * width + i])
+                result[b + i * s + j] = mean
+                result[b + j * s + i] = mean
+
+
+@inline
+def _factorized(x, begin, s, width):
+    """Lower Cholesky factor in place, diagonal inverted; whether there is one."""
+    for j in range(s):
+        jj = begin + j * width
+        pivot = x[jj + j]
+        for k in range(j):
+            pivot -= x[jj + k] * x[jj + k]
+        if not pivot > 0.0:
+            return False
+        inverse = 1.0 / np.sqrt(pivot)
+        x[jj + j] = inverse
+        for i in range(j + 1, s):
+            ii = begin + i * width
+            total = x[ii + j]
+            for k in range(j):
+                total -= x[ii + k] * x[jj + k]
+            x[ii + j] = total * inverse
+    return True
+
+
+@inline
+def _inverted(x, begin, s):
+    """The inverse of what ``_factorized`` leaves, in place."""
+    for j in range(s):
+        for i in range(j + 1, s):
+            ii = begin + i * s
+            total = 0.0
+            for k in range(j, i):
+                total += x[ii + k] * x[begin + k * s + j]
+            x[ii + j] = -total * x[ii + i]
+
+
+@jit
+def inverse_factors(x, start, size, low, high, result):
+    """Inverse lower Cholesky factors of the blocks from low on; the first one without, or -1."""
+    n, info = np.empty(1, np.int32), np.zeros(1, np.int32)
+    upper, general = _LETTERS.ctypes.data, _LETTERS.ctypes.data + 1
+    n_at, failed = n.ctypes.data, info.ctypes.data
+    for k in range(low, high):
+        s, b = size[k], start[k]
+        for i in range(s):
+            row = b + i * s
+            for j in range(i + 1):
+                result[row + j] = x[row + j]
+            for j in range(i + 1, s):
+                result[row + j] = 0.0
+        if s <= _SMALL:
+            if not _factorized(result, b, s, s):
+                return k
+            _inverted(result, b, s)
+            continue
+        n[0] = s
+        pointer = result.ctypes.data + WORD * b
+        _dpotrf(upper, n_at, pointer, n_at, failed)
+        if info[0] != 0:
+            return k
+        _dtrtri(upper, general, n_at, pointer, n_at, failed)
+        if info[0] != 0:
+            return k
+    return -1
+
+
+@jit
+def inverses(factor, start, size, low, high, result):
+    """F' F of the lower triangular blocks F from low to high - 1."""
+    room = _room(size[low:high])
+    work = np.zeros(2 * room)
+    f_at = work.ctypes.data
+    r_at = f_at + room * WORD
+    for k in range(low, high):
+        s, b = size[k], start[k]
+        if s == 1:
+            result[b] = factor[b] * factor[b]
+            continue
+        width = _width(s)
+        step = width * WORD
+        _pad(factor, b, s, width, work, 0)
+        for r in range(0, s, 2):
+            i = _row(r, s)
+            for t in range(0, step, LANES * WORD):
+                a, x = f_at + i * WORD, f_at + t
+                products(r_at + i * step + t, step, a, WORD, step, x, step, i, s)
+        for i in range(s):
+            for j in range(s):
+                result[b + i * s + j] = work[room + i * width + j]
+
+
+@jit
+def largest_step(inverse, direction, start, size, low, high, limit):
+    """The largest a <= limit that keeps all L L' + a D semidefinite, by inverse factors.
+
+    With T = L^-1 D L^-T this is -1 / (its least eigenvalue), which is computed where I + a T has
+    no Cholesky factor.
+    """
+    room = _room(size[low:high])
+    largest = size[low:high].max() if high > low else 1
+    work = np.zeros(4 * room)
+    T = work[3 * room :]
+    f_at = work.ctypes.data
+    d_at, x_at, t_at = f_at + room * WORD, f_at + 2 * room * WORD, f_at + 3 * room * WORD
+    moved, values, more = np.empty(largest**2), np.empty(largest), np.empty(8 * largest)
+    n, info = np.empty(2, np.int32), np.zeros(1, np.int32)
+    upper, general = _LETTERS.ctypes.data, _LETTERS.ctypes.data + 1
+    n_at, failed = n.ctypes.data, info.ctypes.data
+    for k in range(low, high):
+        s, b = size[k], start[k]
+        if s == 1:
+            ratio = direction[b] * inverse[b] * inverse[b]
+            if ratio * limit < -1.0:
+                limit = -1.0 / ratio
+            continue
+        width = _width(s)
+        row, step = s * WORD, width * WORD
+        _pad(direction, b, s, width, work, room)
+        _pad_turned(inverse, b, s, width, work, 0)
+        a_at = inverse.ctypes.data + b * WORD
+        for r in range(0, s, 2):
+            i = _row(r, s)
+            for t in range(0, step, LANES * WORD):
+                out, a = x_at + i * step + t, a_at + i * row
+                products(out, step, a, row, WORD, d_at + t, step, 0, i + 2)
+            for t in range(0, (i + 2) * WORD, LANES * WORD):
+                out, a = t_at + i * step + t, x_at + i * step
+                products(out, step, a, step, WORD, f_at + t, step, 0, i + 2)
+        square = 0.0
+        for i in range(s):
+            for j in range(i):
+                square += 2.0 * T[i * width + j] ** 2
+            square += T[i * width + i] ** 2
+        if square * limit * limit < 1.0:
+            continue
+        for i in range(s):
+            for j in range(i + 1):
+                moved[i * s + j] = limit * T[i * width + j]
+            moved[i * s + i] += 1.0
+        n[0], n[1] = s, more.size
+        if s <= _SMALL:
+            if _factorized(moved, 0, s, s):
+                continue
+        else:
+            _dpotrf(upper, n_at, moved.ctypes.data, n_at, failed)
+            if info[0] == 0:
+                continue
+        for i in range(s):
+            for j in range(i + 1):
+                moved[i * s + j] = T[i * width + j]
+        at, found, lwork = moved.ctypes.data, values.ctypes.data, n_at + 4
+        _dsyev(general, upper, n_at, at, n_at, found, more.ctypes.data, lwork, failed)
+        if values[0] * limit < -1.0:
+            limit = -1.0 / values[0]
+    return limit
+
+
+@jit
+def pair_sums(inverse, dual, start, size, member, first, row, column, weight, low, high, result):
+    """<A_p, P A_q Z> of the blocks from low to high - 1 and all pairs p <= q of their moments.
+
+    Block k has the moments member[k] to member[k + 1]; moment p has the nonzeros first[p] to
+    first[p + 1] of the lower triangle, weights of the diagonal halved. With V = P A_q Z + Z A_q P
+    the result is the sum of weight V over the nonzeros of p; those of one q follow each other.
+    """
+    room = _room(size[low:high])
+    work = np.zeros(3 * room)
+    V = work[2 * room :]
+    p_at = work.ctypes.data
+    z_at, v_at = p_at + room * WORD, p_at + 2 * room * WORD
+    rows, columns, weights = row.ctypes.data, column.ctypes.data, weight.ctypes.data
+    target = 0
+    for k in range(low, high):
+        s = size[k]
+        width = _width(s)
+        step = width * WORD
+        _pad(inverse, start[k], s, width, work, 0)
+        _pad(dual, start[k], s, width, work, room)
+        for q in range(member[k], member[k + 1]):
+            begin, end = first[q], first[q + 1]
+            for i in range(0, s, 2):
+                for t in range(0, (i + 2) * WORD, LANES * WORD):
+                    out, r = v_at + i * step + t, i * WORD
+                    symmetric_products(
+                        out, p_at, z_at, rows, columns, weights, step, r, t, begin, end
+                    )
+            for p in range(member[k], q + 1):
+                nonzero = first[p]
+                at = np.uint32(row[nonzero]) * width + np.uint32(column[nonzero])
+                total = weight[nonzero] * V[at]
+                for nonzero in range(first[p] + 1, first[p + 1]):
+                    at = np.uint32(row[nonzero]) * width + np.uint32(column[nonzero])
+                    total += weight[nonzero] * V[at]
+                result[target] = total
+                target += 1
+
+
+@jit
+def scatter(values, sums, place, low, high):
+    """Add the first sums to values at the places from low to high - 1."""
+    for k in range(low, high):
+        values[place[k]] += sums[k - low]
