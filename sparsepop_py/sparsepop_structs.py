@@ -50,13 +50,13 @@ def _matlab(value: Any) -> Any:
         return float(value)
     if isinstance(value, np.ndarray) and value.dtype == object:
         return value  # a cell array already
+    if isinstance(value, (list, tuple)) and value:  # of unequal lengths perhaps
+        numeric = all(isinstance(item, (int, float, np.number)) for item in value)
+        return np.array([value], float) if numeric else cell(map(_matlab, value), row=True)
     if value is None or np.size(value) == 0:
         return _EMPTY
     if sps.issparse(value):
         return sps.csc_matrix(value, dtype=float)
-    if isinstance(value, (list, tuple)):
-        numeric = all(isinstance(item, (int, float, np.number)) for item in value)
-        return np.array([value], float) if numeric else cell(map(_matlab, value), row=True)
     if isinstance(value, np.ndarray):
         return value
     return {name: _matlab(item) for name, item in _fields(value).items()}

@@ -102,6 +102,17 @@ def test_no_field_is_lost(file: Path) -> None:
         assert names <= set(outputs[0, place].dtype.names)
 
 
+def test_cells_of_unequal_parts_come_back(file: Path) -> None:
+    """An index set, all variables and one variable: three balls, and param as it was."""
+    asking = {**QUIET, "errorBdIdx": cell([1.0, 2.0], "a", 1.0)}
+    outputs = asked(file, OBJECTIVE, cell(LINE), *BOX, asking)["outputs"]
+    assert field(outputs, 2, "zeta").shape == (1, 3)
+    centres = field(outputs, 2, "xCenter")
+    assert [centre.shape for centre in centres.ravel()] == [(2, 1)] * 3
+    given = field(outputs, 0, "errorBdIdx")
+    assert [part.tolist() for part in given.ravel()] == [[[1, 2]], ["a"], [[1]]]
+
+
 def test_files_are_relative_to_the_folder_named(file: Path, tmp_path: Path) -> None:
     problem = sp.from_structs(OBJECTIVE, [LINE], [0, 0], [1, 1])
     sp.write_gms(problem, tmp_path / "line.gms")
