@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 import scipy.io
+import scipy.sparse as sps
 
-from .errors import SparsePOPError
+from .errors import ProblemError, SparsePOPError
 from .sparsepop import sparsePOP
 from .sparsepop_structs import cell, matlab_structs
 
@@ -64,11 +65,11 @@ def answer(path: str | os.PathLike[str]) -> None:
     ('OPTIMAL', 1.0)
     """
     path = Path(path).resolve()
-    question = scipy.io.loadmat(path, mat_dtype=True)
     reply: dict[str, Any] = {"outputs": cell([], row=True), "error": ""}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
+            question = _question(path)
             os.chdir(_text(question["folder"]))
             output = sparsePOP(*map(_text, question["arguments"].ravel()))
             reply["outputs"] = cell(list(matlab_structs(output).values()), row=True)
@@ -113,6 +114,38 @@ def _listen(questions: queue.SimpleQueue[str]) -> None:
 
 
 # ---- questions --------------------------------------------------------------------------
+
+
+def _question(path: Path) -> dict[str, Any]:
+    """What the file asks; complex numbers, which would lose a part unseen, are refused."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", np.exceptions.ComplexWarning)
+        try:
+            return scipy.io.loadmat(path, mat_dtype=True)
+        except np.exceptions.ComplexWarning:
+            pass
+    arguments = scipy.io.loadmat(path)["arguments"].ravel()
+    names = ["objPoly", "ineqPolySys", "lbd", "ubd", "param"]
+    if arguments.size <= 2:
+        del names[1:4]
+    places = (_complex(value, name) for value, name in zip(arguments, names, strict=False))
+    found = next((place for place in places if place), "arguments")
+    raise ProblemError(f"{found}: found complex numbers, expected real ones")
+
+
+def _complex(value: Any, place: str) -> str:
+    """Where complex numbers stand in structs and cells; empty for nowhere."""
+    if not isinstance(value, np.ndarray) or not value.size:
+        return place if sps.issparse(value) and value.dtype.kind == "c" else ""
+    if value.dtype.kind == "c":
+        return place
+    if value.dtype.names is not None:
+        parts = [(value.ravel()[0][name], f"{place}.{name}") for name in value.dtype.names]
+    elif value.dtype == object:
+        parts = [(part, f"{place}[{k}]") for k, part in enumerate(value.ravel())]
+    else:
+        parts = []
+    return next((found for part, name in parts if (found := _complex(part, name))), "")
 
 
 def _text(value: Any) -> Any:

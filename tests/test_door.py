@@ -113,6 +113,21 @@ def test_cells_of_unequal_parts_come_back(file: Path) -> None:
     assert [part.tolist() for part in given.ravel()] == [[[1, 2]], ["a"], [[1]]]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "place"),
+    [
+        (({**OBJECTIVE, "coef": [1j, 1]}, cell(LINE), *BOX, QUIET), "objPoly.coef"),
+        ((OBJECTIVE, cell(LINE, {**LINE, "coef": [1, 1, 1j]}), *BOX), "ineqPolySys{2}.coef"),
+        ((OBJECTIVE, [], np.array([0, 1j]), [1, 1], QUIET), "lbd"),
+        (("line.gms", {**QUIET, "eqTolerance": 1j}), "param.eqTolerance"),
+    ],
+)
+def test_complex_numbers_are_refused(file: Path, arguments: Any, place: str) -> None:
+    """A reading as doubles drops the imaginary parts: another problem would be solved."""
+    answer = asked(file, *arguments)
+    assert answer["error"].item() == f"{place}: found complex numbers, expected real ones"
+
+
 def test_files_are_relative_to_the_folder_named(file: Path, tmp_path: Path) -> None:
     problem = sp.from_structs(OBJECTIVE, [LINE], [0, 0], [1, 1])
     sp.write_gms(problem, tmp_path / "line.gms")
