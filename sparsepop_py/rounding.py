@@ -69,6 +69,8 @@ def _times(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     """Products with 0 * inf = 0; only exact zeros give zero, what underflows does not."""
     with np.errstate(invalid="ignore", over="ignore", under="ignore"):
         product = a * b
+        if np.all(np.abs(product) > 0.0):
+            return product
         lost = np.copysign(2.0**-1074, product)
     return np.where((a == 0) | (b == 0), 0.0, np.where(product == 0, lost, product))
 
@@ -121,11 +123,11 @@ class Interval:
         return self + (-other)
 
     def __mul__(self, other: Interval) -> Interval:
-        products = [_times(a, b) for a in (self.lo, self.hi) for b in (other.lo, other.hi)]
-        low = np.minimum(np.minimum(products[0], products[1]), np.minimum(products[2], products[3]))
-        high = np.maximum(
-            np.maximum(products[0], products[1]), np.maximum(products[2], products[3])
-        )
+        shape = np.broadcast_shapes(np.shape(self.lo), np.shape(other.lo))
+        left, right = np.empty((2, 1, *shape)), np.empty((1, 2, *shape))
+        left[0], left[1], right[:, 0], right[:, 1] = self.lo, self.hi, other.lo, other.hi
+        products = _times(left, right)  # all four at once: small arrays cost by the call
+        low, high = products.min(axis=(0, 1)), products.max(axis=(0, 1))
         with np.errstate(over="ignore"):
             return Interval(np.where(low == 0, 0.0, down(low)), np.where(high == 0, 0.0, up(high)))
 
@@ -142,10 +144,9 @@ class Interval:
         """Elementwise integer powers (exponent >= 0, broadcast against the interval)."""
         low, high, exponent = np.broadcast_arrays(self.lo, self.hi, exponent)
         near = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(np.abs(low), np.abs(high)))
-        far = np.maximum(np.abs(low), np.abs(high))
-        near_power, far_power = _power(near, exponent, down), _power(far, exponent, up)
-        low_power = _power(np.abs(low), exponent, up)
-        high_power = _power(np.abs(high), exponent, up)
+        near_power = _power(near, exponent, down)
+        low_power, high_power = _power(np.abs(np.stack([low, high])), exponent, up)
+        far_power = np.maximum(low_power, high_power)  # rounded products are monotone
         even = exponent % 2 == 0
         lo = np.where(low >= 0, near_power, -low_power)
         hi = np.where(high <= 0, -near_power, high_power)
@@ -168,9 +169,9 @@ class Interval:
 
 def _power(magnitude: NDArray, exponent: NDArray, rounded: object) -> NDArray[np.float64]:
     """Powers of non-negative numbers by rounded multiplications; 1 for exponent 0."""
-    result = np.ones(magnitude.shape)
-    for step in range(int(exponent.max(initial=0))):
-        product = magnitude if step == 0 else rounded(_times(result, magnitude))  # type: ignore
+    result: NDArray[np.float64] = np.where(exponent > 0, magnitude, 1.0)
+    for step in range(1, int(exponent.max(initial=0))):
+        product = rounded(_times(result, magnitude))  # type: ignore[operator]
         result = np.where(exponent > step, product, result)
     return np.where((exponent > 0) & (magnitude == 0), 0.0, result)
 

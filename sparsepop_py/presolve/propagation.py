@@ -28,6 +28,8 @@ from ..system import PolynomialSystem
 
 __all__ = ["Rows", "propagate", "sweep"]
 
+_POINT = 1e-9  # widths below this (relative) need not shrink further
+
 
 @dataclass(frozen=True, eq=False)
 class Rows:
@@ -100,11 +102,12 @@ def _moved(old: Interval, new: Interval, progress: float) -> bool:
     finite = np.isfinite(old.lo) & np.isfinite(old.hi)
     with np.errstate(invalid="ignore", over="ignore"):
         width, left = (old.hi - old.lo)[finite], (new.hi - new.lo)[finite]
+        least = _POINT * (1.0 + np.maximum(np.abs(old.lo), np.abs(old.hi)))[finite]
         half = ~finite & (
             (np.isfinite(old.lo) & (new.lo - old.lo > 0.1 * (1 + np.abs(old.lo))))
             | (np.isfinite(old.hi) & (old.hi - new.hi > 0.1 * (1 + np.abs(old.hi))))
         )
-        narrower = width - left > progress * width
+        narrower = (width - left > progress * width) & (width > least)
     return bool(np.any(narrower) or np.any(half))
 
 
@@ -115,9 +118,11 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     factors = rows._factors
     ranges = factors.ranges(box)
     monomial = Interval.point(system.coefficients[plain]) * product(ranges)
-    quadratic = _quadratic_range(c1, c2, box[q_var])
-    atoms = Interval(np.append(monomial.lo, quadratic.lo), np.append(monomial.hi, quadratic.hi))
-    row = np.append(system.row[plain], q_row)
+    atoms, row = monomial, system.row[plain]
+    if q_var.size:
+        quadratic = _quadratic_range(c1, c2, box[q_var])
+        atoms = Interval(np.append(atoms.lo, quadratic.lo), np.append(atoms.hi, quadratic.hi))
+        row = np.append(row, q_row)
     if rows.minors.size:
         target = _within_minors(rows, sum_by(row, atoms, system.size).hi)
     allowed = _allowed(row, atoms, target, system.size)
@@ -125,7 +130,8 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     if np.any(allowed.lo > allowed.hi):
         return Interval(np.full_like(lo, np.inf), np.full_like(hi, -np.inf))
     split = plain.size
-    _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:])
+    if q_var.size:
+        _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:])
     _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
     lo, hi = np.where(np.isnan(lo), box.lo, lo), np.where(np.isnan(hi), box.hi, hi)
     return Interval(lo + 0.0, hi + 0.0)  # no negative zeros
@@ -257,6 +263,14 @@ def _quotient(target: Interval, divisor: Interval) -> Interval:
 
 def _root(value: Interval, power: NDArray, x: Interval) -> Interval:
     """Hull of the z in x with z^power in ``value``."""
+    higher = power > 1
+    if not higher.any():
+        return value
+    if not higher.all():
+        root = _root(value[higher], power[higher], x[higher])
+        lo, hi = value.lo.copy(), value.hi.copy()
+        lo[higher], hi[higher] = root.lo, root.hi
+        return Interval(lo, hi)
     even = power % 2 == 0
     far = _outer_root(np.maximum(np.abs(value.lo), np.abs(value.hi)), power)
     high = _outer_root(np.abs(value.hi), power)
@@ -285,9 +299,8 @@ def _inner_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
 
 def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.float64]:
     with np.errstate(over="ignore", under="ignore"):
-        root = np.where(power == 1, value, value ** (1.0 / power))
-        root = np.where(power == 1, root, root * (1.0 + side * 1e-15))
+        root = value ** (1.0 / power) * (1.0 + side * 1e-15)
     back = Interval.point(root).power(power)
     holds = back.lo >= value if side > 0 else back.hi <= value
     fallback = np.where(side > 0, np.inf, 0.0)
-    return np.where((power == 1) | holds | (value == 0), root, fallback)
+    return np.where(holds | (value == 0), root, fallback)

@@ -17,7 +17,7 @@ __all__ = ["preferred", "require_solver", "solve_conic", "solver_names"]
 
 # Rows of the largest block from which on, with at least so many moments, the clique-tree method
 # was measured to be faster, with numpy alone and more so with compiled kernels.
-_DOMAIN = ((9, 300), (6, 1200), (2, 5000))
+_DOMAIN = ((20, 100), (9, 200), (6, 1200), (2, 5000))
 
 
 def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
@@ -25,7 +25,7 @@ def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
 
     The clique-tree method wants moments in [-1, 1] (``compact``) and blocks large or
     numerous enough to pay for its analysis: its domain, as ``docs/cliquetree.md`` measures it,
-    is 9 rows and 300 moments, 6 rows and 1200 moments, 2 rows and 5000 moments. Whatever it
+    is 20 rows and 100 moments, 9 rows and 200, 6 rows and 1200, 2 rows and 5000. Whatever it
     does not solve goes to Clarabel, whose sum-of-squares form is more accurate and whose
     moment form ends in other cases.
     """

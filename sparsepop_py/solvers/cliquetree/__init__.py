@@ -44,7 +44,7 @@ __all__ += ["second_order_multipliers", "with_second_order"]
 
 _KEPT = 4  # patterns whose analysis is kept
 # Seconds of a solve by numpy from which on compiled kernels pay. What is loaded already does not
-_PRICE = 0.08  # count: the same program is solved by the same kernels, whatever was solved before
+_PRICE = 0.3  # count: the same program is solved by the same kernels, whatever was solved before
 _COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new machine
 _analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
 
