@@ -16,11 +16,11 @@ from .conic import ConicSolution
 from .enclosure import range_over
 from .extraction import candidates, means
 from .feasibility import ProvedPoint
+from .multistart import Aim, best_attained, starting_points
 from .options import Options
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaling
 from .problem import Problem
-from .multistart import Aim, best_attained, starting_points
 from .relaxation import Relaxation
 from .rounding import Interval
 from .shapes import Products

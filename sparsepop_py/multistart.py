@@ -28,7 +28,8 @@ _FEW = 40  # variables up to which SLSQP may follow where sequential programs fa
 _SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
-_ENOUGH = 5  # searches that end at the best value before the rest is left out
+_ENOUGH = 5  # searches that end at the best value before the rest is left out,
+_STARTS = 3  # from at least so many starts
 
 
 def starting_points(
@@ -105,24 +106,28 @@ def _tries(
     star = bilinear and Products.of(problem).has_star  # made for linear programs
     large = problem.dimension > (_FEW if star else DENSE_LIMIT)  # then the others are slow
     small = problem.dimension <= _SMALL
+    branch = _decide(problem, start)
     failed = True
 
     def feasible(x: NDArray) -> bool:
         return bool(rows.given.violation(rows.point(x)) <= tolerance)
 
+    if small and branch is problem:
+        yield local_search(problem, start, method, end)
     if bilinear and method is None:
         x = local_search(problem, start, "sequential", end)
         failed = not feasible(x)
         yield x
         if small:
             yield sequential_search(problem.sharpened, start)  # nothing held
-    branch = _decide(problem, start)
     if branch is not problem:
         x = local_search(branch, start, method, end)
         yield x
         if small and feasible(x):
             return  # others would stall on what is decided here
-    if small or (failed and not (bilinear and large)):
+        if small:
+            yield local_search(problem, start, method, end)
+    if not small and failed and not (bilinear and large):
         yield local_search(problem, start, method, end)
 
 
@@ -206,7 +211,8 @@ def best_attained(
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
         near = best_value + 1e-5 * (1.0 + abs(best_value))
-        if best_value < np.inf and sum(value <= near for value in reached) >= _ENOUGH:
+        starts_there = sum(value <= near for value in reached)
+        if starts_there >= _STARTS and sum(value <= near for value, _ in found) >= _ENOUGH:
             break
     found.sort(key=lambda entry: entry[0])
     if best is None or not (aim.any or best.value <= aim.enough):

@@ -128,7 +128,8 @@ def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float6
             )
     finite = np.isfinite(problem.lower) | np.isfinite(problem.upper)
     bounds = Bounds(problem.lower, problem.upper) if finite.any() else None
-    options = {"maxiter": 300, "ftol": 1e-12}
+    steps = min(300, 60 + 5 * problem.dimension)  # more than that is a stall
+    options = {"maxiter": steps, "ftol": 1e-12}
     result = minimize(
         _value(problem, end),
         start,
