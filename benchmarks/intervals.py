@@ -27,7 +27,7 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 from setid.boxed import boxed, objectives
-from setid.identify import Box
+from setid.identify import Box, start_box
 
 from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row
@@ -100,10 +100,9 @@ class Experiment:
         truth = self.record()
         noise = self._noise(truth.u.ravel())
         known = setid.formulate(truth.data, PLANTS[self.order][0], noise, self.priors)
-        p = len(known.parameters)
-        start = np.array([known.problem.lower[:p], known.problem.upper[:p]])
-        assert known.regression is not None
-        return RecordTask.on_box(known, truth, setid.parameter_box(known.regression, start))
+        box = start_box(known)
+        assert box is not None
+        return RecordTask.on_box(known, truth, box)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -27,6 +27,7 @@ from .centre import Central, central, worst_case_error
 from .completion import Witness
 from .consistency import Consistency, consistency
 from .data import IOData
+from .directions import DirectionBox
 from .discretisation import discretisation_error, estimate_delta
 from .equivalence import convert, convert_intervals, equivalent, unidentifiable
 from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
@@ -81,6 +82,7 @@ __all__ = [
     "ControlModels",
     "DCGain",
     "DataError",
+    "DirectionBox",
     "EnergyBound",
     "Estimate",
     "EstimatedBound",

@@ -8,6 +8,7 @@ import sparsepop_py as sp
 
 from .boxes import ParameterBox
 from .cells import CellBox
+from .directions import DirectionBox
 from .formulation import Formulation
 from .lifted import LiftedBox
 
@@ -20,7 +21,9 @@ def objectives(formulation: Formulation) -> list[sp.Polynomial]:
     return [sign * formulation.layout.polynomial(i) for i in theta for sign in (1.0, -1.0)]
 
 
-def boxed(formulation: Formulation, box: ParameterBox | LiftedBox | CellBox | None) -> sp.Problem:
+def boxed(
+    formulation: Formulation, box: ParameterBox | DirectionBox | LiftedBox | CellBox | None
+) -> sp.Problem:
     """The problem of a formulation with the parameters in a box.
 
     A parameter that no constraint speaks of, and that has no finite bounds, is set to

@@ -28,6 +28,7 @@ from .boxes import ParameterBox, parameter_box
 from .cells import CellBox, cell_box
 from .common_factor import unbounded_names
 from .data import IOData
+from .directions import DirectionBox, direction_box
 from .discretisation import remark, with_estimate
 from .driving import driving_samples
 from .equivalence import unidentifiable
@@ -50,7 +51,7 @@ from .unnormalised import reference_model, refuse
 
 __all__ = ["identify", "start_box"]
 
-Box = ParameterBox | LiftedBox | CellBox
+Box = ParameterBox | DirectionBox | LiftedBox | CellBox
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
     "keeps every consistent parameter vector (and may keep more)"
@@ -211,7 +212,9 @@ def _bounded(
 ) -> tuple[Box | None, tuple[tuple[int, int], ...]]:
     """The box of the parameters, and the samples that prove it empty if it is."""
     if formulation.smoothed is not None:
-        box = parameter_box(formulation.smoothed, start, until)
+        first = parameter_box(formulation.smoothed, start, until)
+        endless = np.any(np.isinf([first.lower, first.upper])) and not first.empty
+        box = (direction_box(formulation, first, until) if endless else None) or first
         return box, tuple(box.driving(formulation.smoothed)) if box.empty else ()
     cells = cell_box(formulation, start)
     if cells is not None:

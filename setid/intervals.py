@@ -22,6 +22,7 @@ from .bands import Kind, frequency_band, step_band
 from .boxes import ParameterBox
 from .centre import Central, central, worst_case_error
 from .data import IOData
+from .directions import DirectionBox
 from .exchange import ControlModels, to_control
 from .existence import consistent
 from .formulation import Formulation
@@ -153,7 +154,7 @@ class Identification:
     assumptions : tuple of str
         What the conclusions take for granted.
     options : Options
-    box : ParameterBox, LiftedBox or None
+    box : ParameterBox, DirectionBox, LiftedBox or None
         The box of the parameters from the data alone, with its proof; None where linear
         programs settle everything, or where rows of the data give none.
     problem : sparsepop_py.Problem
@@ -190,7 +191,7 @@ class Identification:
     intervals: Mapping[str, ParameterInterval]
     assumptions: tuple[str, ...]
     options: Options
-    box: ParameterBox | LiftedBox | None
+    box: ParameterBox | DirectionBox | LiftedBox | None
     problem: sp.Problem
     bounds: tuple[sp.LinearBound, ...] = ()
     results: tuple[sp.Result, ...] = ()

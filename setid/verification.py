@@ -16,6 +16,7 @@ from .boxes import ParameterBox
 from .cells import CellBox
 from .common_factor import unbounded_names
 from .data import IOData
+from .directions import DirectionBox
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
 from .lifted import LiftedBox, lifted_rows
@@ -23,7 +24,7 @@ from .lifted import LiftedBox, lifted_rows
 if TYPE_CHECKING:
     from .intervals import Identification
 
-Box = ParameterBox | LiftedBox | CellBox
+Box = ParameterBox | DirectionBox | LiftedBox | CellBox
 
 __all__ = ["Verification", "verify"]
 
@@ -85,7 +86,7 @@ def _verify_reference(result: Identification, data: IOData | None) -> Verificati
 def _box_follows(box: Box, again: Formulation, start: NDArray[np.float64]) -> bool:
     if isinstance(box, ParameterBox):
         return again.smoothed is not None and box.verify(again.smoothed, start)
-    if isinstance(box, CellBox):
+    if isinstance(box, CellBox | DirectionBox):
         return box.verify(again, start)
     rows = lifted_rows(again)
     return rows is not None and box.verify(rows, start)

@@ -26,7 +26,7 @@ missing printing assembly linear completion formulation
 estimators simulate equivalence responses supports enclosures members bands exchange indirect
 projections
 residuals block_bands validation
-options bounds attained boxes lifted cell_structure cell_arithmetic cells
+options bounds attained boxes directions lifted cell_structure cell_arithmetic cells
 boxed reports existence starts idle common_factor verification centre intervals progress driving
 noise_factor discretisation search unnormalised results identify consistency select
 plots block_plots cli

@@ -1,0 +1,231 @@
+"""A finite box where rows one by one give none: no consistent parameters are far away.
+
+With t = max_i |theta_i| / c_i, s = 1 / t and phi = s theta / c, each row that is linear in
+theta becomes, multiplied by s, a row in (phi, s) and the noise, with max_i |phi_i| = 1:
+
+    s (y~_k - eta_k) + sum_i c_i phi_i (y~_{k-i} - eta_{k-i}) - ... = 0.
+
+Everything in it is bounded, so that the engine can minimise s over each side phi_i = +-1 of the
+cube of directions, with the noise that rows share. A proved s > 0 on all sides bounds theta.
+Where s = 0 is attained, noise within its bounds explains the record along a direction.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+
+from .bounds import Bounds
+from .boxes import ParameterBox, parameter_box
+from .checks import frozen
+from .formulation import Formulation
+from .regression import Regression
+
+__all__ = ["DirectionBox", "direction_box"]
+
+Reals = NDArray[np.float64]
+_TINY = 1e-250
+_LARGEST = 4.0  # s above this needs no proof: theta is small then
+_GAP = 0.25  # of s, at first
+_SIDE = 20.0  # seconds for one side of the cube
+_ALL = 120.0  # seconds for all of them, and half of the time that is left
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DirectionBox(Bounds):
+    """A box that holds every consistent parameter vector, with its proof.
+
+    Parameters
+    ----------
+    names : tuple of str
+    lower, upper : (p,) float
+    first : ParameterBox
+        What rows one by one give, infinite somewhere.
+    scale : (p,) float
+        The units c of the parameters, powers of two.
+    certificates : tuple of sparsepop_py.Certificate
+        Of the least s on each side of the cube, in the order of :func:`_sides`.
+    last : ParameterBox
+        What rows one by one give within the bounds that follow.
+    """
+
+    first: ParameterBox
+    scale: Reals
+    certificates: tuple[sp.Certificate, ...]
+    last: ParameterBox
+
+    def verify(self, formulation: Formulation, start: Reals) -> bool:
+        """Replay both boxes and check all certificates, without any solver.
+
+        Parameters
+        ----------
+        formulation : Formulation
+        start : (2, p) float
+            What the priors give.
+        """
+        rows = formulation.smoothed
+        if rows is None or not self.first.verify(rows, start):
+            return False
+        sides = list(_sides(formulation, self.first, self.scale))
+        if len(sides) != len(self.certificates):
+            return False
+        least = _LARGEST
+        for side, certificate in zip(sides, self.certificates, strict=True):
+            if not certificate.verify(side).ok:
+                return False
+            least = min(least, certificate.bound)
+        if not least > 0 or not self.last.verify(rows, _within(self.first, self.scale, least)):
+            return False
+        return bool(np.all(self.last.lower >= self.lower) and np.all(self.last.upper <= self.upper))
+
+    def driving(self, regression: Regression) -> list[tuple[int, int]]:
+        """(record, sample) of the rows that prove emptiness, as of :class:`ParameterBox`."""
+        return self.last.driving(regression)
+
+    def __repr__(self) -> str:
+        return repr(self.last).replace("ParameterBox", "DirectionBox")
+
+
+def direction_box(
+    formulation: Formulation, first: ParameterBox, until: float = inf
+) -> DirectionBox | None:
+    """Bound parameters for which rows one by one give no bounds.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        With rows that are linear in the parameters.
+    first : ParameterBox
+        Of its rows.
+    until : float
+        Reading of ``time.monotonic`` at which all work ends; at most half of it is for this.
+
+    Returns
+    -------
+    DirectionBox or None
+        None where no finite box was proved: the set may be unbounded.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, -1, 1, 1, -1, 1], [1.1, -0.4, 0.8, 1.5, -0.2, 0.9])
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.6))
+    >>> first = setid.parameter_box(known.regression)
+    >>> first
+    <ParameterBox: a1 in [-inf, inf], b0 in [-inf, inf]>
+    >>> direction_box(known, first) is None  # order zero explains this record
+    True
+    """
+    rows = formulation.smoothed
+    if rows is None or first.empty or not _suits(formulation):
+        return None
+    begun = time.monotonic()
+    end = min(begun + _ALL, begun + 0.5 * (until - begun))
+    scale = _units(rows)
+    certificates, least = [], _LARGEST
+    for side in _sides(formulation, first, scale):
+        found = _least(side, end)
+        if found is None:
+            return None
+        certificates.append(found)
+        least = min(least, found.bound)
+    last = parameter_box(rows, _within(first, scale, least), until)
+    return DirectionBox(
+        first.names, last.lower, last.upper, first, scale, tuple(certificates), last
+    )
+
+
+def _suits(formulation: Formulation) -> bool:
+    """Whether the rows of samples are linear in the parameters, all else in them bounded."""
+    problem, p = formulation.problem, len(formulation.parameters)
+    size = np.abs(problem.rows.coefficients)
+    if not (size.min(initial=1.0) > _TINY and size.max(initial=1.0) < 1.0 / _TINY):
+        return False  # units would not be exact
+    for row in _data_rows(formulation):
+        words = row.polynomial.words
+        if np.any(np.count_nonzero((words > 0) & (words <= p), axis=1) > 1):
+            return False
+        others = np.unique(words[words > p]) - 1
+        if not np.all(np.isfinite(problem.lower[others]) & np.isfinite(problem.upper[others])):
+            return False
+    return True
+
+
+def _data_rows(formulation: Formulation) -> list[sp.Constraint]:
+    """Rows of samples: leaving out what priors and noise sets say keeps every point."""
+    pairs = zip(formulation.problem.constraints, formulation.rows.sample.tolist(), strict=True)
+    return [row for row, sample in pairs if sample > 0]
+
+
+def _units(rows: Regression) -> Reals:
+    """Powers of two with which all terms of a row are of one size."""
+    size = np.abs(rows.regressors).max(axis=0, initial=0.0)
+    whole = max(float(np.abs(rows.target).max(initial=0.0)), 1e-300)
+    with np.errstate(divide="ignore"):
+        power = np.where(size > 0, np.round(np.log2(whole / np.maximum(size, 1e-300))), 0.0)
+    return frozen(np.exp2(np.clip(power, -60, 60)))
+
+
+def _within(first: ParameterBox, scale: Reals, least: float) -> Reals:
+    """The first box, with the bounds c / s, rounded outwards."""
+    reach = np.nextafter(scale / least, inf)
+    return frozen(np.array([np.maximum(first.lower, -reach), np.minimum(first.upper, reach)]))
+
+
+def _sides(formulation: Formulation, first: ParameterBox, scale: Reals) -> Iterator[sp.Problem]:
+    """Minimise s over each side phi_i = +1, phi_i = -1 of the cube that signs leave."""
+    known = formulation.problem
+    p, n = scale.size, known.dimension
+    names = (*known.names, "s")
+    rows = [_homogeneous(row, scale, n, names) for row in _data_rows(formulation)]
+    x = sp.variables(n + 1, list(names))
+    for i in range(p):
+        for end, sign in ((first.lower[i], 1.0), (first.upper[i], -1.0)):
+            if np.isfinite(end):
+                rows.append(sign * (float(scale[i]) * x[i] - float(end) * x[n]) >= 0)
+    seen = np.unique(np.concatenate([row.polynomial.words.ravel() for row in rows]))
+    used = np.isin(np.arange(1, n + 2), seen)
+    lower = np.where(used, np.append(known.lower, 0.0), 0.0)
+    upper = np.where(used, np.append(known.upper, _LARGEST), 0.0)
+    lower[:p], upper[:p] = -1.0, 1.0
+    for i in range(p):
+        for sign in (1.0, -1.0):
+            low, high = lower.copy(), upper.copy()
+            low[i] = high[i] = sign
+            yield sp.Problem(x[n], rows, low, high, names)
+
+
+def _homogeneous(row: sp.Constraint, scale: Reals, n: int, names: tuple[str, ...]) -> sp.Constraint:
+    """The row in (phi, noise, s): terms without a parameter are multiplied by s."""
+    words, p = row.polynomial.words, scale.size
+    ours = (words > 0) & (words <= p)
+    plain = ~ours.any(axis=1)
+    longer = np.zeros((len(words), words.shape[1] + 1), np.int32)
+    longer[:, :-1] = words
+    longer[plain, -1] = n + 1
+    longer.sort(axis=1)
+    factor = np.append(1.0, scale)[np.max(np.where(ours, words, 0), axis=1)]
+    values = row.polynomial.coefficients * factor
+    return sp.Constraint(sp.Polynomial.from_words(longer, values, n + 1, names), row.kind)
+
+
+def _least(side: sp.Problem, end: float) -> sp.Certificate | None:
+    """A proof that s is positive; None where none was found, or where s = 0 is attained."""
+    gap, end = _GAP, min(end, time.monotonic() + _SIDE)
+    while (left := end - time.monotonic()) > 0:
+        found = sp.solve(
+            side, sp.Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=left)
+        )
+        if found.certificate is not None and found.certificate.bound > 0:
+            return found.certificate
+        if not found.upper_bound > 1e-6 or gap < 1e-6:
+            return None
+        gap = min(0.5 * found.upper_bound, 0.25 * gap)
+    return None
