@@ -30,10 +30,12 @@ __all__ = [
     "held_unknowns",
     "least_noise",
     "noise_shares",
+    "polished",
 ]
 
 _STEPS = 25  # most linear programs for one witness
 _SETTLED = 1e-9
+_NEWTON, _EXACT = 4, 1e-13
 _DENSE = 1500  # unknowns up to which least squares are solved by a dense factorization
 
 
@@ -166,7 +168,34 @@ def _best_fit(
             "theta: found products of unknown samples for fixed theta, expected rows that are "
             "linear in what is not given; give the internal signals"
         )
-    matrix, right = rows.matrix[rows.equality], -rows.constant[rows.equality]
+    return _least_squares(rows.matrix[rows.equality], -rows.constant[rows.equality])
+
+
+def polished(
+    formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Newton's shortest steps to the equations, which linear programs hold to a tolerance only.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    x : (n,) float
+        Close to a vector that satisfies all equations.
+    free : (f,) int
+        The unknowns that move.
+    """
+    found, equality = x.copy(), formulation.problem.equality
+    for _ in range(_NEWTON):
+        off = formulation.problem.rows.values(found)[equality]
+        if np.max(np.abs(off), initial=0.0) <= _EXACT:
+            break
+        slopes = affine(formulation, found, free).matrix[equality]
+        found[free] -= _least_squares(slopes, off)
+    return found
+
+
+def _least_squares(matrix: sps.csr_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The shortest x that minimises the length of matrix @ x - right."""
     if matrix.shape[1] > _DENSE:
         return np.asarray(lsqr(matrix, right, atol=1e-14, btol=1e-14, iter_lim=10**5)[0])
     return np.asarray(np.linalg.lstsq(matrix.toarray(), right, rcond=None)[0])
@@ -195,8 +224,11 @@ def least_noise(formulation: Formulation, theta: NDArray[np.float64]) -> Witness
         if found is None:
             break
         x[free], level = found
-        if rows.exact or abs(level - before) <= _SETTLED * (1.0 + level):
-            return Witness(x, level if rows.exact or _holds(formulation, x) else inf)
+        if rows.exact:
+            return Witness(x, level)
+        if abs(level - before) <= _SETTLED * (1.0 + level):
+            x = polished(formulation, x, free)
+            return Witness(x, level if _holds(formulation, x) else inf)
         before = level
     x[free] = np.nan
     return Witness(x, inf)

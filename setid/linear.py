@@ -11,7 +11,8 @@ from .errors import SetidError
 
 __all__ = ["minimise"]
 
-_METHODS = ("highs", "highs-ipm")  # the second where the first meets numerical difficulties
+# the next where one meets numerical difficulties; long recursions lose their meaning in presolve
+_TRIES = (("highs", True), ("highs-ipm", True), ("highs", False))
 _NUMERICAL = 4
 
 
@@ -44,7 +45,7 @@ def minimise(
     free = (np.full(cost.size, -np.inf), np.full(cost.size, np.inf))
     rows, right = equal if equal is not None and equal[1].size else (None, None)
     upper_rows, upper_right = below if below[1].size else (None, None)
-    for method in _METHODS:
+    for method, presolve in _TRIES:
         result = linprog(
             cost,
             A_ub=upper_rows,
@@ -53,6 +54,7 @@ def minimise(
             b_eq=right,
             bounds=np.stack(bounds or free, axis=1),
             method=method,
+            options={"presolve": presolve},
         )
         if result.status != _NUMERICAL:
             break

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .completion import affine, defined_unknowns, held_unknowns
+from .completion import affine, defined_unknowns, held_unknowns, polished
 from .errors import SetidError
 from .existence import proved_point
 from .formulation import Formulation
@@ -30,7 +30,7 @@ __all__ = ["attained_ends", "checked", "coupled"]
 Reals = NDArray[np.float64]
 _STEPS = 20
 _TRUST = 0.25  # of the width of the box
-_INSIDE = 1e-8  # of the width of each bound: what the last step keeps away from it
+_INSIDE = 1e-6  # of the width of each bound: what the last step keeps away from it
 
 
 def coupled(formulation: Formulation) -> bool:
@@ -121,14 +121,7 @@ class _Search:
             if off <= 1e-9 and abs(before - value) <= size:
                 break
             before = value
-        for _ in range(4):  # nothing but the rows: Newton's steps for what is left
-            if off <= 1e-12:
-                break
-            new = self._step(x, goal, 1e-6 * width)
-            if new is None:
-                break
-            x, off = new, self._violation(new)
-        return x if off <= 1e-8 else None
+        return polished(self.formulation, x, np.arange(x.size)) if off <= 1e-6 else None
 
     def _violation(self, x: Reals) -> float:
         rows = self.problem.rows.values(x)

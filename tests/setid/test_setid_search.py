@@ -17,12 +17,14 @@ LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")
 THETA = [-0.6, 0.8, 0.3]
 
 
-def stated(share: float, samples: int, seed: int) -> tuple[Formulation, sp.Problem]:
+def stated(
+    share: float, samples: int, seed: int, model: setid.Lure = LURE, theta: list[float] = THETA
+) -> tuple[Formulation, sp.Problem]:
     """A record of the loop with noise of a share of the largest output, on its box."""
     u = np.random.default_rng(seed).uniform(-1.0, 1.0, samples)
-    noise = setid.Noise(output=share * np.abs(setid.simulate(LURE, THETA, u)).max())
-    truth = setid.simulate_record(LURE, THETA, u, noise, seed=seed + 1)
-    formulation = setid.formulate(truth.data, LURE, noise)
+    noise = setid.Noise(output=share * np.abs(setid.simulate(model, theta, u)).max())
+    truth = setid.simulate_record(model, theta, u, noise, seed=seed + 1)
+    formulation = setid.formulate(truth.data, model, noise)
     return formulation, boxed(formulation, start_box(formulation))
 
 
@@ -49,3 +51,21 @@ def test_estimates_that_need_too_much_noise_are_starts() -> None:
     assert start is not None
     assert formulation.witness(start[:3]).level > 1.0
     assert len(attained_ends(formulation, problem, start)) == 7
+
+
+@pytest.mark.parametrize(
+    "model, theta",
+    [
+        (LURE, [-0.6, 0.5, 0.15]),
+        (setid.Lure(setid.TransferFunction(2, 2, 1), 2, "nolinear"), [-1.1, 0.4, 0.3, 0.1, 0.1]),
+    ],
+)
+def test_long_records_have_witnesses_and_attained_ends(model: setid.Lure, theta: list) -> None:
+    """The true noise is within its bounds, so that the truth needs a level of at most 1."""
+    formulation, problem = stated(0.01, 100, 0, model, theta)
+    witness = formulation.witness(theta)
+    assert 0.9 < witness.level <= 1.0  # of 100 uniform samples some are near the bound
+    assert formulation.problem.violation(witness.x) < 1e-9
+    start = first_point(formulation, problem)
+    assert start is not None
+    assert len(attained_ends(formulation, problem, start)) == 2 * len(theta) + 1
