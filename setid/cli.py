@@ -13,12 +13,13 @@ from typing import Any
 
 import sparsepop_py as sp
 
+from .cli_structure import add_structure, structure_from
 from .consistency import Consistency, consistency
 from .data import IOData
 from .errors import DataError, NoiseError, SetidError
 from .identify import identify
 from .intervals import Identification, IntervalStatus
-from .models.lti import TransferFunction
+from .models.equations import Structure
 from .noise import Noise
 from .options import Options
 from .plots import plot_intervals, require_matplotlib
@@ -112,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
         command.set_defaults(run=run)
         command.add_argument("record", metavar="RECORD.csv", help="a table of samples")
         _add_data(command)
-        _add_model(command)
+        add_structure(command)
         command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
         command.add_argument("--json", metavar="OUT.json", help="write the result; - prints it")
         if run is _identify:
@@ -132,20 +133,6 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     for kind in ("output", "input", "equation"):
         group.add_argument(f"--{kind}-noise", type=float, metavar="BOUND", help=_NOISE[kind])
     group.add_argument("--relative", action="store_true", help="bounds are shares of readings")
-
-
-def _add_model(command: argparse.ArgumentParser) -> None:
-    group = command.add_argument_group("structure and priors")
-    group.add_argument("--na", type=int, required=True, help="denominator coefficients")
-    group.add_argument("--nb", type=int, required=True, help="numerator coefficients")
-    group.add_argument("--nk", type=int, default=0, help="delay in samples")
-    group.add_argument("--offset", action="store_true", help="an unknown constant")
-    group.add_argument(
-        "--common-denominator", action="store_true", help="one for all pairs of channels"
-    )
-    group.add_argument("--from-rest", action="store_true", help="zero before the record")
-    group.add_argument("--stable", action="store_true", help="all poles in the unit disc")
-    group.add_argument("--dc-gain", type=float, nargs=2, metavar=("LOW", "HIGH"))
 
 
 def _version() -> str:
@@ -184,18 +171,9 @@ def _default_columns(path: str) -> tuple[str | int, str | int]:
 
 def _parts(
     arguments: argparse.Namespace,
-) -> tuple[IOData, TransferFunction, Noise, list[Any]]:
+) -> tuple[IOData, Structure, Noise, list[Any]]:
     data = _record(arguments)
-    model = TransferFunction(
-        arguments.na,
-        arguments.nb,
-        arguments.nk,
-        data.inputs,
-        data.outputs,
-        common_denominator=arguments.common_denominator,
-        offset=arguments.offset,
-        initial="zero" if arguments.from_rest else "free",
-    )
+    model = structure_from(arguments, data)
     noise = _noise(arguments)
     priors: list[Any] = [Stable()] if arguments.stable else []
     if arguments.dc_gain:

@@ -9,6 +9,7 @@ well, and a result says where its bound does not cover it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -64,8 +65,9 @@ def discretisation_error(
     >>> bool(0 < abs(error).max() < 1e-2)
     True
     """
-    values, inputs = np.asarray(theta, float), np.asarray(u, float).ravel()
-    recursion = simulate(model, values, inputs)[:, 0]
+    inputs, count = np.asarray(u, float).ravel(), model.n + model.m + 1
+    values = np.asarray(theta, float)[:count]  # constants pass all recursions unharmed
+    recursion = simulate(replace(model, offset=False), values, inputs)[:, 0]
     kind = "zoh" if model.hold == "constant" else "foh"
     system = np.append(1.0, values[: model.n]), values[model.n :]
     top, bottom, _ = cont2discrete((system[1], system[0]), model.Ts, method=kind)

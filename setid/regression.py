@@ -13,7 +13,7 @@ from .compiler import Planned, plan
 from .data import IOData
 from .errors import DataError, ModelError
 from .models.block import BlockStructured
-from .models.continuous import at_rate
+from .models.continuous import ContinuousTransferFunction, at_rate
 from .models.equations import Structure
 from .signals import Integers, Reals, Signal, measured, product
 
@@ -229,7 +229,9 @@ def check_channels(data: IOData, model: Structure) -> None:
         )
     wanted: Sequence[int] = (model.inputs, model.outputs)
     if (data.inputs, data.outputs) != tuple(wanted):
+        continuous = isinstance(model, ContinuousTransferFunction)
         raise DataError(
             f"data: found {data.inputs} inputs and {data.outputs} outputs, expected "
             f"{model.inputs} and {model.outputs} as in the model"
+            + ("; in continuous time choose one of each, or a TransferFunction" * continuous)
         )

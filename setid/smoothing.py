@@ -103,6 +103,8 @@ class _Term:
 def _terms(equation: Equation, model: Structure) -> list[_Term]:
     found: dict[tuple[str, str], Reals] = {}
     for term in equation.terms:
+        if not term.signals:
+            continue  # an offset, which no noise moves
         key = (term.parameters or ("",))[0], term.signals[0].signal
         table = found.setdefault(key, np.zeros(equation.lag + 1))
         table[term.signals[0].lag] += term.coefficient

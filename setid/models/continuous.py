@@ -77,6 +77,10 @@ class ContinuousTransferFunction:
         Sampling interval; that of the data when left out.
     initial : {"free", "zero"}
         As for :class:`TransferFunction`.
+    offset : bool
+        A constant parameter ``c``: D(s) y = N(s) u + c, so that c / a0 is what the output
+        settles at without an input (and an unknown offset of the sensor, or c / b0 of the
+        actuator). Not together with ``initial="zero"``.
 
     Raises
     ------
@@ -85,6 +89,9 @@ class ContinuousTransferFunction:
 
     Notes
     -----
+    One input and one output: a system with several of them is one structure for each pair,
+    identified from records in which the other inputs rest, or a discrete
+    :class:`TransferFunction`.
     ``"tustin"`` is exact where all signals inside the chain of integrators are linear
     between samples; its error falls with Ts^2 for inputs that ``hold`` describes.
     ``"lambda"`` is exact where input and output are linear (the input: as ``hold`` says)
@@ -118,6 +125,7 @@ class ContinuousTransferFunction:
     hold: Hold
     Ts: float | None
     initial: Initial
+    offset: bool
 
     def __init__(
         self,
@@ -129,6 +137,7 @@ class ContinuousTransferFunction:
         hold: Hold = "linear",
         Ts: float | None = None,
         initial: Initial = "free",
+        offset: bool = False,
     ) -> None:
         order = natural(n, "n", ModelError, least=1)
         degree = natural(m, "m", ModelError)
@@ -154,6 +163,11 @@ class ContinuousTransferFunction:
                 f"delta: found {delta!r}, expected 0 with method='indirect': the discrete model "
                 "has no discretisation error"
             )
+        if offset and initial == "zero":
+            raise ModelError(
+                "offset: found True with initial='zero', expected one of them: with an offset the "
+                "output does not rest at zero"
+            )
         fields: dict[str, Any] = {
             "n": order,
             "m": degree,
@@ -163,6 +177,7 @@ class ContinuousTransferFunction:
             "hold": hold,
             "Ts": None if Ts is None else _size(Ts, "Ts"),
             "initial": initial,
+            "offset": bool(offset),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
@@ -179,17 +194,19 @@ class ContinuousTransferFunction:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the coefficients in falling order, denominator first."""
+        """Names of the coefficients in falling order, denominator first, then the offset."""
         if self.method == "indirect":
             return self.counterpart.parameters
-        return (*self._falling("a", self.n - 1), *self._falling("b", self.m))
+        constant = ("c",) if self.offset else ()
+        return (*self._falling("a", self.n - 1), *self._falling("b", self.m), *constant)
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
         """Coefficient names of the transfer function."""
         if self.method == "indirect" or (output, input) != (1, 1):
             return self.counterpart.transfer(output, input)
         names = self.parameters
-        return Transfer(names[self.n :], names[: self.n], self.n - self.m, continuous=True)
+        top = names[self.n : self.n + self.m + 1]
+        return Transfer(top, names[: self.n], self.n - self.m, continuous=True)
 
     @property
     def counterpart(self) -> TransferFunction:
@@ -199,7 +216,8 @@ class ContinuousTransferFunction:
         held input cannot act at once (m < n).
         """
         delay = int(self.hold == "constant" and self.m < self.n)
-        return TransferFunction(self.n, self.n + 1 - delay, delay, initial=self.initial)
+        shape = (self.n, self.n + 1 - delay, delay)
+        return TransferFunction(*shape, initial=self.initial, offset=self.offset)
 
     def between_samples(self, delta: float) -> str:
         """What is taken for granted of the signals between samples, with the bound in use."""
@@ -253,7 +271,7 @@ class ContinuousTransferFunction:
         bottom, top = self.operator(self.n), np.zeros(self.n + 1)
         for power, a in zip(range(self.n - 1, -1, -1), values[: self.n], strict=True):
             bottom = bottom + a * self.operator(power)
-        for power, b in zip(self._powers, values[self.n :], strict=True):
+        for power, b in zip(self._powers, values[self.n : self.n + self.m + 1], strict=True):
             top = top + b * self.operator(power, "u")
         return np.asarray(top / bottom[0]), np.asarray(bottom / bottom[0])
 
@@ -272,6 +290,8 @@ class ContinuousTransferFunction:
             terms += _terms(name, 1.0, self.operator(i), "y1")
         for name, i in zip(self._falling("b", self.m), self._powers, strict=True):
             terms += _terms(name, -1.0, self.operator(i, "u"), "u1")
+        if self.offset:  # all n integrals of a constant
+            terms.append(Term(-(float(self._interval()) ** self.n), ("c",), ()))
         return (Equation("y1", tuple(terms), error=True, differences=self.n),)
 
     def regression(self) -> tuple[Equation, ...]:

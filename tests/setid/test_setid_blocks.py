@@ -116,10 +116,11 @@ def test_coupled_samples_have_proved_ends_and_attained_ones(name: str) -> None:
     assert result.verify(truth.data).ok
 
 
-def test_intervals_collapse_on_the_truth() -> None:
-    model, theta, priors = CASES["hammerstein"]
-    truth = simulated("hammerstein", 1e-8, samples=16)
-    quick = setid.Options(time_limit=2.0, progress=False, tol=0.1)
+@pytest.mark.parametrize("name", CASES)
+def test_intervals_collapse_on_the_truth(name: str) -> None:
+    model, theta, priors = CASES[name]
+    truth = simulated(name, 1e-8, samples=14)
+    quick = setid.Options(time_limit=8.0, progress=False, tol=0.1)
     result = setid.identify(truth.data, model, noise_of(truth), priors, quick)
     for value, item in zip(theta, result.intervals.values(), strict=True):
         assert value in item

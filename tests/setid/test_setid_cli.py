@@ -117,6 +117,13 @@ def test_rows(record: str, capsys: pytest.CaptureFixture[str]) -> None:
             "time_limit",
         ),
         (["identify", "record.csv", "--na", "1"], "--nb"),
+        (["identify", "record.csv", "--nb", "1"], "--na: found none, expected orders, or"),
+        (
+            ["identify", "record.csv", *FIRST, "--tau", "1"],
+            "--tau: found a value",
+        ),
+        (["identify", "record.csv", *FIRST, "--continuous", "1", "0"], "--na: found a value"),
+        (["identify", "record.csv", "--continuous", "1", "0", "--delta", "x"], "--delta: found"),
         (["consistency", "record.csv", *FIRST], "noise"),
         (["identify", "record.csv", *FIRST], "`setid consistency`"),
         (

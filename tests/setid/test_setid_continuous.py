@@ -186,6 +186,7 @@ C = setid.ContinuousTransferFunction
         (lambda: C(2, 1, delta=-0.1), "delta: found -0.1, expected a finite number >= 0"),
         (lambda: C(2, 1, delta="guess"), "delta: found 'guess', expected a number"),
         (lambda: C(2, 1, method="indirect", delta=0.1), "delta: found 0.1, expected 0 with"),
+        (lambda: C(2, 1, initial="zero", offset=True), "offset: found True with initial='zero'"),
         (lambda: C(2, 1, Ts=0), "Ts: found 0, expected a finite number > 0"),
         (lambda: setid.simulate(C(2, 1), THETA, [1.0, 2.0]), "Ts: found None, expected the sampl"),
         (lambda: at_rate(C(2, 1, Ts=0.1), 0.2), "Ts: found 0.1 in the model, expected 0.2"),

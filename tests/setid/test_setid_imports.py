@@ -29,7 +29,7 @@ residuals block_bands validation
 options bounds attained boxes directions lifted cell_structure cell_arithmetic cells
 boxed reports existence starts idle common_factor verification centre intervals progress driving
 noise_factor discretisation search unnormalised results identify consistency select
-plots block_plots cli
+plots block_plots cli_structure cli
 """.split()
 
 DOORS = {"matplotlib": {"record_plots"}, "control": {"exchange"}}
