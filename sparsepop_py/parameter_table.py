@@ -171,9 +171,10 @@ FIELDS: tuple[Field, ...] = (
         "works",
         "switches.scaled",
         "Boxed variables are divided by their larger bound in size, objective and constraints by "
-        "their largest coefficient.",
+        "their largest coefficient; nothing is where a constraint is a cone or a matrix.",
         "0 gives the solver the unscaled program; its multipliers are scaled before they are "
-        "certified. Bounds always refer to the problem as given.",
+        "certified. Problems with second-order or matrix constraints are scaled too. Bounds always "
+        "refer to the problem as given.",
         "test_switches.py::test_the_unscaled_program_has_the_same_value",
         _SWITCH,
         True,
@@ -313,7 +314,7 @@ FIELDS: tuple[Field, ...] = (
         "works",
         "accuracy",
         "Tolerance of the solver.",
-        "The same. A coarse tolerance proves a weaker bound.",
+        "The same, by default 1e-9 whatever the solver's name. A coarse one proves a weaker bound.",
         "test_sparsepop_problem.py::test_a_coarse_tolerance_proves_less",
     ),
     Field(

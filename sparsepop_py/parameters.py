@@ -87,6 +87,8 @@ class Parameters:
         given = self.__dict__.get("given", {})
         if name in given:
             return given[name]
+        if name in _OLD_NAMES:
+            return getattr(self, _OLD_NAMES[name])
         if name in _BY_NAME:
             return _BY_NAME[name].default
         raise AttributeError(f"param has no field {name!r}")

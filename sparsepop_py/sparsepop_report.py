@@ -44,7 +44,7 @@ def _lines(output: SparsePOPOutput, source: Any, level: int) -> Iterator[str]:
     yield "# Approximate optimal value information:"
     yield from _values(output)
     times = output.cpuTime
-    yield "# CPU time (seconds):"
+    yield "# elapsed time (CPU seconds):"
     yield f"  conversion          = {times.conversion:10.2f}"
     yield f"  SDP solver          = {times.SDPsolver:10.2f}"
     yield f"  certification       = {times.certification:10.2f}"
@@ -87,9 +87,13 @@ def _sdp(output: SparsePOPOutput) -> Iterator[str]:
     yield f"  SDP blocks          = {len(blocks)}, largest {max(blocks, default=0)}"
     if not info.solver:
         return
-    yield "# solver information:"
+    yield f"# {info.solver} information:"
     yield f"  numerr, pinf, dinf  = {info.numerr}, {info.pinf}, {info.dinf}  ({info.detail})"
     yield f"  iterations          = {info.iter}"
+    if info.dinf == 1:
+        yield "  it reports that the relaxation has no point: nor may the problem (not proved)"
+    if info.pinf == 1:
+        yield "  it reports no sum of squares of this order: a higher one or bounds may help"
 
 
 def _values(output: SparsePOPOutput) -> Iterator[str]:

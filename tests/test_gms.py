@@ -149,6 +149,15 @@ def test_small_coefficients_and_parentheses(read) -> None:
     assert str(problem.constraints[0]) == "e2: 1 - x^2 + y^3 >= 0"
 
 
+def test_terms_are_merged(read) -> None:
+    """Products in any order, repeated terms, signs before signs, constants on the left."""
+    body = """e1.. objvar =E= x*y^2*x + 1.5e-3*y^2.0*x^2 + - 0.5*y - x*x + 2.0E+2*x^2 - 3*x
+    + 3*x; e2.. y + 4 - x =L= 1;"""
+    problem = read(file(body))
+    assert str(problem.objective) == "-0.5*y + 199*x^2 + 1.0015*x^2*y^2"
+    assert str(problem.constraints[0]) == "e2: -3 + x - y >= 0"
+
+
 def test_blocks_and_text_after_solve_are_skipped(read) -> None:
     text = "$ontext\nVariables wrong\n$include wrong\n$OFFTEXT\n" + SMALL + "display x1.l;\n"
     assert read(text).fingerprint == read(SMALL).fingerprint

@@ -193,6 +193,8 @@ def test_names_of_version_two() -> None:
     parameters = read_parameters(old)
     assert (parameters.SDPsolverSW, parameters.SDPsolverOutFile) == (0, "log.txt")
     assert parameters.options.accuracy == parameters.SDPsolverEpsilon == 1e-5
+    new = read_parameters({"SDPsolverSW": 0, "SDPsolverEpsilon": 1e-5})
+    assert (new.SeDuMiSW, new.SeDuMiEpsilon, new.SeDuMiOutFile) == (0, 1e-5, 0)  # as an echo
     both = read_parameters({"SeDuMiEpsilon": 1e-5, "SDPsolverEpsilon": 1e-6})
     assert both.options.accuracy == 1e-6
 

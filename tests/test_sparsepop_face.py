@@ -26,6 +26,7 @@ def call(objective: Any, rows: Any, lower: Any, upper: Any, **param: Any) -> tup
 
 
 # min x1^2 + x2 on a line and a box, minimum 3/4 at (1/2, 1/2)
+FREE = 1e10
 LINE = (
     struct([[2, 0], [0, 1]], [1, 1]),
     [struct([[1, 0], [0, 1], [0, 0]], [1, 1, -1], -1)],
@@ -225,7 +226,7 @@ def test_report(gms: str, capsys: pytest.CaptureFixture[str]) -> None:
         "proved lower bound",
         "  POP.absError        = ",
         "  POP.scaledErrorL    = ",
-        "# CPU time (seconds):",
+        "# elapsed time (CPU seconds):",
         "# POP.xVect:\n       1: +5.0",
         "# POP.xVectL:",
     ):
@@ -255,9 +256,29 @@ def test_report_of_an_infeasible_problem(capsys: pytest.CaptureFixture[str]) -> 
     assert "no point is feasible" in text
 
 
-# ---- the traps of the original ----------------------------------------------------------
+@pytest.mark.parametrize(
+    ("objective", "rows", "words"),
+    [
+        (
+            struct([[1, 0]], [1]),
+            [struct([[2, 0], [1, 1], [0, 2], [0, 0]], [-1, 2, -1, -1])],
+            "the relaxation has no point",
+        ),
+        (struct([[3, 0]], [1]), [], "no sum of squares of this order"),
+    ],
+)
+def test_the_report_says_what_the_solver_reports(
+    objective: Any, rows: Any, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """-(x - y)^2 >= 1 has no point; x^3 is not bounded below, so no sum of squares."""
+    output = sparsePOP(objective, rows, [-FREE] * 2, [FREE] * 2, {"tighten": 0})
+    assert words in capsys.readouterr().out
+    assert output.SDPinfo.infeasibleSW == 0.5
+    assert output.SDPsolverInfo.feasratio == -1
+    assert output.POP.xVect.size == 0
 
-FREE = 1e10
+
+# ---- the traps of the original ----------------------------------------------------------
 
 
 @pytest.mark.parametrize(
