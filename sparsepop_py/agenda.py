@@ -21,6 +21,8 @@ __all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda"]
 PROGRAM = "linear program"  # names under which experience keeps their seconds
 TIGHTENING = "tightening"
 NARROW = 12  # variables whose bounds linear programs tighten at the root
+_DEAR = 3.0  # tightening that takes this many times as long as the next relaxation is left out
+_LINEAR = Recipe("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
 
 
@@ -81,7 +83,10 @@ class Agenda:
             return self._tightening + self.seconds(recipe.plain)
         if recipe.name not in known:
             known[recipe.name] = recipe.seconds(self.scaled(), self.ground.cliques)
-        return seen.pace * known[recipe.name]
+        alone = seen.pace * known[recipe.name]
+        if recipe.shape == "linear" and self.narrow and not self.dear:
+            return alone + self._tightening  # other programs follow the first
+        return alone
 
     @property
     def shortest(self) -> float:
@@ -91,14 +96,22 @@ class Agenda:
     @property
     def dear(self) -> bool:
         """Whether tightening by linear programs costs more than the next relaxation."""
-        return self._tightening > 3.0 * self.shortest
+        return self._tightening > _DEAR * self.shortest
 
     @property
     def _tightening(self) -> float:
         """Expected seconds of a few rounds of tightening."""
         seen = self.ground.experience.seconds
-        first = 2.0 * min(len(self.ground.variables), NARROW) * seen.get(PROGRAM, np.inf)
-        return seen.get(TIGHTENING, first)
+        programs = 2.0 * min(len(self.ground.variables), NARROW)
+        return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
+
+    @property
+    def _program(self) -> float:
+        """Expected seconds of a linear program before any was solved."""
+        known = self.ground.estimates
+        if _LINEAR.name not in known:
+            known[_LINEAR.name] = _LINEAR.seconds(self.scaled(), self.ground.cliques)
+        return self.ground.experience.pace * known[_LINEAR.name]
 
     def _may_tighten(self, recipe: Recipe) -> bool:
         below = recipe.shape in _TIGHTENED and recipe.plain is None
@@ -106,7 +119,8 @@ class Agenda:
 
     def _prepared(self, recipe: Recipe) -> Recipe:
         """On a tightened box, where that costs less than failing without is expected to."""
-        if not self._may_tighten(recipe):
+        seen = self.ground.experience.seconds
+        if not self._may_tighten(recipe) or not {PROGRAM, TIGHTENING} & seen.keys():
             return recipe
         alone = self.seconds(recipe)
         both = self._tightening + alone

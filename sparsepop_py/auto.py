@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda
 from .boxes import shrinks
 from .branch import Plan, Search, first_moments
-from .catalogue import Recipe, expected_seconds, hashed
-from .certificate.box import BoxProof, Step, tighten
+from .catalogue import Recipe, expected_seconds, hashed, progress
+from .certificate.box import BoxProof, Step, Tightening, tighten
 from .certificate.certificate import Node, Proved, prove
 from .ground import Ground
 from .incumbents import attained, extracted
 from .lifting import Lifted
 from .linear import LinearSolution
-from .narrowing import narrowed
+from .narrowing import narrowed, taken_again
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
 from .relaxation import Relaxation
@@ -42,6 +42,7 @@ _SLICE = 3.0  # most seconds that a tree grows before other rungs are considered
 _PATIENCE = 300  # parts after which linear programs alone are not trusted to close the gap
 _SWEEPS = 3  # of propagation after a step that shrank the box
 _ROUNDS = 3
+_POOR = 0.5  # an attained value that falls by this share of the gap was a poor cut-off
 _SMALLER = 0.7  # a box with a width below this share is worth the rungs climbed before
 _LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
 
@@ -122,10 +123,13 @@ class Auto:
             return
         moved = old.box.hi > old.box.lo
         width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
+        own = self.model.proof.steps[len(old.proof.steps) :]
         self.model, self.shared = model, model
         node, replay = self.best.node, self.task.replay()
-        # the box before had steps of its own, so that it need not hold this one
-        proved = prove(replay, model.box, node.argument, node.empty)
+        if any(isinstance(step, Tightening) for step in own):  # dear: they are kept
+            self._take(taken_again(replay, own, model.box), *own)
+        # another box than before, which need not be within it
+        proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
         if self.search is None and self.tried and width.min(initial=1.0) < _SMALLER:
             # the same rung may do more now
@@ -181,25 +185,15 @@ class Auto:
             if relaxation is None:
                 return
         seconds = time.process_time() - start
-        progress = self._progress(before)
-        self.ground.experience.learn(name, progress, seconds)
+        share = 1.0 if self.over else progress(before, self._gap, self.task.allowed)
+        self.ground.experience.learn(name, share, seconds)
         if name == _BRANCH:
-            self.rate = max(progress, 1e-3) / max(seconds, 1e-3)
+            self.rate = max(share, 1e-3) / max(seconds, 1e-3)
         self.history.append(self._record(name, relaxation, seconds))
 
     @property
     def _gap(self) -> float:
         return self.task.upper - self.bound
-
-    def _progress(self, before: float) -> float:
-        """From the gap before (0) to the gap that counts as closed (1), on a log scale."""
-        allowed = max(self.task.allowed, 1e-300)
-        if self.over or not np.isfinite(self._gap):
-            return 1.0 if self.over else 0.0
-        if not np.isfinite(before):
-            return 0.5
-        whole = np.log(max(before / allowed, 1.0 + 1e-9))
-        return float(np.clip(np.log(max(before, allowed) / self._gap) / whole, 0.0, 1.0))
 
     def _record(self, name: str, relaxation: Relaxation | None, seconds: float) -> Rung:
         return Rung(
@@ -241,7 +235,10 @@ class Auto:
             starts = extracted(relaxation, argued.solution, scaled.scaling)
         if argued.solution is not None and argued.solution.status in ("solved", "almost"):
             starts.append(first_moments(scaled, relaxation, argued.solution.y))
+        poor = self.task.upper - _POOR * self._gap
         self._attain(starts)
+        if recipe.plain is not None and self.task.upper < poor:
+            self.agenda.again([recipe])  # the cut-off was far from what it can be
         return relaxation
 
     def _accept(self, argued: Argued, relaxation: Relaxation | None) -> None:
@@ -330,8 +327,14 @@ class Auto:
         return made.gains
 
     def _tighten(self) -> Relaxation:
-        """Rounds of tightening before a relaxation whose bound depends on the box."""
-        start, lifted = time.process_time(), self._lifted()
+        """Rounds of tightening before a relaxation whose bound depends on the box.
+
+        The cut-off goes below the attained value: its neighbourhood need not be kept.
+        """
+        start = time.process_time()
+        self.task = replace(self.task, below=True)
+        self._shrink()
+        lifted = self._lifted()
         for _ in range(_ROUNDS):
             if not self._narrow(lifted) or self.over:
                 break
@@ -390,12 +393,7 @@ class Auto:
             worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
             if closed > 0.1 and worth > most and worth > _LEVEL / program:
                 best, most = recipe, worth
-        return Plan(
-            self.ground.cliques,
-            self.ground.variables,
-            recipe=best,
-            narrow=narrow,
-        )
+        return Plan(self.ground.cliques, self.ground.variables, recipe=best, narrow=narrow)
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

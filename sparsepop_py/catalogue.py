@@ -33,6 +33,7 @@ __all__ = [
     "expected_seconds",
     "families",
     "hashed",
+    "progress",
 ]
 
 Families = dict[Joined, Cliques]
@@ -199,12 +200,13 @@ def _below_orders(
     problem: Problem, cliques: Families, objectives: tuple[Polynomial, ...]
 ) -> list[Recipe]:
     """The linear relaxation, and what lies between order 1 and order 2 for degree two."""
-    rungs = [Recipe("linear", 0.25, "linear")]
-    if _differ(cliques["monomials"], cliques["constraints"]):
-        least = least_order(problem, objectives)
-        name = f"order {least}, monomial cliques"
-        rungs.append(Recipe(name, 0.3, "full", least, True, True, joined="monomials"))
     products = Products.of(problem, objectives)
+    star = problem.degree <= 2 and products.has_star  # far stronger at a similar price
+    rungs = [Recipe("linear", 0.1 if star else 0.25, "linear")]
+    if _differ(cliques["monomials"], cliques["constraints"]):
+        least, share = least_order(problem, objectives), 0.12 if star else 0.3
+        name = f"order {least}, monomial cliques"
+        rungs.append(Recipe(name, share, "full", least, True, True, joined="monomials"))
     if problem.degree > 2 or not products.pairs.size:
         return rungs
     if products.has_star:
@@ -257,6 +259,17 @@ def expected_seconds(sizes: dict[int, float], rows: float) -> float:
         return 2e-3 + 1.5e-6 * rows**1.4
     step = float(np.sum(counts * 1.2e-7 * entries**2 / (1.0 + entries / 600.0)))
     return _ITERATIONS * (step + 1e-6 * rows)
+
+
+def progress(before: float, after: float, allowed: float) -> float:
+    """From the gap before (0) to the gap that counts as closed (1), on a logarithmic scale."""
+    allowed = max(allowed, 1e-300)
+    if not np.isfinite(after):
+        return 0.0
+    if not np.isfinite(before):
+        return 0.5
+    whole = np.log(max(before / allowed, 1.0 + 1e-9))
+    return float(np.clip(np.log(max(before, allowed) / after) / whole, 0.0, 1.0))
 
 
 def hashed(relaxation: Relaxation, box: Interval) -> int:

@@ -1,22 +1,25 @@
 """Many objectives over one feasible set: what one proves helps the others.
 
-The box is made once by arguments that hold for all objectives: propagation, then linear
-programs for the variables that matter. Then each objective in turn climbs some rungs, until
-every gap is closed or nothing is left to try. A proved bound of a single variable shrinks
+The box is made once by arguments that hold for all objectives: propagation, and linear
+programs for the variables that matter (where a star of few complicating variables may do
+without, only once it has failed). Each objective in turn climbs some rungs, until every gap is
+closed or nothing is left to try. A proved bound of a single variable shrinks
 the shared box (its certificate is quoted, not repeated), and the next rungs are built on
 it; an attained point is tried on all objectives. Cut-offs stay with their objective.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .agenda import TIGHTENING
 from .auto import Auto
-from .boxes import find_box, finite, shrinks
+from .boxes import shrinks
 from .certificate.box import BoxProof, Known, Replay, Step, shrunk, tighten
 from .certificate.certificate import Certificate
 from .enclosure import range_over
@@ -37,7 +40,7 @@ from .shapes import Products
 from .sparsity import find_cliques
 from .task import Clock, Task
 
-__all__ = ["Family", "first_starts", "pairs", "shared_model", "width_between"]
+__all__ = ["Family", "first_starts", "pairs", "tightened_for_all", "width_between"]
 
 _ROUNDS = 4
 _NARROW = 24  # variables whose bounds linear programs tighten for all objectives
@@ -65,8 +68,6 @@ class Family:
         Called after each climb of an objective.
     repair : callable, optional
         Improves candidate vectors before local searches.
-    active : (m,) bool or None
-        Constraints that linear relaxations use.
     points : list of ProvedPoint
         Known feasible points; with any, no local search runs before the first climb.
     """
@@ -80,13 +81,13 @@ class Family:
     clock: Clock
     told: Callable[[int, Climbed], None] | None = None
     repair: Callable[[NDArray], NDArray] | None = None
-    active: NDArray[np.bool_] | None = None
     autos: list[Auto] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     ground: Ground = field(init=False)
+    tightened: bool = False
 
     def run(self) -> list[Climbed]:
         """Climb until every gap is closed or time is over."""
@@ -94,11 +95,13 @@ class Family:
         notes: tuple[str, ...] = ()
         try:
             self._first_points()
+            turn = 1  # all boxes shrink by what is cheap before anything dear is tried
             while not self.over:
                 for index in range(len(self.autos)):
-                    self._climb(index)
+                    self._climb(index, turn)
                 if self._stuck:
                     break
+                turn = _TURN
         except KeyboardInterrupt:
             notes = (INTERRUPTED,)
         states = [self._state(auto, notes) for auto in self.autos]
@@ -123,7 +126,8 @@ class Family:
         """One climber an objective."""
         self.pairs, self.base = pairs(self.objectives), self.model
         self.ground = Ground.of(self.problem, self.objectives, self.options)
-        self.ground.active = self.active
+        if not self.ground.products.has_star:  # a star may not need it, and is nearly as cheap
+            self._tighten()
         for objective in self.objectives:
             problem = self.problem.with_objective(objective)
             stages = Stages(self.options.progress)
@@ -142,7 +146,19 @@ class Family:
                 self.points.append(auto.task.best)
         self._carry(self.points)
 
-    def _climb(self, index: int) -> None:
+    def _tighten(self) -> None:
+        """Linear programs tighten the box of all, once."""
+        if self.tightened:
+            return
+        self.tightened, start = True, time.process_time()
+        with self.stages.stage("presolve"):
+            self.model, self.ground.active = tightened_for_all(
+                self.problem, self.objectives, self.model, self.options, self.clock
+            )
+        self.base = self.model
+        self.ground.experience.learn(TIGHTENING, 0.0, time.process_time() - start)
+
+    def _climb(self, index: int, rungs: int) -> None:
         """Let one objective climb some rungs on the shared box as it is now.
 
         What the first ones learn of the rungs saves the others detours.
@@ -152,11 +168,13 @@ class Family:
             return
         known = len(self.points)
         auto.restart(self.model)
-        auto.run(_TURN)
+        auto.run(rungs)
         if auto.task.best is not None and auto.task.best not in self.points:
             self.points.append(auto.task.best)
         self._carry(self.points[known:])
         self._quote(index)
+        if not auto.over:
+            self._tighten()
         if self.told is not None:
             self.told(index, self._state(auto))
 
@@ -227,14 +245,14 @@ def width_between(upper: float, other: float, options: Options) -> float:
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
 
-def shared_model(
+def tightened_for_all(
     problem: Problem,
-    options: Options,
     objectives: Sequence[Polynomial],
-    stages: Stages,
+    model: Model,
+    options: Options,
     clock: Clock,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
-    """The box that all objectives share, tightened by linear programs where they matter.
+    """A box that linear programs without cut-off tighten in the variables that matter.
 
     Returns
     -------
@@ -242,18 +260,14 @@ def shared_model(
     active : (m,) bool or None
         Constraints that were enough for these linear programs; None: all.
     """
-    with stages.stage("presolve"):
-        proof, box = find_box(problem, None, options)
-        model = Model(proof, box)
-        idle = options.effort != "auto" or "narrow" in options.skip
-        if idle or not finite(box) or is_empty(box):
-            return model, None
-        products = Products.of(problem, objectives)
-        targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
-        variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-        if not products.pairs.size or not 0 < len(variables) <= _NARROW:
-            return model, None
-        return _tightened(problem, model, variables, options, products, clock)
+    if "narrow" in options.skip or is_empty(model.box):
+        return model, None
+    products = Products.of(problem, objectives)
+    targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
+    variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
+    if not products.pairs.size or not 0 < len(variables) <= _NARROW:
+        return model, None
+    return _tightened(problem, model, variables, options, products, clock)
 
 
 def _tightened(

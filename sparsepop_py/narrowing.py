@@ -18,13 +18,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .boxes import shrinks
-from .certificate.box import BoxProof, Step, tighten
+from .certificate.box import BoxProof, Replay, Step, tighten
 from .lifting import Lifted, tightened
 from .presolve.propagation import is_empty
+from .rounding import Interval
 from .rungs import Model
 from .task import Task
 
-__all__ = ["Narrowed", "narrowed"]
+__all__ = ["Narrowed", "narrowed", "taken_again"]
 
 _SWEEPS = 3  # of propagation after bounds have moved
 _GAINED = 0.8  # another round follows where a width fell below this share
@@ -77,3 +78,12 @@ def narrowed(task: Task, model: Model, lifted: Lifted, variables: Sequence[int])
     made = replace(model, proof=BoxProof(tuple(steps)), box=smaller)
     old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
     return Narrowed(made, not is_empty(smaller) and bool(np.any(new < _GAINED * old)))
+
+
+def taken_again(replay: Replay, steps: Sequence[Step], box: Interval) -> Interval:
+    """What steps that shrank one box make of another."""
+    for step in steps:
+        if is_empty(box):
+            break
+        box = replay.step(step, box)
+    return box

@@ -14,9 +14,9 @@ from itertools import chain, tee
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import finite
+from .boxes import find_box, finite
 from .errors import ProblemError, SparsePOPError
-from .family import Family, first_starts, pairs, shared_model, width_between
+from .family import Family, first_starts, pairs, width_between
 from .feasibility import ProvedPoint
 from .incumbents import first_attained, random_starts
 from .ladder import INTERRUPTED, Climbed, climb, nothing_yet
@@ -143,7 +143,8 @@ def solve_each(
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
     told = _Told(on_progress)
     clock = Clock(options.time_limit)
-    first, active = shared_model(problem, options, objectives, stages, clock)
+    with stages.stage("presolve"):
+        first = Model(*find_box(problem, None, options))
     box = first.box
     if options.effort == "auto" and finite(box) and not is_empty(box):
         starts += first_starts(problem, box, options)
@@ -158,7 +159,6 @@ def solve_each(
             told,
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
-            active=active,
         )
         return [_result(climbed) for climbed in family.run()]
     model = None

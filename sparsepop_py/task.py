@@ -60,6 +60,8 @@ class Task:
         What the gap is relative to; None: as ``options.gap_kind`` says.
     repair : callable or None
         Given a candidate vector (n,), a better one to start a local search from.
+    below : bool
+        Whether the cut-off lies a little below the attained value, see :meth:`replay`.
     """
 
     problem: Problem
@@ -69,6 +71,7 @@ class Task:
     best: ProvedPoint | None = None
     unit: float | None = None
     repair: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    below: bool = False
 
     @property
     def upper(self) -> float:
@@ -92,14 +95,15 @@ class Task:
         """Whether a proved bound closes the gap, or says that nothing is feasible."""
         return bound == np.inf or (self.best is not None and bound >= self.target)
 
-    def replay(self, *, below: bool = False) -> Replay:
+    def replay(self, *, below: bool | None = None) -> Replay:
         """The problem with the cut-off at the attained value.
 
-        Where ``below``, the cut-off lies a little below it, by most of the allowed gap, so
-        that parts of the box can become empty; a bound can then not exceed that level.
+        Where ``below`` (of the task, if not given), the cut-off lies a little below it, by most
+        of the allowed gap, so that parts of the box can become empty; a bound can then not
+        exceed that level.
         """
         idle = self.best is None or "cutoff" in self.options.skip
         level = None if idle else self.upper
-        if below and level is not None:
+        if (self.below if below is None else below) and level is not None:
             level -= 0.9 * self.allowed
         return Replay(self.problem, level)
