@@ -114,9 +114,12 @@ class BlockPairs:
     source : int array
         Its number in the entry matrix.
     at : (K + 1,) int
-        Where the places of each block begin.
-    place : int array
-        Places of all pairs p <= q: those of the first q, of the second, and so on.
+        Where the pairs p <= q of each block begin: those of the first q, of the second, and so
+        on. What is added to the fronts for them goes to runs of places:
+    run : (K + 1,) int
+        where the runs of each block begin, and of each run
+    place, length : int arrays
+        its first place and how many follow each other.
     """
 
     start: Indices
@@ -127,7 +130,9 @@ class BlockPairs:
     column: NDArray[np.uint32]
     source: Indices
     at: Indices
+    run: Indices
     place: NDArray[np.uint32] | Indices
+    length: NDArray[np.uint32]
 
     def parts(self) -> list[tuple[int, int]]:
         """Ranges of blocks with about equal work for operations on matrices, one if it is small."""
@@ -171,7 +176,7 @@ class PairProduct:
             parts = list(zip(self.ranges[begin:], self.memory, strict=False))
             self.workers.each(sums, parts)
             for (low, high), found in parts:
-                compiled.scatter(entries, found, b.place, b.at[low], b.at[high])
+                compiled.scatter(entries, found, b.place, b.length, b.run[low], b.run[high])
 
 
 def _ranges(work: NDArray[Any], least: float, most: int) -> list[tuple[int, int]]:
@@ -230,6 +235,10 @@ def block_pairs(
             ranks = spot[low[some][:, None] + np.arange(count)]
             found = tree.pairs(ranks, np.ones(ranks.shape, bool))[:, earlier, later]
             place[at[some][:, None] + np.arange(later.size)] = found
+    new = np.ones(place.size, bool)
+    new[1:] = np.diff(place.astype(np.int64)) != 1
+    new[at[:-1][width > 0]] = True
+    begin = np.flatnonzero(new)
     return BlockPairs(
         start[:-1],
         size,
@@ -239,7 +248,9 @@ def block_pairs(
         j[turned].astype(np.uint32),
         turned,
         at,
-        place,
+        np.searchsorted(begin, at),
+        place[begin],
+        np.diff(np.append(begin, place.size)).astype(np.uint32),
     )
 
 

@@ -20,6 +20,7 @@ _dtrtri = routine("lapack", "dtrtri", 6)
 _dsyev = routine("lapack", "dsyev", 9)
 
 _SMALL = 16  # size up to which calls of LAPACK cost more than they gain
+_CLOSE = 0.999  # part of the longest step that is taken for it
 _LETTERS = np.frombuffer(b"UN", np.uint8)
 
 
@@ -181,7 +182,8 @@ def largest_step(inverse, direction, start, size, low, high, limit):
     """The largest a <= limit that keeps all L L' + a D semidefinite, by inverse factors.
 
     With T = L^-1 D L^-T this is -1 / (its least eigenvalue), which is computed where I + a T has
-    no Cholesky factor.
+    no Cholesky factor. What is returned is a little less, lest a chain of almost equal blocks
+    makes every second one fail.
     """
     room = _room(size[low:high])
     largest = size[low:high].max() if high > low else 1
@@ -238,7 +240,7 @@ def largest_step(inverse, direction, start, size, low, high, limit):
         at, found, lwork = moved.ctypes.data, values.ctypes.data, n_at + 4
         _dsyev(general, upper, n_at, at, n_at, found, more.ctypes.data, lwork, failed)
         if values[0] * limit < -1.0:
-            limit = -1.0 / values[0]
+            limit = -_CLOSE / values[0]
     return limit
 
 
@@ -256,6 +258,10 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
     p_at = work.ctypes.data
     z_at, v_at = p_at + room * WORD, p_at + 2 * room * WORD
     rows, columns, weights = row.ctypes.data, column.ctypes.data, weight.ctypes.data
+    most = 0
+    for k in range(low, high):
+        most = max(most, first[member[k + 1]] - first[member[k]])
+    flat = np.empty(most, np.uint32)
     target = 0
     for k in range(low, high):
         s = size[k]
@@ -263,6 +269,9 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
         step = width * WORD
         _pad(inverse, start[k], s, width, work, 0)
         _pad(dual, start[k], s, width, work, room)
+        origin = first[member[k]]
+        for nonzero in range(origin, first[member[k + 1]]):
+            flat[nonzero - origin] = row[nonzero] * width + column[nonzero]
         for q in range(member[k], member[k + 1]):
             begin, end = first[q], first[q + 1]
             for i in range(0, s, 2):
@@ -273,17 +282,19 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
                     )
             for p in range(member[k], q + 1):
                 nonzero = first[p]
-                at = np.uint32(row[nonzero]) * width + np.uint32(column[nonzero])
-                total = weight[nonzero] * V[at]
+                total = weight[nonzero] * V[flat[nonzero - origin]]
                 for nonzero in range(first[p] + 1, first[p + 1]):
-                    at = np.uint32(row[nonzero]) * width + np.uint32(column[nonzero])
-                    total += weight[nonzero] * V[at]
+                    total += weight[nonzero] * V[flat[nonzero - origin]]
                 result[target] = total
                 target += 1
 
 
 @jit
-def scatter(values, sums, place, low, high):
-    """Add the first sums to values at the places from low to high - 1."""
-    for k in range(low, high):
-        values[place[k]] += sums[k - low]
+def scatter(values, sums, place, length, low, high):
+    """Add sums one after the other to values at the runs of places from low to high - 1."""
+    source = 0
+    for run in range(low, high):
+        target = np.int64(place[run])
+        for k in range(np.int64(length[run])):
+            values[target + k] += sums[source + k]
+        source += np.int64(length[run])

@@ -26,7 +26,6 @@ from .layout import BlockStack
 __all__ = ["CompiledCone", "Cone"]
 
 Reals = NDArray[np.float64]
-_SLIGHTLY_LESS = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,4 +158,4 @@ class CompiledCone(Cone):
         found = self.workers.each(
             lambda part: kernel(factor, direction, b.start, b.size, *part, limit), self.parts
         )
-        return _SLIGHTLY_LESS * min(found, default=limit)
+        return min(found, default=limit)

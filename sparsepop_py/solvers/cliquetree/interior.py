@@ -39,6 +39,7 @@ _ROUGH, _EXACT = 1e-5, 1e-12  # range of residuals of linear solves for the corr
 _SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
 _EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
+_CORRECTORS, _GAIN, _LONG = 1, 1.0, 0.9
 
 
 @dataclass(slots=True)
@@ -274,10 +275,20 @@ def _advance(
     ratio = max(float(ahead), 0.0) / max(float(point.s @ point.z), 1e-300)
     shorter = min(first, second)
     centring = min(1.0, max(1e-4, (1.0 - shorter) ** 2 * ratio))
-    correction = cone.sandwich(newton.inverse, predictor.s, predictor.z)
-    corrector = newton.direction(centring, correction)
-    clock.charge("solves")
-    first, second = lengths(corrector, settings.boundary + settings.stretch * shorter, False)
+    part = settings.boundary + settings.stretch * shorter
+    corrector = predictor
+    first = second = 0.0
+    for _ in range(_CORRECTORS):
+        correction = cone.sandwich(newton.inverse, corrector.s, corrector.z)
+        other = newton.direction(centring, correction)
+        clock.charge("solves")
+        longer = lengths(other, part, False)
+        if min(longer) < _GAIN * min(first, second):
+            break
+        if sum(longer) > first + second:
+            corrector, (first, second) = other, longer
+        if min(longer) > _LONG:
+            break
     after = Iterate(
         point.y + first * corrector.y,
         point.s + first * corrector.s,
