@@ -20,7 +20,7 @@ Form = Literal["auto", "direct", "partial"]
 Orders = tuple[tuple[int, ...], ...]  # one row an output, one column an input
 
 
-@dataclass(frozen=True, slots=True, init=False)
+@dataclass(frozen=True, slots=True, init=False, repr=False)
 class TransferFunction:
     """y(k) = - sum_i a_i y(k-i) + sum_j b_j u(k-j), j = nk, ..., nk + nb - 1.
 
@@ -116,6 +116,21 @@ class TransferFunction:
             raise ModelError("na: found several orders, expected one for a common denominator")
         for key, value in fields.items():
             object.__setattr__(self, key, value)
+
+    def __repr__(self) -> str:
+        """As it was made, without what was left at its default."""
+        given = {name: _brief(getattr(self, name)) for name in ("na", "nb", "nk")}
+        usual: dict[str, Any] = {
+            "nk": 0,
+            "inputs": 1,
+            "outputs": 1,
+            "common_denominator": False,
+            "offset": False,
+        }
+        usual |= {"initial": "free", "form": "auto"}
+        given |= {name: getattr(self, name) for name in usual if name != "nk"}
+        kept = [f"{k}={v!r}" for k, v in given.items() if k not in usual or v != usual[k]]
+        return f"TransferFunction({', '.join(kept)})"
 
     # ---- names --------------------------------------------------------------------------
 
@@ -219,6 +234,12 @@ class TransferFunction:
         if self.offset:
             total.append(term(-1.0, self._offset(i)))
         return [*equations, Equation(f"y{i + 1}", tuple(total))]
+
+
+def _brief(orders: Orders) -> int | Orders:
+    """One number where all pairs of channels have the same order."""
+    found = {n for row in orders for n in row}
+    return found.pop() if len(found) == 1 else orders
 
 
 def _orders(given: object, field: str, outputs: int, inputs: int, least: int = 0) -> Orders:

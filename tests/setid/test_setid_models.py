@@ -156,3 +156,14 @@ def test_simulation_of_a_polynomial_model_by_hand() -> None:
 def test_wrong_simulations(theta, u, message: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(setid.SetidError, match=message):
         setid.simulate(setid.TransferFunction(1, 1), theta, u)
+
+
+def test_transfer_functions_print_as_they_are_made() -> None:
+    TransferFunction = setid.TransferFunction
+    assert repr(TransferFunction(2, 3)) == "TransferFunction(na=2, nb=3)"
+    for model in (
+        TransferFunction(2, 2, 3, offset=True, initial="zero"),
+        TransferFunction([[1, 2]], 1, [[0, 1]], inputs=2, form="direct"),
+        TransferFunction(2, 1, 1, 2, 2, common_denominator=True),
+    ):
+        assert eval(repr(model), {"TransferFunction": TransferFunction}) == model
