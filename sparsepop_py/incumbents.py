@@ -29,7 +29,7 @@ from .task import Task
 __all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
 
 _MANY = 2000  # variables from which atoms are not looked for: means start a search, too
-_FAR = 1e-3  # candidates whose value is this much above the best are not worth keeping
+_GAIN = 0.01  # of the allowed gap; while it is open, what is better by less is not worth a proof
 
 
 def attain(
@@ -42,7 +42,9 @@ def attain(
     options = task.options
     if options.refine == "none" or not starts:
         return None, []
-    aim = Aim(options.tolerance, _enough(problem, task, proved))
+    done = options.gap_kind == "width" or task.closed(proved)
+    gain = 0.0 if done else _GAIN * task.allowed
+    aim = Aim(options.tolerance, _enough(problem, task, proved), False, task.upper, gain)
     return best_attained(problem, _with_repaired(task, starts), aim, _method(task), task.clock.end)
 
 

@@ -112,23 +112,23 @@ def _tries(
     def feasible(x: NDArray) -> bool:
         return bool(rows.given.violation(rows.point(x)) <= tolerance)
 
-    if small and branch is problem:
+    # vertices of linear programs satisfy equations better, and their existence is proved sooner
+    first = small and branch is problem and not (bilinear and bool(problem.equality.any()))
+    if first:
         yield local_search(problem, start, method, end)
     if bilinear and method is None:
         x = local_search(problem, start, "sequential", end)
         failed = not feasible(x)
         yield x
-        if small:
-            yield sequential_search(problem.sharpened, start)  # nothing held
     if branch is not problem:
         x = local_search(branch, start, method, end)
         yield x
         if small and feasible(x):
             return  # others would stall on what is decided here
-        if small:
-            yield local_search(problem, start, method, end)
-    if not small and failed and not (bilinear and large):
+    if not first and (small or (failed and not (bilinear and large))):
         yield local_search(problem, start, method, end)
+    if small and bilinear and method is None:
+        yield sequential_search(problem.sharpened, start)  # nothing held
 
 
 @dataclass(frozen=True)
@@ -143,11 +143,17 @@ class Aim:
         A value that needs no improvement, such as a proved bound with the allowed gap.
     any : bool
         Whether any local minimum will do.
+    known : float
+        What is attained already.
+    gain : float
+        What a value must gain to be worth another proof.
     """
 
     tolerance: float
     enough: float = -np.inf
     any: bool = False
+    known: float = np.inf
+    gain: float = 0.0
 
 
 def _candidates(
@@ -156,8 +162,10 @@ def _candidates(
     """Nearly feasible (value, vector) pairs that one start leads to, the start included."""
     kept: list[tuple[float, NDArray[np.float64]]] = []
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
-        kept += _rated(rows, [found], aim)
-        if number and kept and (aim.any or kept[-1][0] <= aim.enough):
+        ended = _rated(rows, [found], aim)
+        kept += ended
+        known = number > 1 and min((value for value, _ in kept), default=np.inf) <= aim.enough
+        if known or (number and ended and aim.any):
             break
     return kept
 
@@ -207,7 +215,7 @@ def best_attained(
         reached.append(min((value for value, _ in ends), default=np.inf))
         best_value = min(reached)
         if reached[-1] <= aim.enough or (aim.any and ends):
-            best = _best_proved(problem, ends, best)
+            best = _best_proved(problem, ends, best, aim)
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
         near = best_value + 1e-5 * (1.0 + abs(best_value))
@@ -216,21 +224,22 @@ def best_attained(
             break
     found.sort(key=lambda entry: entry[0])
     if best is None or not (aim.any or best.value <= aim.enough):
-        best = _best_proved(problem, found[:_PROOFS], best)
+        best = _best_proved(problem, found[:_PROOFS], best, aim)
     if best is not None and best.value > aim.enough > -np.inf and method is None:
         if _SMALL < problem.dimension <= _FEW and time.monotonic() < end:
-            last = _rated(rows, [local_search(rows.problem, rows.start(best.x), end=end)], aim)
+            last = _rated(rows, [local_search(rows.problem, rows.start(best.x), None, end)], aim)
             found = last + found
-            best = _best_proved(problem, last, best)
+            best = _best_proved(problem, last, best, aim)
     return best, [x for _, x in found]
 
 
 def _best_proved(
-    problem: Problem, found: list[tuple[float, NDArray]], best: ProvedPoint | None
+    problem: Problem, found: list[tuple[float, NDArray]], best: ProvedPoint | None, aim: Aim
 ) -> ProvedPoint | None:
     """The best proved point that is nearest to one of the vectors, or the one known before."""
     for value, x in sorted(found, key=lambda entry: entry[0]):
-        if best is not None and value >= best.value:
+        known = aim.known if best is None else min(best.value, aim.known)
+        if value >= known - aim.gain:
             break
         proved = prove_feasible(problem, x)
         if proved is not None and (best is None or proved.value < best.value):

@@ -90,7 +90,7 @@ def _value(problem: Problem, end: float) -> Any:
 
 def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper)
-    options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-15, "gtol": 1e-10}
+    options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-12, "gtol": 1e-10}
     x = minimize(
         _value(problem, end),
         start,

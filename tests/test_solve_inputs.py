@@ -10,7 +10,7 @@ import pytest
 from solved import INF, LAB_OPTIMUM, check, double_well_chain, region
 
 import sparsepop_py as sp
-from sparsepop_py import problems, refinement, rungs
+from sparsepop_py import multistart, problems, rungs
 
 # ---- starting points --------------------------------------------------------------------------
 
@@ -20,13 +20,13 @@ def test_the_local_search_begins_at_the_starting_point(monkeypatch):
     problem = sp.Problem((x - 40) ** 2 * (x + 1) ** 2 + y**2 - 0.5 * x, lower=-100, upper=100)
     start = np.array([39.25, 0.125])
     seen = []
-    search = refinement.local_search
+    search = multistart.local_search
 
     def spy(problem, begin, *rest):
         seen.append(np.array(begin))
         return search(problem, begin, *rest)
 
-    monkeypatch.setattr(refinement, "local_search", spy)
+    monkeypatch.setattr(multistart, "local_search", spy)
     result = sp.solve(problem, start=start)
     assert any(np.array_equal(begin, start) for begin in seen)
     assert result.upper_bound <= -20.0
