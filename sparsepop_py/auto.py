@@ -78,6 +78,7 @@ class Auto:
     linear: float = -np.inf
     later: Iterable[NDArray[np.float64]] = ()
     solved: set[int] = field(default_factory=set)
+    last: tuple[Interval, Scaled] | None = None
 
     def __post_init__(self) -> None:
         replay = self.task.replay()
@@ -151,8 +152,11 @@ class Auto:
         return best
 
     def _scaled(self) -> Scaled:
-        scaling = Scaling.of_box(self.model.box)
-        return Scaled.of(self.task.problem, scaling, (self.task.problem.objective,))
+        """The problem scaled to the box as it is now, remembered for estimates."""
+        if self.last is None or self.last[0] is not self.model.box:
+            box, problem = self.model.box, self.task.problem
+            self.last = box, Scaled.of(problem, Scaling.of_box(box), (problem.objective,))
+        return self.last[1]
 
     def _branch_rate(self) -> float | None:
         """Share of the gap that branching is expected to close in a second."""
@@ -327,10 +331,7 @@ class Auto:
         return made.gains
 
     def _tighten(self) -> Relaxation:
-        """Rounds of tightening before a relaxation whose bound depends on the box.
-
-        The cut-off goes below the attained value: its neighbourhood need not be kept.
-        """
+        """Rounds of tightening before a relaxation, from a cut-off below the attained value."""
         start = time.process_time()
         self.task = replace(self.task, below=True)
         self._shrink()

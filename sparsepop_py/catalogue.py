@@ -144,11 +144,13 @@ class Experience:
     def learn(self, name: str, progress: float, seconds: float) -> None:
         """Enter what one rung did; older experience fades.
 
-        A gap that is closed counts more than progress: it saves the rungs above.
+        A gap that is closed counts more than progress: it saves the rungs above. Less time
+        than before counts at once, since what was analysed the first time is remembered.
         """
         worth = _CLOSED * (progress >= 1.0) + (1.0 - _CLOSED) * progress
         for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
+        self.seconds[name] = min(self.seconds[name], seconds)
 
     def closes(self, name: str) -> float:
         """How likely a rung is to close the gap, from what it did so far."""

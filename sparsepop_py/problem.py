@@ -121,7 +121,7 @@ class Problem:
         """Number of variables n."""
         return self.objective.dimension
 
-    @property
+    @cached_property
     def degree(self) -> int:
         """Largest degree of objective and constraints."""
         return max([self.objective.degree, *(c.degree for c in self.constraints)])

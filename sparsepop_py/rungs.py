@@ -48,6 +48,7 @@ __all__ = [
 ]
 
 _SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; parts below may be left out
+_ROUGH = 1e-4  # accuracy that is enough of a solver whose gap is that of its safe value
 _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
 
 
@@ -152,7 +153,7 @@ def _solution(
         program if small is None else small.program,
         solver,
         task.clock.left,
-        _accuracy(task, size),
+        _accuracy(task, size, _ROUGH if solver == "cliquetree" else 1e-6),
         _target(task, size),
         task.options.max_iterations,
     )
@@ -174,13 +175,13 @@ def short_if(
     return argued
 
 
-def _accuracy(task: Task, size: float) -> float:
+def _accuracy(task: Task, size: float, rough: float) -> float:
     """How far a solver should go: a hundredth of the gap that counts as closed is enough."""
     if task.options.accuracy is not None:
         return task.options.accuracy
     if task.best is None or task.options.effort != "auto":
         return 1e-9
-    return float(np.clip(1e-2 * task.allowed / size, 1e-9, 1e-6))
+    return float(np.clip(1e-2 * task.allowed / size, 1e-9, rough))
 
 
 def _target(task: Task, size: float) -> float | None:

@@ -255,10 +255,11 @@ def _repeats_bounds(
 
 
 def _split(system: PolynomialSystem, size: NDArray) -> list[Polynomial]:
+    """The rows divided by their sizes; the words of an expanded system are distinct and graded."""
     first = np.searchsorted(system.row, np.arange(system.size + 1))
-    return [
-        Polynomial.from_words(
-            system.words[a:b], system.coefficients[a:b] / size[k], system.dimension
-        )
-        for k, (a, b) in enumerate(zip(first[:-1], first[1:], strict=True))
-    ]
+    values, words, n = system.coefficients / size[system.row], system.words, system.dimension
+    values.flags.writeable = words.flags.writeable = False
+    parts = [(words[a:b], values[a:b], n) for a, b in zip(first[:-1], first[1:], strict=True)]
+    if not np.all(np.isfinite(values) & (values != 0.0)):
+        return [Polynomial.from_words(*part) for part in parts]
+    return [Polynomial(monomials.trim(w), v, n) for w, v, n in parts]
