@@ -22,6 +22,7 @@ PROGRAM = "linear program"  # names under which experience keeps their seconds
 TIGHTENING = "tightening"
 NARROW = 12  # variables whose bounds linear programs tighten at the root
 _DEAR = 3.0  # tightening that takes this many times as long as the next relaxation is left out
+_WEAK = 0.3  # share of the progress that linear relaxations and the like make at most
 _LINEAR = Recipe("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
 
@@ -90,8 +91,8 @@ class Agenda:
 
     @property
     def shortest(self) -> float:
-        """Expected seconds of the fastest relaxation that is not linear, +inf if none is left."""
-        return min((self.seconds(r) for r in self.recipes if r.shape != "linear"), default=np.inf)
+        """Expected seconds of the fastest relaxation that is not weak, +inf if none is left."""
+        return min((self.seconds(r) for r in self.recipes if r.share > _WEAK), default=np.inf)
 
     @property
     def dear(self) -> bool:
