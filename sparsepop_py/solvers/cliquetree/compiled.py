@@ -27,11 +27,16 @@ __all__ = ["factorize", "inverse_factors", "inverses", "largest_step", "pair_sum
 __all__ += ["scatter", "solve"]
 
 _dpotrf = routine("lapack", "dpotrf", 5)
+_dlacpy = routine("lapack", "dlacpy", 7)
+_dtrtri = routine("lapack", "dtrtri", 6)
+_dgemm = routine("blas", "dgemm", 13)
+_dtrmm = routine("blas", "dtrmm", 11)
 _dtrsm = routine("blas", "dtrsm", 11)
 _dsyrk = routine("blas", "dsyrk", 10)
 _dtrsv = routine("blas", "dtrsv", 8)
 _dgemv = routine("blas", "dgemv", 11)
 
+_PANEL = 64  # rows of a front that are eliminated together
 # What is passed by its address must outlive the call, so constants are global.
 _LETTERS = np.frombuffer(b"ULRTN", np.uint8)
 _ONES = np.array([1.0, -1.0, 0.0])
@@ -64,6 +69,59 @@ def _extend_add(values, work, stack, source, to, base, e, u):
 
 
 @jit
+def _eliminate(front, e, u, inverse):
+    """The e rows of U with U'U the pivots, in place of these and of the u columns behind them.
+
+    Rows are taken in panels, and triangles of a panel are inverted: products of matrices run at
+    almost twice the speed of LAPACK's Cholesky factorization and of triangular solves.
+    """
+    n, info = np.empty(5, np.int32), np.zeros(1, np.int32)
+    upper, left, _, transpose, general = _letters()
+    plus, minus, _ = _ones()
+    rows = n.ctypes.data
+    ahead, wide, further, stride = rows + 4, rows + 8, rows + 12, rows + 16
+    n[3], n[4] = u, e
+    for j in range(0, e, _PANEL):
+        m = min(_PANEL, e - j)
+        n[0], n[1], n[2] = m, e - j - m, e - j - m + u
+        corner = front + WORD * (j * e + j)
+        _dpotrf(upper, rows, corner, stride, info.ctypes.data)
+        if info[0] != 0:
+            return False
+        if n[2] == 0:
+            break
+        right, beyond = corner + WORD * m * e, front + WORD * (e * e + j)
+        if m == e:
+            _dtrsm(left, upper, transpose, general, rows, wide, plus, corner, stride, right, stride)
+            break
+        triangle = inverse.ctypes.data
+        _dlacpy(upper, rows, rows, corner, stride, triangle, rows)
+        _dtrtri(upper, general, rows, triangle, rows, info.ctypes.data)
+        _dtrmm(left, upper, transpose, general, rows, wide, plus, triangle, rows, right, stride)
+        if n[1]:
+            _dsyrk(
+                upper, transpose, ahead, rows, minus, right, stride, plus, right + WORD * m, stride
+            )
+        if n[1] and u:
+            _dgemm(
+                transpose,
+                general,
+                ahead,
+                further,
+                rows,
+                minus,
+                right,
+                stride,
+                beyond,
+                stride,
+                plus,
+                beyond + WORD * m,
+                stride,
+            )
+    return True
+
+
+@jit
 def factorize(
     values,
     regularisation,
@@ -88,8 +146,8 @@ def factorize(
     rows slots[slot[f]:slot[f + 1]] of its parent.
     """
     work = np.empty(max(1, updates.max() ** 2))
-    n, info = np.empty(3, np.int32), np.zeros(1, np.int32)
-    upper, left, _, transpose, general = _letters()
+    n, inner = np.empty(2, np.int32), np.empty(_PANEL**2)
+    upper, _, _, transpose, _ = _letters()
     plus, minus, _ = _ones()
     n1, n2 = n.ctypes.data, n.ctypes.data + 4
     for f in range(low, high):
@@ -104,13 +162,11 @@ def factorize(
             at = b + i * e + i
             values[at] += regularisation * values[at] + least
         pointer = values.ctypes.data + WORD * b
-        n[0], n[1] = e, u
-        _dpotrf(upper, n1, pointer, n1, info.ctypes.data)
-        if info[0] != 0:
+        if not _eliminate(pointer, e, u, inner):
             return f
         if u:
             below = pointer + WORD * e * e
-            _dtrsm(left, upper, transpose, general, n1, n2, plus, pointer, n1, below, n1)
+            n[0], n[1] = e, u
             _dsyrk(upper, transpose, n2, n1, minus, below, n1, plus, work.ctypes.data, n2)
             for i in range(u):
                 to_row = home[f] + i * u

@@ -39,7 +39,9 @@ _ROUGH, _EXACT = 1e-5, 1e-12  # range of residuals of linear solves for the corr
 _SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
 _EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
-_CORRECTORS, _GAIN, _LONG = 1, 1.0, 0.9
+_CORRECTORS = 4  # where a factorization costs so many times what a direction costs:
+_DEAR = 20.0
+_LONG = 0.9  # part of the whole step that no further corrector is to lengthen
 
 
 @dataclass(slots=True)
@@ -256,10 +258,18 @@ def _measure(
     )
 
 
+def _correctors(numbers: Numbers) -> int:
+    """How many correctors may be tried, each from the second-order term of the one before."""
+    tree, stacks = numbers.symbolic.tree, numbers.cone.stacks
+    dear = tree.operations + sum(s.count * s.size**4 for s in stacks)
+    direction = 4 * tree.entries + 30 * numbers.c.size
+    return _CORRECTORS if dear > _DEAR * direction else 1
+
+
 def _advance(
     newton: _Newton, point: Iterate, root_s: Reals, root_z: Reals, clock: _Clock
 ) -> tuple[Iterate, tuple[float, float, float]]:
-    """One predictor and corrector step."""
+    """One step by a predictor and a corrector, or the longest of several."""
     cone, settings = newton.numbers.cone, newton.settings
 
     def lengths(d: Iterate, part: float, roughly: bool) -> tuple[float, float]:
@@ -276,17 +286,15 @@ def _advance(
     shorter = min(first, second)
     centring = min(1.0, max(1e-4, (1.0 - shorter) ** 2 * ratio))
     part = settings.boundary + settings.stretch * shorter
-    corrector = predictor
-    first = second = 0.0
-    for _ in range(_CORRECTORS):
+    corrector, first, second = predictor, 0.0, 0.0
+    for _ in range(_correctors(newton.numbers)):
         correction = cone.sandwich(newton.inverse, corrector.s, corrector.z)
         other = newton.direction(centring, correction)
         clock.charge("solves")
         longer = lengths(other, part, False)
-        if min(longer) < _GAIN * min(first, second):
+        if min(longer) < min(first, second):
             break
-        if sum(longer) > first + second:
-            corrector, (first, second) = other, longer
+        corrector, (first, second) = other, longer
         if min(longer) > _LONG:
             break
     after = Iterate(

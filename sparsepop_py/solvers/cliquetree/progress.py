@@ -35,6 +35,7 @@ __all__ = [
 Reals = NDArray[np.float64]
 _NOISE = 3e-5  # times the asked gap: what rounding leaves of sum |q|
 _ROUNDING = 0.5  # part of the gap below which complementarity is not what is missing
+_HALTING = 0.3  # length of a step near the end that shows rounding errors
 _FAR = 1e3  # size of moments up to which emptiness, and from which unboundedness, is claimed
 
 
@@ -186,7 +187,10 @@ def judge(
             return "solved", "gap"
         if distance < settings.accepted and _complementarity(numbers, log) < _ROUNDING * distance:
             return "solved", "rounding"
-        if distance < settings.accepted and _stalled(log, settings.patience // 2, settings):
+        if distance < settings.accepted and (
+            min(now.primal_step, now.dual_step) < _HALTING
+            or _stalled(log, settings.patience // 2, settings)
+        ):
             return "solved", "no progress"
     if len(log) > settings.iterations:
         return verdict(numbers, settings, log), "iteration limit"
