@@ -130,12 +130,15 @@ def direction_box(
     end = min(begun + _ALL, begun + 0.5 * (until - begun))
     scale = _units(rows)
     certificates, least = [], _LARGEST
-    for side in _sides(formulation, first, scale):
-        found = _least(side, end)
-        if found is None:
-            return None
-        certificates.append(found)
-        least = min(least, found.bound)
+    try:
+        for side in _sides(formulation, first, scale):
+            found = _least(side, end)
+            if found is None:
+                return None
+            certificates.append(found)
+            least = min(least, found.bound)
+    except KeyboardInterrupt:  # nothing follows from some of the sides
+        return None
     last = parameter_box(rows, _within(first, scale, least), until)
     return DirectionBox(
         first.names, last.lower, last.upper, first, scale, tuple(certificates), last
@@ -225,7 +228,7 @@ def _least(side: sp.Problem, end: float) -> sp.Certificate | None:
         )
         if found.certificate is not None and found.certificate.bound > 0:
             return found.certificate
-        if not found.upper_bound > 1e-6 or gap < 1e-6:
-            return None
+        if found.status is not sp.Status.OPTIMAL or not found.upper_bound > 1e-6 or gap < 1e-6:
+            return None  # out of time, interrupted, or s = 0 is attained
         gap = min(0.5 * found.upper_bound, 0.25 * gap)
     return None

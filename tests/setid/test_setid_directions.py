@@ -95,3 +95,13 @@ def test_no_box_is_claimed_where_a_direction_is_explained(seed: int) -> None:
     assert direction_box(known, first) is None
     source = np.random.default_rng(0)
     assert any(explained(truth.data, source.uniform(-1, 1, 3), 0.0) for _ in range(3000))
+
+
+def test_an_interrupt_claims_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, known, first = case(28)
+
+    def stopped(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("setid.directions._least", stopped)
+    assert direction_box(known, first) is None
