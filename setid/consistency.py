@@ -18,7 +18,7 @@ import sparsepop_py as sp
 
 from .boxes import ParameterBox, parameter_box
 from .data import IOData
-from .errors import ModelError, NoiseError
+from .errors import ModelError, NoiseError, SetidError
 from .estimators import least_squares, linf
 from .existence import consistent
 from .formulation import Formulation, formulate, settled
@@ -28,7 +28,7 @@ from .noise import Noise
 from .noise_factor import last_variable, linear_problem, problem_with_factor, scaled_noise
 from .options import Options
 from .priors.base import Prior
-from .regression import Regression
+from .regression import Regression, check_channels
 from .reports import rounded
 from .verification import Verification
 
@@ -166,6 +166,12 @@ def consistency(
     A discretisation error bound of a continuous-time model counts as output noise.
     """
     settings = options or Options(time_limit=60.0)
+    for name, found, kind in (("options", settings, Options), ("noise", noise, Noise)):
+        if not isinstance(found, kind):
+            raise SetidError(
+                f"{name}: found {type(found).__name__}, expected setid.{kind.__name__}"
+            )
+    check_channels(data, model)
     until = settings.deadline()
     if noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")

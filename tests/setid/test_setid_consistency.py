@@ -75,6 +75,15 @@ def test_what_cannot_be_scaled_is_refused() -> None:
     limited = setid.Noise(output=1.0, constraints=[setid.EnergyBound("output", 3.0)])
     with pytest.raises(setid.NoiseError, match="constraints over the record"):
         setid.consistency(data, FIRST, limited)
+    wrong = [
+        ((data, FIRST, 0.5), "noise: found float"),
+        ((data.y, FIRST, setid.Noise(output=1.0)), "data: found ndarray"),
+        ((data, "tf", setid.Noise(output=1.0)), "model: found str"),
+        ((data, FIRST, setid.Noise(output=1.0), (), {"tol": 1}), "options: found dict"),
+    ]
+    for arguments, message in wrong:
+        with pytest.raises(setid.SetidError, match=message):
+            setid.consistency(*arguments)
 
 
 def test_an_upper_end_is_proved_where_the_parameters_have_no_box() -> None:
