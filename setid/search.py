@@ -30,6 +30,7 @@ __all__ = ["attained_ends", "checked", "coupled"]
 Reals = NDArray[np.float64]
 _STEPS = 20
 _TRUST = 0.25  # of the width of the box
+_NEAR = 1e-4  # violations that steps of Newton repair
 _INSIDE = 1e-6  # of the width of each bound: what the last step keeps away from it
 
 
@@ -121,7 +122,7 @@ class _Search:
             if off <= 1e-9 and abs(before - value) <= size:
                 break
             before = value
-        return polished(self.formulation, x, np.arange(x.size)) if off <= 1e-6 else None
+        return polished(self.formulation, x, np.arange(x.size)) if off <= _NEAR else None
 
     def _violation(self, x: Reals) -> float:
         rows = self.problem.rows.values(x)

@@ -1,12 +1,11 @@
 """Branch and bound: smaller boxes where no relaxation of the whole box closes the gap.
 
-The part with the least bound is taken next. Its box is propagated with the cut-off, then
-bounded by a linear program, and where that leaves it open by a semidefinite relaxation, if
-one was worth its time at the root. Parts that are empty or bounded above the cut-off are
-done, others are cut in two across the variable whose products are least true, at a
-place between its middle and its value in the relaxation. The tree of parts is the
-certificate: every part keeps the argument that gave its bound, and a part that was never
-looked at keeps its parent's, so the search can end at any moment.
+The part with the least bound is taken next. Its box is propagated with the cut-off, then bounded
+by a linear program, and where that leaves it open by a semidefinite relaxation, if one was worth
+its time at the root. Parts that are empty or bounded above the cut-off are done, others are cut
+in two across the variable whose products are least true, between its middle and its value in the
+relaxation. The tree of parts is the certificate: every part keeps the argument that gave its
+bound, one that was never looked at its parent's, so the search can end at any moment.
 
 References
 ----------
@@ -52,6 +51,7 @@ _SWEEPS = 6
 _MIDDLE = 0.4  # share of the middle of the box in the place of a cut
 _USELESS = 0.93  # tightening that leaves this share of the widths on average is given up
 _EDGE = 0.2  # a cut keeps this share of the width from both ends
+_ROOM = 2.0**-42  # of the widths of the root
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,8 @@ class Plan:
         The semidefinite relaxation of a part that the linear one leaves open.
     narrow : bool
         Tighten the bounds of the variables by linear programs.
+    room : (n,) float
+        Arguments hold on boxes larger by this: rounding, where parts are replayed at a later level.
     """
 
     cliques: Families
@@ -77,6 +79,7 @@ class Plan:
     linear: bool = True
     recipe: Recipe | None = None
     narrow: bool = False
+    room: NDArray[np.float64] | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +146,7 @@ def _done(found: Explored, level: float | None) -> bool:
 def _linear(task: Task, plan: Plan, replay: Replay, found: Explored) -> Explored:
     """The bound of the linear relaxation, and if asked a tighter box by others like it."""
     problem, left = task.problem, task.clock.left
-    lifted = Lifted.of(problem, found.box, plan.cliques["constraints"])
+    lifted = Lifted.of(problem, found.box, plan.cliques["constraints"], room=plan.room)
     solution = lifted.minimise(left)
     if solution.status not in ("solved", "infeasible"):
         return found
@@ -171,16 +174,16 @@ def _semidefinite(
     """The bound of a semidefinite relaxation, if it is better."""
     problem = task.problem
     with task.stages.stage("relax"):
-        scaled = Scaled.of(problem, Scaling.of_box(found.box), (problem.objective,))
+        scaling = Scaling.of_box(found.box, room=plan.room)
+        scaled = Scaled.of(problem, scaling, (problem.objective,))
         relaxation = recipe.build(scaled, plan.cliques)
     argued = argue(task, found.box, scaled, relaxation)
     if replay.level is not None:
         level = replay.level
         argued = short_if(lambda bound: bound >= level, replay, found.box, argued)
     if argued.proved.bound > found.proved.bound:
-        found = replace(
-            found, proved=argued.proved, argument=argued.node.argument, empty=argued.node.empty
-        )
+        node = argued.node
+        found = replace(found, proved=argued.proved, argument=node.argument, empty=node.empty)
     solution = argued.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return found
@@ -245,6 +248,8 @@ class Search:
     _root: _Part = field(init=False)
 
     def __post_init__(self) -> None:
+        room = np.nan_to_num(_ROOM * (self.box.hi - self.box.lo), posinf=0.0)
+        self.plan = replace(self.plan, room=room)
         proved, argument, empty = self.start
         self._root = _Part(self.box, proved, argument, empty)
         self._push(self._root)
@@ -348,8 +353,7 @@ class Search:
         if not chosen.size or score.max() < 0:
             return None
         v = int(chosen[np.argmax(score)])
-        middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
-        place = middle
+        place = middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
         if found.point is not None:
             place = _MIDDLE * middle + (1.0 - _MIDDLE) * float(found.point[v])
         edge = _EDGE * (box.hi[v] - box.lo[v])
@@ -357,9 +361,7 @@ class Search:
 
     def certificate(self) -> Certificate | None:
         """The certificate of the tree as it is now."""
-        least = min(
-            (part.proved for part in _leaves_of(self._root)), key=lambda proved: proved.bound
-        )
+        least = min((p.proved for p in _leaves_of(self._root)), key=lambda proved: proved.bound)
         replay = Replay(self.task.problem, self.level)
         root = _frozen(self._root)
         root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))

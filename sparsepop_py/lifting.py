@@ -72,12 +72,15 @@ class Lifted:
         cliques: Cliques,
         warm: Lifted | None = None,
         active: NDArray[np.bool_] | None = None,
+        room: NDArray[np.float64] | float = 0.0,
     ) -> Lifted:
         """Build it, on the model of another box where one is given (its basis is kept).
 
         With ``active`` (m,) only these constraints take part: a smaller program, weaker at most.
+        Its duals hold on boxes larger by ``room``.
         """
-        scaled = Scaled.of(problem, Scaling.of_box(box), (problem.objective,), active)
+        scaling = Scaling.of_box(box, room=room)
+        scaled = Scaled.of(problem, scaling, (problem.objective,), active)
         relaxation = relax(scaled.problem, cliques=cliques, shape="linear")
         program = assemble(relaxation, scaled.objectives[0])
         matrix = sps.csr_array(program.A)

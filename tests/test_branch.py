@@ -14,9 +14,9 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.auto import Auto
-from sparsepop_py.branch import Plan, Search
-from sparsepop_py.catalogue import catalogue
-from sparsepop_py.certificate.box import BoxProof
+from sparsepop_py.branch import Plan, Search, explore
+from sparsepop_py.catalogue import Recipe, catalogue
+from sparsepop_py.certificate.box import BoxProof, Replay
 from sparsepop_py.certificate.certificate import prove
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
@@ -58,6 +58,19 @@ def search_of(problem, variables, start=None, options=None, local=False, **plan)
 
 def never():
     return False
+
+
+@pytest.mark.parametrize("recipe", [None, Recipe("order 1", 0.5, "full", 1)])
+def test_arguments_of_parts_leave_room_for_the_rounding_of_a_replay(recipe):
+    """Root and part of width 3 and 0.5: the same argument holds on a box larger by 5e-13."""
+    search = search_of(bilinear(), (0, 1, 2, 3), recipe=recipe)
+    corner = np.array([-1.0, 0.5, 0.7, -0.2])
+    part = explore(search.task, search.plan, Interval(corner, corner + 0.5), None)
+    assert part.argument is not None
+    larger = Interval(part.box.lo - 5e-13, part.box.hi + 5e-13)
+    again = prove(Replay(search.task.problem, None), larger, part.argument, part.empty)
+    assert not again.reason
+    assert abs(again.bound - part.proved.bound) < 1e-10
 
 
 @pytest.mark.parametrize("narrow", [False, True])

@@ -49,15 +49,22 @@ class Scaling:
     ends: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @staticmethod
-    def of_box(box: Interval, typical: NDArray[np.float64] | None = None) -> Scaling:
-        """Scaling of a box; ``typical`` (n,) gives the scale of variables without one."""
+    def of_box(
+        box: Interval,
+        typical: NDArray[np.float64] | None = None,
+        room: NDArray[np.float64] | float = 0.0,
+    ) -> Scaling:
+        """Scaling of a box; ``typical`` (n,) gives the scale of variables without one.
+
+        Where variables are not fixed, larger boxes fit as well, by ``room`` on all sides.
+        """
         boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
         low, high = np.where(boxed, box.lo, 0.0), np.where(boxed, box.hi, 0.0)
         centre = 0.5 * low + 0.5 * high
         half = np.maximum(0.5 * high - 0.5 * low, _NARROW)
         centre = np.where(np.abs(centre) <= 1e-12 * half, 0.0, centre)
         centre = np.where(low < high, centre, low)
-        reach = np.maximum(high - centre, centre - low) * _SLACK
+        reach = np.maximum(high - centre, centre - low) * _SLACK + room
         reach = np.maximum(reach + 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high))), _NARROW)
         scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
         side = np.where(

@@ -69,3 +69,20 @@ def test_long_records_have_witnesses_and_attained_ends(model: setid.Lure, theta:
     start = first_point(formulation, problem)
     assert start is not None
     assert len(attained_ends(formulation, problem, start)) == 2 * len(theta) + 1
+
+
+def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
+    """Input noise in powers and a static gain of 1: programs alone do not come to rest."""
+    model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2, "dcgain")
+    theta = [-0.7, 0.3, 1.0, 0.4]
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 20)
+    size = 0.01 * float(np.abs(setid.simulate(model, theta, u)).max())
+    noise = setid.Noise(output=size, input=0.003)
+    truth = setid.simulate_record(model, theta, u, noise, seed=1)
+    formulation = setid.formulate(truth.data, model, noise)
+    problem = boxed(formulation, start_box(formulation))
+    start = first_point(formulation, problem)
+    assert start is not None
+    found = attained_ends(formulation, problem, start)
+    assert len(found) >= 7  # of an inner point and eight ends
+    assert all(problem.violation(point.x) < 1e-9 for point in found)
