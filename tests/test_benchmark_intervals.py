@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import setid
-from benchmarks import intervals, peers, runner
+from benchmarks import block_structured, intervals, peers, runner
 from benchmarks.families import REGISTRY
 from benchmarks.intervals import Experiment
 from benchmarks.measure import Setting
@@ -71,3 +71,23 @@ def test_wrong_claims_are_found() -> None:
     texts = list(intervals.findings(wrong, truth))
     assert len(texts) == 3
     assert "is outside" in texts[0] and "is not inside" in texts[1] and "verify" in texts[2]
+
+
+@pytest.mark.skipif(not peers.scip_is_installed(), reason="pyscipopt is missing")
+def test_block_structures_stand_beside_the_peer_on_the_same_box() -> None:
+    family = REGISTRY["block_structured"]
+    wanted = Selection(names=("lure 1",), sizes=(20,), noises=(1.0,))
+    (case,) = family.chosen(wanted)
+    own, peer = runner.measure(family, case, Setting(repeats=1, peer_limit=20.0))
+    assert own.valid and own.verified and own.closed == own.objectives == 6
+    assert peer.solver == "SCIP" and peer.closed == 6 and peer.variables == own.variables
+    for mine, other in zip(own.details, peer.details, strict=True):
+        assert mine["lower"] <= other["upper"] + 1e-6
+
+
+def test_feedback_loops_stay_bounded() -> None:
+    """Also under the input that drives them furthest: -1 throughout."""
+    for kind in ("lure 1", "lure 2"):
+        model, theta, _ = block_structured.KINDS[kind]
+        y = setid.simulate(model, theta, -np.ones(300))
+        assert np.all(np.abs(y) < 3.0)
