@@ -162,27 +162,38 @@ def published_tables(folder: Path | None, names: Sequence[str], repeat: int) -> 
     """
     chosen = [(row, find_problem(row, folder)) for row in published()]
     rows = [(row, make) for row, make in chosen if make and (not names or row.name in names)]
+    hard = [(row, make) for row, make in rows if row.name in HARD]
     if not rows:
         raise BenchmarkError("--names: found no problem of these names, expected one of the tables")
+    if len(hard) < len(rows):
+        yield from _usual([pair for pair in rows if pair not in hard], repeat)
+    if hard:
+        yield from _apart(hard, repeat)
+
+
+_Rows = Sequence[tuple[Published, Callable[[], sp.Problem]]]
+
+
+def _usual(rows: _Rows, repeat: int) -> Iterator[str]:
+    """With ``tighten`` 1, and as plain relaxations."""
     yield table([*_HEAD, "plain: CPU s", "SDP value"], [])
     ratios = []
     for row, make in rows:
-        if row.name in HARD:
-            continue
         tight = time_problem(make, row.param, repeat)
         plain = time_problem(make, {**row.param, "tighten": 0}, repeat)
         value = "" if math.isnan(plain.solver_value) else f"{plain.solver_value:.9g}"
         yield _line(row, str(row.order), [*_cells(tight), f"{plain.seconds:.2f}", value])
-        if row.seconds:
-            ratios.append(math.log(row.seconds / tight.seconds))
-    mean = math.exp(sum(ratios) / max(1, len(ratios)))
+        ratios.append(math.log(row.seconds / tight.seconds))
+    mean = math.exp(sum(ratios) / len(ratios))
     yield f"\ngeometric mean of published s / CPU s: {mean:.1f}\n"
+
+
+def _apart(rows: _Rows, repeat: int) -> Iterator[str]:
+    """With ``tighten`` 1, then with effort "auto" once for each problem."""
     yield table(_HEAD, [])
     for row, make in rows:
-        if row.name in HARD:
-            yield _line(row, str(row.order), _cells(time_problem(make, row.param, repeat)))
-    for name in dict.fromkeys(row.name for row, _ in rows if row.name in HARD):
-        row, make = next(pair for pair in rows if pair[0].name == name)
+        yield _line(row, str(row.order), _cells(time_problem(make, row.param, repeat)))
+    for row, make in {row.name: (row, make) for row, make in rows}.values():
         yield _line(replace(row, seconds=math.nan), "auto", _cells(_climbed(make, repeat)))
 
 
