@@ -272,3 +272,19 @@ def test_delta_is_added_once() -> None:
     np.testing.assert_allclose(first.problem.upper[eta], 0.75)
     with pytest.raises(setid.ModelError, match="margin: found 0.5"):
         setid.estimate_delta(data, model, setid.Noise(0.1), margin=0.5)
+
+
+def test_the_structure_loop_finds_the_order() -> None:
+    """A record of the recursion itself, so that order 2 explains it and order 1 cannot."""
+    u = levels(0.1, 12)
+    plant = C(2, 1, hold="constant", Ts=0.1)
+    data = setid.IOData(u, noisy(setid.simulate(plant, THETA, u)[:, 0], 0.005), Ts=0.1)
+    found = setid.select(
+        data,
+        lambda n, degree: C(n, n - 1, hold="constant"),
+        setid.Noise(output=0.005),
+        orders=(1, 2),
+        options=QUICK,
+    )
+    assert [step.decision for step in found.steps] == ["refuted", "kept"]
+    assert found.result is not None and holds_truth(found.result)
