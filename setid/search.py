@@ -75,7 +75,8 @@ def attained_ends(
 def checked(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
     """Results whose certificates hold when they are walked once more; others prove nothing.
 
-    Deep trees over many coupled samples may be refused for the last digits of a box.
+    Trees are made at several cut-offs and walked at the last of them: should rounding make a box
+    larger than its argument allows, the refusal costs the bound here and not at the user's.
     """
     known: dict[int, Any] = {}
     kept = []
