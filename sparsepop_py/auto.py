@@ -9,7 +9,7 @@ Whatever improves the attained value lowers the cut-off, and with it the box.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -60,7 +60,7 @@ class Auto:
         Nearly feasible vectors seen so far.
     ground : Ground
         The structure of the problem and what was learned on it.
-    later : iterable of (n,) float
+    later : iterator of (n,) float
         Starts of local searches for where the first rung leaves a gap.
     """
 
@@ -76,7 +76,7 @@ class Auto:
     best: Argued = field(init=False)
     rate: float | None = None
     linear: float = -np.inf
-    later: Iterable[NDArray[np.float64]] = ()
+    later: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
     solved: set[int] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
 
@@ -84,8 +84,7 @@ class Auto:
         replay = self.task.replay()
         self.best = Argued(prove(replay, self.model.box, None, False), Node())
         self.outcome = bound_of(replay, self.model, self.best)
-        narrow = "narrow" not in self.task.options.skip
-        self.agenda = Agenda(self.ground, self._scaled, narrow)
+        self.agenda = Agenda(self.ground, self._scaled, "narrow" not in self.task.options.skip)
         self.first = self.best.proved.bound
         self.shared = self.model
         self.tried: list[tuple[Recipe, float, float]] = []  # recipe, bound, seconds
@@ -110,8 +109,7 @@ class Auto:
                 if recipe is None:
                     break
                 self._climb(recipe)
-                self._attain(list(self.later))
-                self.later = ()
+                self._attain(list(self.later))  # exhausted by the first rung
                 climbed += 1
         finally:
             if self.search is not None:
@@ -234,9 +232,8 @@ class Auto:
             self.ground.experience.pace = float(np.clip(spent / expected, 0.2, 5.0))
         self.tried.append((recipe, argued.proved.bound, spent))
         self._accept(argued, relaxation)
-        starts: list[NDArray] = []
-        if recipe.shape == "full":
-            starts = extracted(relaxation, argued.solution, scaled.scaling)
+        full = recipe.shape == "full"
+        starts = extracted(relaxation, argued.solution, scaled.scaling) if full else []
         if argued.solution is not None and argued.solution.status in ("solved", "almost"):
             starts.append(first_moments(scaled, relaxation, argued.solution.y))
         poor = self.task.upper - _POOR * self._gap
@@ -247,8 +244,7 @@ class Auto:
 
     def _accept(self, argued: Argued, relaxation: Relaxation | None) -> None:
         """Keep an argument if it is better, on the box as it was when it was made."""
-        replay = self.task.replay()
-        made = bound_of(replay, self.model, argued, relaxation)
+        made = bound_of(self.task.replay(), self.model, argued, relaxation)
         if argued.proved.bound > self.best.proved.bound:
             self.best = argued
         self.outcome = better(self.outcome, made)
@@ -269,8 +265,7 @@ class Auto:
     def _shrink(self) -> None:
         """Propagate with the new cut-off."""
         with self.task.stages.stage("presolve"):
-            replay = self.task.replay()
-            box, step = tighten(replay, self.model.box, _SWEEPS)
+            box, step = tighten(self.task.replay(), self.model.box, _SWEEPS)
             if shrinks(self.model.box, box):
                 self._take(box, step)
 

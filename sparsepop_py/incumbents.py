@@ -29,7 +29,7 @@ from .task import Task
 __all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
 
 _MANY = 2000  # variables from which atoms are not looked for: means start a search, too
-_GAIN = 0.01  # of the allowed gap; while it is open, what is better by less is not worth a proof
+_GAIN = 0.01  # of the allowed gap; what is better by less waits until it is closed
 
 
 def attain(
@@ -42,8 +42,8 @@ def attain(
     options = task.options
     if options.refine == "none" or not starts:
         return None, []
-    done = options.gap_kind == "width" or task.closed(proved)
-    gain = 0.0 if done else _GAIN * task.allowed
+    rough = options.effort == "auto" and options.gap_kind != "width" and not task.closed(proved)
+    gain = _GAIN * task.allowed if rough else 0.0  # on the way up more points follow
     aim = Aim(options.tolerance, _enough(problem, task, proved), False, task.upper, gain)
     return best_attained(problem, _with_repaired(task, starts), aim, _method(task), task.clock.end)
 

@@ -122,7 +122,7 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     )
     found = []
 
-    def attained(task, starts):
+    def attained(task, starts, proved):
         """Finds nothing before the tree grows, then the best point."""
         if exploring.calls:
             task, near = honest(task, [np.array([-1.0, 2.0, 2.0, -1.0])])
@@ -133,7 +133,8 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     honest, exploring = auto.attained, Interrupting(EXPLORE, 4)
     monkeypatch.setattr(auto, "attained", attained)
     monkeypatch.setattr(branch, "explore", exploring)
-    monkeypatch.setattr(sys.modules["sparsepop_py.solve"], "attain", lambda *args: (None, []))
+    solve = sys.modules["sparsepop_py.solve"]
+    monkeypatch.setattr(solve, "first_attained", lambda task, starts: (task, []))
     result = check(problem, sp.solve(problem, Options(effort="auto", skip=["narrow"])))
     assert INTERRUPTED in result.notes
     assert found
