@@ -1,0 +1,85 @@
+"""What is tried first, what a box keeps when others shrink it, and where cut-offs lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from solved import check
+
+import sparsepop_py as sp
+from benchmarks.identification import THETA, task
+from sparsepop_py import Options, Problem
+from sparsepop_py.catalogue import Experience, families, progress
+from sparsepop_py.certificate.box import Replay
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.lifting import Lifted, tightened
+from sparsepop_py.narrowing import taken_again
+from sparsepop_py.progress import Stages
+from sparsepop_py.rounding import Interval
+from sparsepop_py.task import Clock, Task
+
+INF = float("inf")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [(100.0, 1.0, 1.0), (100.0, 10.0, 0.5), (100.0, 100.0, 0.0), (INF, 5.0, 0.5), (5.0, INF, 0.0)],
+)
+def test_progress_is_a_share_of_orders_of_magnitude(before, after, expected):
+    assert progress(before, after, 1.0) == pytest.approx(expected)
+
+
+def test_less_time_counts_at_once_and_more_time_slowly():
+    seen = Experience()
+    for seconds in (3.0, 0.7):
+        seen.learn("star", 1.0, seconds)
+    assert seen.seconds["star"] == 0.7
+    seen.learn("star", 1.0, 1.7)
+    assert 0.7 < seen.seconds["star"] < 1.7
+
+
+def test_a_record_is_bounded_by_stars_alone():
+    """Few parameters in all products: linear programs first would cost more than they save."""
+    record = task("oe", 30, seed=3)
+    options = Options(effort="auto", gap=1e-3, gap_kind="width", time_limit=60)
+    results = sp.solve_each(record.problem, record.objectives, options)
+    for objective, result in zip(record.objectives, results, strict=True):
+        check(record.problem.with_objective(objective), result)
+        truth = objective(np.append(THETA, np.zeros(30)))  # any noise: objectives are parameters
+        assert result.lower_bound <= truth
+    assert results[0].history[0].name == "star"
+
+
+def bilinear():
+    x = sp.variables(3)
+    rows = [x[0] * x[1] + x[2] == 1, x[0] + x[1] <= 1.5, x[0] * x[2] >= 0.3]
+    return Problem(-x[1], rows, 0.0, 2.0)
+
+
+def test_a_cut_off_below_the_attained_value():
+    problem = bilinear()
+    best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
+    assert best is not None
+    lone = Task(problem, Options(effort="auto", gap=0.1), Stages(False), Clock(None), best)
+    below = Task(problem, lone.options, lone.stages, lone.clock, best, below=True)
+    assert lone.replay().level == best.value
+    assert below.replay().level == pytest.approx(best.value - 0.09)
+    assert lone.replay(below=True).level == below.replay().level
+    assert below.replay(below=False).level == best.value
+
+
+def test_steps_taken_again_on_a_smaller_box_keep_its_points():
+    problem = bilinear()
+    replay, box = Replay(problem, None), Interval(problem.lower, problem.upper)
+    usual = families(problem, [problem.objective], True, "min-degree")["constraints"]
+    smaller, step, empty = tightened(replay, Lifted.of(problem, box, usual), box, (0, 1, 2))
+    assert step is not None and not empty
+    half = Interval(box.lo, np.array([2.0, 0.9, 2.0]))
+    again = taken_again(replay, [step], half)
+    assert np.all(again.lo >= np.maximum(smaller.lo, half.lo) - 1e-9)
+    assert np.all(again.hi <= np.minimum(smaller.hi, half.hi) + 1e-9)
+    source = np.random.default_rng(0)
+    for a, b in source.uniform([0.0, 0.0], [1.5, 0.9], (2000, 2)):
+        x = np.array([a, b, 1.0 - a * b])
+        if problem.violation(x) == 0.0 and np.all(x <= half.hi):
+            assert np.all(again.lo <= x) and np.all(x <= again.hi)
