@@ -16,12 +16,13 @@ from .catalogue import Recipe
 from .ground import Ground
 from .presolve.scaling import Scaled
 
-__all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda"]
+__all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda", "worth_in_parts"]
 
 PROGRAM = "linear program"  # names under which experience keeps their seconds
 TIGHTENING = "tightening"
 NARROW = 12  # variables whose bounds linear programs tighten at the root
 _DEAR = 3.0  # tightening that takes this many times as long as the next relaxation is left out
+_LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
 _WEAK = 0.3  # share of the progress that linear relaxations and the like make at most
 _LINEAR = Recipe("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
@@ -127,3 +128,28 @@ class Agenda:
         both = self._tightening + alone
         fails = 1.0 - self.ground.experience.closes(recipe.name)
         return recipe.tightened if both < alone + fails * both else recipe
+
+
+def worth_in_parts(
+    tried: Iterable[tuple[Recipe, float, float]], gap: tuple[float, float], program: float
+) -> Recipe | None:
+    """The relaxation that closed most of a gap in a second, if cutting alone does not do more.
+
+    Parameters
+    ----------
+    tried : iterable of (Recipe, bound, seconds)
+    gap : (float, float)
+        The bound without them, and the attained value.
+    program : float
+        Seconds of the linear programs of one part.
+    """
+    best, most = None, _LEVEL / program
+    base, upper = gap
+    for recipe, bound, seconds in tried:
+        whole = upper - base
+        closed = (bound - base) / whole if np.isfinite(whole) and whole > 0 else float(bound > base)
+        # a share s needs about log(1 / (1 - s)) fewer levels of cuts
+        worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
+        if closed > 0.1 and worth > most:
+            best, most = recipe, worth
+    return best

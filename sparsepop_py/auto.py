@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda
+from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
 from .boxes import shrinks
 from .branch import Plan, Search, first_moments
 from .catalogue import Recipe, expected_seconds, hashed, progress
@@ -44,7 +44,6 @@ _SWEEPS = 3  # of propagation after a step that shrank the box
 _ROUNDS = 3
 _POOR = 0.5  # an attained value that falls by this share of the gap was a poor cut-off
 _SMALLER = 0.7  # a box with a width below this share is worth the rungs climbed before
-_LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
 
 
 @dataclass(eq=False)
@@ -378,17 +377,10 @@ class Auto:
         """Parts that linear programs leave open get what closed most of the gap per second."""
         upper = self.task.upper
         base = self.linear if np.isfinite(self.linear) else self.first
-        best, most = None, 0.0
         narrow = len(self.ground.variables) <= NARROW and self.agenda.narrow
         seen = self.ground.experience.seconds
         program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
-        for recipe, bound, seconds in self.tried:
-            gap = upper - base
-            closed = (bound - base) / gap if np.isfinite(gap) and gap > 0 else float(bound > base)
-            # a share s needs about log(1 / (1 - s)) fewer levels of cuts
-            worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
-            if closed > 0.1 and worth > most and worth > _LEVEL / program:
-                best, most = recipe, worth
+        best = worth_in_parts(self.tried, (base, upper), program)
         return Plan(self.ground.cliques, self.ground.variables, recipe=best, narrow=narrow)
 
     def _close_search(self) -> None:
