@@ -24,8 +24,10 @@ chordal sparsity basis newton blocks shapes signs terms relaxation substitution 
 elimination waki conic
 solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
+solvers.cliquetree.machine solvers.cliquetree.compiled_blocks
 solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout
-solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.numbers
+solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.cone
+solvers.cliquetree.numbers
 solvers.cliquetree.progress solvers.cliquetree.repair solvers.cliquetree.interior
 solvers.cliquetree.second_order solvers.cliquetree solvers condense
 certificate certificate.multipliers certificate.priced certificate.identity certificate.gram
@@ -53,8 +55,8 @@ DOORS = {
     "networkx": "chordal",
     "matplotlib": "plots",
     "casadi": "refinement",
-    "numba": "solvers.cliquetree.compiled",
-    "llvmlite": "solvers.cliquetree.compiled",
+    "numba": "solvers.cliquetree.machine",
+    "llvmlite": "solvers.cliquetree.machine",
 }
 EVERYWHERE = {"numpy", "scipy"}
 LINEAR_PROGRAMS = {"linprog", "milp", "linprog_verbose_callback"}

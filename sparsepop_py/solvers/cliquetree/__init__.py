@@ -33,7 +33,7 @@ from ...conic import ConicProgram, ConicSolution
 from ...errors import SolverNotFound
 from ..base import solution
 from .interior import minimise
-from .kernels import compiled_kernels
+from .kernels import Workers, compiled_kernels
 from .numbers import Numbers
 from .progress import Iterate, Iteration, Outcome, Settings, better
 from .second_order import second_order_multipliers, with_second_order
@@ -115,30 +115,27 @@ def run(
     Raises
     ------
     ValueError
-        If ``symbolic`` is of another pattern.
+        If ``symbolic`` is of another pattern, or ``settings.threads`` is less than one.
     SolverNotFound
         If ``settings.kernels`` is "numba" and numba is missing.
     """
     begin = time.process_time()
     key = pattern_key(program)
     settings = settings or Settings()
+    if settings.threads < 1:
+        raise ValueError(f"threads: found {settings.threads}, expected at least one")
     if symbolic is None:
         symbolic = _remembered(program, key, _compiled(program, settings, time_limit))
     elif symbolic.key != key:
         raise ValueError("symbolic: found the analysis of another pattern of A and cones")
-    numbers = Numbers.of(program, symbolic)
-    deadline = None if time_limit is None else begin + time_limit
-    scaled = None if target is None else (target - program.offset) / numbers.unit
-
-    def attempt(settings: Settings, start: Iterate | None = None) -> Outcome:
-        return minimise(numbers, settings, start=start, target=scaled, deadline=deadline)
-
-    outcome = attempt(settings, start)
-    if outcome.status in ("almost", "failed") and start is not None:
-        outcome = attempt(settings)
-    if outcome.status == "almost" and program.cones.zero:
-        again = attempt(replace(settings, penalty=settings.second_penalty))
-        outcome = better(outcome, again)
+    workers = Workers(settings.threads)
+    try:
+        numbers = Numbers.of(program, symbolic, workers)
+        deadline = None if time_limit is None else begin + time_limit
+        scaled = None if target is None else (target - program.offset) / numbers.unit
+        outcome = _attempts(numbers, settings, start, scaled, deadline)
+    finally:
+        workers.close()
     last = outcome.iterate
     found = solution(
         program,
@@ -151,6 +148,27 @@ def run(
         outcome.detail,
     )
     return Run(found, outcome, symbolic)
+
+
+def _attempts(
+    numbers: Numbers,
+    settings: Settings,
+    start: Iterate | None,
+    target: float | None,
+    deadline: float | None,
+) -> Outcome:
+    """Again without a start, or with another penalty, where that may lead further."""
+
+    def attempt(settings: Settings, start: Iterate | None = None) -> Outcome:
+        return minimise(numbers, settings, start=start, target=target, deadline=deadline)
+
+    outcome = attempt(settings, start)
+    if outcome.status in ("almost", "failed") and start is not None:
+        outcome = attempt(settings)
+    if outcome.status == "almost" and numbers.e.size:
+        again = attempt(replace(settings, penalty=settings.second_penalty))
+        outcome = better(outcome, again)
+    return outcome
 
 
 def solve(

@@ -177,20 +177,50 @@ def inverses(factor, start, size, low, high, result):
                 result[b + i * s + j] = work[room + i * width + j]
 
 
+@inline
+def _scaled(inverse, direction, b, s, width, room, work):
+    """The lower triangle of L^-1 D L^-T in the last quarter of the working memory."""
+    f_at = work.ctypes.data
+    d_at, x_at, t_at = f_at + room * WORD, f_at + 2 * room * WORD, f_at + 3 * room * WORD
+    row, step = s * WORD, width * WORD
+    _pad(direction, b, s, width, work, room)
+    _pad_turned(inverse, b, s, width, work, 0)
+    a_at = inverse.ctypes.data + b * WORD
+    for r in range(0, s, 2):
+        i = _row(r, s)
+        for t in range(0, step, LANES * WORD):
+            out, a = x_at + i * step + t, a_at + i * row
+            products(out, step, a, row, WORD, d_at + t, step, 0, i + 2)
+        for t in range(0, (i + 2) * WORD, LANES * WORD):
+            out, a = t_at + i * step + t, x_at + i * step
+            products(out, step, a, step, WORD, f_at + t, step, 0, i + 2)
+
+
+@inline
+def _moved(T, s, width, limit, result):
+    """The lower triangle of I + limit T, and the squares of all entries of limit T."""
+    square = 0.0
+    for i in range(s):
+        for j in range(i + 1):
+            entry = limit * T[i * width + j]
+            square += (2.0 if j < i else 1.0) * entry * entry
+            result[i * s + j] = entry
+        result[i * s + i] += 1.0
+    return square
+
+
 @jit
 def largest_step(inverse, direction, start, size, low, high, limit):
     """The largest a <= limit that keeps all L L' + a D semidefinite, by inverse factors.
 
     With T = L^-1 D L^-T this is -1 / (its least eigenvalue), which is computed where I + a T has
     no Cholesky factor. What is returned is a little less, lest a chain of almost equal blocks
-    makes every second one fail.
+    make every second one fail.
     """
     room = _room(size[low:high])
     largest = size[low:high].max() if high > low else 1
     work = np.zeros(4 * room)
     T = work[3 * room :]
-    f_at = work.ctypes.data
-    d_at, x_at, t_at = f_at + room * WORD, f_at + 2 * room * WORD, f_at + 3 * room * WORD
     moved, values, more = np.empty(largest**2), np.empty(largest), np.empty(8 * largest)
     n, info = np.empty(2, np.int32), np.zeros(1, np.int32)
     upper, general = _LETTERS.ctypes.data, _LETTERS.ctypes.data + 1
@@ -203,44 +233,23 @@ def largest_step(inverse, direction, start, size, low, high, limit):
                 limit = -1.0 / ratio
             continue
         width = _width(s)
-        row, step = s * WORD, width * WORD
-        _pad(direction, b, s, width, work, room)
-        _pad_turned(inverse, b, s, width, work, 0)
-        a_at = inverse.ctypes.data + b * WORD
-        for r in range(0, s, 2):
-            i = _row(r, s)
-            for t in range(0, step, LANES * WORD):
-                out, a = x_at + i * step + t, a_at + i * row
-                products(out, step, a, row, WORD, d_at + t, step, 0, i + 2)
-            for t in range(0, (i + 2) * WORD, LANES * WORD):
-                out, a = t_at + i * step + t, x_at + i * step
-                products(out, step, a, step, WORD, f_at + t, step, 0, i + 2)
-        square = 0.0
-        for i in range(s):
-            for j in range(i):
-                square += 2.0 * T[i * width + j] ** 2
-            square += T[i * width + i] ** 2
-        if square * limit * limit < 1.0:
+        _scaled(inverse, direction, b, s, width, room, work)
+        if _moved(T, s, width, limit, moved) < 1.0:
             continue
-        for i in range(s):
-            for j in range(i + 1):
-                moved[i * s + j] = limit * T[i * width + j]
-            moved[i * s + i] += 1.0
         n[0], n[1] = s, more.size
+        at, found, lwork = moved.ctypes.data, values.ctypes.data, n_at + 4
         if s <= _SMALL:
             if _factorized(moved, 0, s, s):
                 continue
         else:
-            _dpotrf(upper, n_at, moved.ctypes.data, n_at, failed)
+            _dpotrf(upper, n_at, at, n_at, failed)
             if info[0] == 0:
                 continue
-        for i in range(s):
-            for j in range(i + 1):
-                moved[i * s + j] = T[i * width + j]
-        at, found, lwork = moved.ctypes.data, values.ctypes.data, n_at + 4
+        _moved(T, s, width, 1.0, moved)
         _dsyev(general, upper, n_at, at, n_at, found, more.ctypes.data, lwork, failed)
-        if values[0] * limit < -1.0:
-            limit = -_CLOSE / values[0]
+        least = values[0] - 1.0
+        if least * limit < -1.0:
+            limit = -_CLOSE / least
     return limit
 
 
@@ -258,7 +267,7 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
     p_at = work.ctypes.data
     z_at, v_at = p_at + room * WORD, p_at + 2 * room * WORD
     rows, columns, weights = row.ctypes.data, column.ctypes.data, weight.ctypes.data
-    most = 0
+    most = np.int64(0)
     for k in range(low, high):
         most = max(most, first[member[k + 1]] - first[member[k]])
     flat = np.empty(most, np.uint32)
@@ -292,7 +301,7 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
 @jit
 def scatter(values, sums, place, length, low, high):
     """Add sums one after the other to values at the runs of places from low to high - 1."""
-    source = 0
+    source = np.int64(0)
     for run in range(low, high):
         target = np.int64(place[run])
         for k in range(np.int64(length[run])):

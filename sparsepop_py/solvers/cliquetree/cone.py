@@ -139,7 +139,9 @@ class CompiledCone(Cone):
 
     def _inverse_factors(self, x: Reals, result: Reals) -> None:
         b, kernel = self.pairs, compiled_kernels().inverse_factors
-        failed = self.workers.each(lambda part: kernel(x, b.start, b.size, *part, result), self.parts)
+        failed = self.workers.each(
+            lambda part: kernel(x, b.start, b.size, *part, result), self.parts
+        )
         if max(failed, default=-1) >= 0:
             raise np.linalg.LinAlgError("a block is not positive definite")
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import heapify, heappop, heappush
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .elimination import Front, parents
-from .kernels import check, compiled_kernels
+from .kernels import Workers, check, compiled_kernels
 
 __all__ = ["FrontFactor", "Fronts", "line_up"]
 
@@ -22,6 +24,7 @@ Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _LEAST_PIVOT = 1e-14
 _WORK = 1e9  # multiplications between two looks at the clock
+_SPLITS, _WORKERS = 64, 4  # of the tree into branches, and for how many at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +71,19 @@ class Fronts:
     @property
     def operations(self) -> int:
         """Floating-point operations of one factorization."""
-        e, u = self.pivots, self.updates
-        return int((e**3 // 3 + e * e * u + e * u * u).sum())
+        return int(self._work.sum())
+
+    @cached_property
+    def _work(self) -> Reals:
+        e, u = self.pivots.astype(float), self.updates.astype(float)
+        return np.asarray(e**3 / 3 + e * e * u + e * u * u)
 
     @cached_property
     def stops(self) -> Indices:
         """Numbers of fronts between which to look at the clock, from 0 to F."""
-        e, u = self.pivots.astype(float), self.updates.astype(float)
-        work = np.cumsum(e**3 / 3 + e * e * u + e * u * u)
+        work = np.cumsum(self._work)
         cuts = np.searchsorted(work, np.arange(_WORK, work[-1] if work.size else 0.0, _WORK))
-        return np.unique(np.concatenate([[0], cuts, [e.size]])).astype(np.int64)
+        return np.unique(np.concatenate([[0], cuts, [work.size]])).astype(np.int64)
 
     @cached_property
     def levels(self) -> int:
@@ -139,17 +145,68 @@ class Fronts:
         above = np.repeat(parent, updates)
         slots = np.searchsorted(keys, above * width + self.rank[self.columns[moved]])
         slots = slots - self.first[above]
-        home, top = np.zeros(parent.size, np.int64), 0
-        held = np.zeros(parent.size, np.int64)
-        largest = 0
-        for number, (above_it, size) in enumerate(zip(parent.tolist(), updates, strict=True)):
-            top -= int(held[number])
-            home[number] = top
-            top += int(size) ** 2
-            largest = max(largest, top)
-            if above_it >= 0:
-                held[above_it] += int(size) ** 2
+        home, largest = self._homes()
         return child, children, _starts(updates), slots, home, np.array([largest])
+
+    def _homes(self) -> tuple[Indices, int]:
+        """Where the update of each front goes, and how much room that takes.
+
+        Each branch has a stack of its own and each front of the trunk a place of its own, so
+        that branches need not wait for each other.
+        """
+        parent, size = self.parent.tolist(), (self.updates**2).tolist()
+        home, end = np.zeros(len(parent), np.int64), 0
+        for low, high in self.branches:
+            held, top = [0] * (high - low), end
+            for number in range(low, high):
+                top -= held[number - low]
+                home[number] = top
+                top += size[number]
+                end = max(end, top)
+                if number + 1 < high:
+                    held[parent[number] - low] += size[number]
+        for low, high in self.trunk:
+            for number in range(low, high):
+                home[number] = end
+                end += size[number]
+        return home, end
+
+    @cached_property
+    def branches(self) -> list[tuple[int, int]]:
+        """Ranges of fronts, each a subtree, that may be factorized at the same time.
+
+        The largest subtree is replaced by those of its children as long as that shortens what
+        four workers would need, by their share and the largest subtree, and the trunk left over.
+        """
+        work = self._work
+        below, first = work.copy(), np.arange(work.size)
+        children: list[list[int]] = [[] for _ in work]
+        for number, above in enumerate(self.parent.tolist()):
+            if above >= 0:
+                below[above] += below[number]
+                first[above] = min(first[above], first[number])
+                children[above].append(number)
+        roots = np.flatnonzero(self.parent < 0)
+        heap = [(-float(below[f]), int(f)) for f in roots]
+        heapify(heap)
+        trunk, best, chosen = 0.0, np.inf, list(heap)
+        for _ in range(_SPLITS):
+            if not heap:
+                break
+            need = trunk + max(-heap[0][0], -sum(w for w, _ in heap) / _WORKERS)
+            if need < best:
+                best, chosen = need, list(heap)
+            _, largest = heappop(heap)
+            trunk += float(work[largest])
+            for child in children[largest]:
+                heappush(heap, (-float(below[child]), child))
+        return sorted((int(first[f]), f + 1) for _, f in chosen)
+
+    @cached_property
+    def trunk(self) -> list[tuple[int, int]]:
+        """Ranges of the other fronts, which come after all branches."""
+        ends = [0, *(end for part in self.branches for end in part), self.pivots.size]
+        return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=True) if low < high]
 
 
 class FrontFactor:
@@ -158,10 +215,13 @@ class FrontFactor:
     Parameters
     ----------
     fronts : Fronts
+    workers : Workers, optional
+        Who factorizes the branches.
     """
 
-    def __init__(self, fronts: Fronts) -> None:
+    def __init__(self, fronts: Fronts, workers: Workers | None = None) -> None:
         self.tree = fronts
+        self._workers = workers or Workers()
         self.entries = np.zeros(fronts.entries)
         self._stack = np.zeros(int(fronts.plan[-1][0]))
 
@@ -175,23 +235,21 @@ class FrontFactor:
         OutOfTime
             If the CPU time ``deadline`` passes.
         """
-        t = self.tree
-        for low, high in zip(t.stops[:-1], t.stops[1:], strict=True):
-            check(deadline)
-            failed = compiled_kernels().factorize(
-                self.entries,
-                regularisation,
-                _LEAST_PIVOT,
-                low,
-                high,
-                t.pivots,
-                t.updates,
-                t.base,
-                *t.plan[:-1],
-                self._stack,
-            )
-            if failed >= 0:
-                raise np.linalg.LinAlgError(f"front {failed} is not positive definite")
+        t, kernel = self.tree, compiled_kernels().factorize
+        child, children, slot, slots, home, _ = t.plan
+        shape = t.pivots, t.updates, t.base, child, children, slot, slots, home, self._stack
+
+        def eliminate(part: tuple[int, int]) -> None:
+            inside = t.stops[(t.stops > part[0]) & (t.stops < part[1])].tolist()
+            for low, high in pairwise([part[0], *inside, part[1]]):
+                check(deadline)
+                failed = kernel(self.entries, regularisation, _LEAST_PIVOT, low, high, *shape)
+                if failed >= 0:
+                    raise np.linalg.LinAlgError(f"front {failed} is not positive definite")
+
+        self._workers.each(eliminate, t.branches)
+        for part in t.trunk:
+            eliminate(part)
 
     def solve(self, right: Reals) -> Reals:
         """The solution of the factorized system for one right-hand side (M,)."""

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fronts import FrontFactor, Fronts
+from .fronts import FrontFactor
 from .kernels import OutOfTime
 from .numbers import Numbers
 from .progress import Iterate, Iteration, Outcome, Settings, gap, judge, verdict, wants_repair
@@ -98,13 +98,13 @@ class _Newton:
         size, before = np.abs(h).max(initial=1e-300), np.inf
         best = np.zeros_like(h), np.zeros_like(equal), np.zeros_like(self.z)
         for _ in range(self.settings.refinements + 1):
-            step = self.factor.solve(first + n.Et @ (second / delta))
-            dy, dw = best[0] + step, best[1] + (n.E @ step - second) / delta
+            step = self.factor.solve(first + n.rows_turned(second / delta))
+            dy, dw = best[0] + step, best[1] + (n.rows(step) - second) / delta
             image = n.cone.sandwich(self.inverse, n.C @ dy, self.z)
             if np.isinf(accuracy):
                 return dy, dw, image
-            first = h - n.Ct @ image - n.Et @ dw
-            second = equal - n.E @ dy
+            first = h - n.Ct @ image - n.rows_turned(dw)
+            second = equal - n.rows(dy)
             error = np.abs(first).max(initial=0.0) / size + np.abs(second).max(initial=0.0)
             if not error < 0.5 * before:
                 break
@@ -141,8 +141,7 @@ def minimise(
     log: list[Iteration] = []
     best, early = point, None
     step = (1.0, 0.0, 0.0)
-    tree = numbers.symbolic.tree
-    factor = FrontFactor(tree) if isinstance(tree, Fronts) else Factor(tree)
+    factor = numbers.factor()
     repair = Repair(numbers, deadline)
     while True:
         residuals = _residuals(numbers, point)
@@ -235,8 +234,8 @@ def _cold_start(numbers: Numbers) -> Iterate:
 def _residuals(numbers: Numbers, at: Iterate) -> _Residuals:
     return _Residuals(
         numbers.c - numbers.C @ at.y - at.s,
-        numbers.e - numbers.E @ at.y,
-        -numbers.q - numbers.Ct @ at.z - numbers.Et @ at.w,
+        numbers.e - numbers.rows(at.y),
+        -numbers.q - numbers.Ct @ at.z - numbers.rows_turned(at.w),
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from importlib import import_module
 from types import ModuleType
 from typing import TypeVar
@@ -31,7 +31,8 @@ __all__ = [
 ]
 
 Reals = NDArray[np.float64]
-Part, Result = TypeVar("Part"), TypeVar("Result")
+Part = TypeVar("Part")
+Result = TypeVar("Result")
 _SLIGHTLY_LESS = 1.0 - 1e-9
 _LARGE = 64  # size from which LAPACK runs matrix by matrix
 
@@ -54,10 +55,12 @@ class Workers:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def each(self, work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
-        """The results of all parts, in their order."""
+        """The results of all parts, in their order; an error is raised after all have ended."""
         if self._pool is None or len(parts) < 2:
             return [work(part) for part in parts]
-        return list(self._pool.map(work, parts))
+        asked = [self._pool.submit(work, part) for part in parts]
+        wait(asked)
+        return [part.result() for part in asked]
 
     def close(self) -> None:
         """End the threads."""

@@ -29,7 +29,8 @@ _VECTOR = ir.VectorType(_REAL, LANES)
 _FAST = ("contract",)
 
 jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-inline = numba.njit(inline="always")
+inline: Any = numba.njit(inline="always")
+_intrinsic: Any = intrinsic
 
 
 def routine(library: str, name: str, arguments: int) -> Any:
@@ -66,7 +67,9 @@ class _Sums:
         """A vector of equal numbers."""
         none, zero = ir.Constant(_VECTOR, ir.Undefined), ir.Constant(_HALF, 0)
         one = self.builder.insert_element(none, x, zero)
-        return self.builder.shuffle_vector(one, none, ir.Constant(ir.VectorType(_HALF, LANES), None))
+        return self.builder.shuffle_vector(
+            one, none, ir.Constant(ir.VectorType(_HALF, LANES), None)
+        )
 
     def times(self, a: Any, x: Any) -> Any:
         return self.builder.fmul(a, x, flags=_FAST)
@@ -91,14 +94,14 @@ class _Sums:
             yield number
 
 
-@intrinsic
-def products(typing, out, stride, a, row, step, x, width, low, high):  # type: ignore[no-untyped-def]
+@_intrinsic
+def products(typing, out, stride, a, row, step, x, width, low, high):
     """Two rows of eight sums over k in [low, high) of a number times a vector.
 
     out[r * stride] = sum of a[r * row + k * step] * x[k * width] for r = 0, 1.
     """
 
-    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def build(context, builder, signature, arguments):
         out, stride, a, row, step, x, width, low, high = arguments
         sums = _Sums(builder)
         with sums.loop(low, high) as k:
@@ -112,15 +115,15 @@ def products(typing, out, stride, a, row, step, x, width, low, high):  # type: i
     return types.void(*[types.intp] * 9), build
 
 
-@intrinsic
-def symmetric_products(typing, out, p, z, rows, columns, weights, width, r, t, low, high):  # type: ignore[no-untyped-def]
+@_intrinsic
+def symmetric_products(typing, out, p, z, rows, columns, weights, width, r, t, low, high):
     """Two rows from r, eight entries from t, of P A Z + Z A P with A given by its nonzeros.
 
     The nonzeros low to high - 1 of the lower triangle stand in arrays of uint32 and of doubles,
     weights of the diagonal halved; ``width`` is the stride of all matrices, r and t are bytes.
     """
 
-    def build(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def build(context, builder, signature, arguments):
         out, p, z, rows, columns, weights, width, r, t, low, high = arguments
         sums = _Sums(builder)
         word = ir.Constant(_WORD, WORD)

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from ...conic import ConicProgram
 from .assembly import BlockPairs, PairProduct, StackProduct
 from .cone import CompiledCone, Cone
+from .fronts import FrontFactor, Fronts
 from .kernels import Workers
 from .symbolic import Symbolic
+from .tree import Factor
 
 __all__ = ["Numbers"]
 
@@ -45,6 +47,7 @@ class Numbers:
     data : (nnz,) float
         The scaled nonzeros of the program.
     products : tuple
+    workers : Workers
     """
 
     symbolic: Symbolic
@@ -61,11 +64,10 @@ class Numbers:
     scale: Reals
     data: Reals
     products: tuple[StackProduct | PairProduct, ...]
+    workers: Workers
 
     @staticmethod
-    def of(
-        program: ConicProgram, symbolic: Symbolic, workers: Workers | None = None
-    ) -> Numbers:
+    def of(program: ConicProgram, symbolic: Symbolic, workers: Workers | None = None) -> Numbers:
         """Put the numbers of a program into place; compiled kernels use the workers."""
         workers = workers or Workers()
         layout, zero = symbolic.layout, program.cones.zero
@@ -102,7 +104,21 @@ class Numbers:
             scale,
             data,
             tuple(assembly.bound(C.data, workers) for assembly in symbolic.assemblies),
+            workers,
         )
+
+    def factor(self) -> Factor | FrontFactor:
+        """Memory for a factorization."""
+        tree = self.symbolic.tree
+        return FrontFactor(tree, self.workers) if isinstance(tree, Fronts) else Factor(tree)
+
+    def rows(self, y: Reals) -> Reals:
+        """E y."""
+        return self.E @ y if self.e.size else self.e
+
+    def rows_turned(self, w: Reals) -> Reals:
+        """E'w."""
+        return self.Et @ w if self.e.size else np.zeros_like(self.q)
 
     def fixed_entries(self, weight: float) -> Reals:
         """Entries of all fronts with weight * E'E in place."""

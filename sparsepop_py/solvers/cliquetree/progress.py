@@ -70,6 +70,9 @@ class Settings:
     iterations : int
     kernels : {"auto", "numpy", "numba"}
         ``"auto"``: those of numba where it is installed and the program is large enough.
+    threads : int
+        Of the compiled kernels, over blocks and over branches of the tree. Results are the same
+        to the last bit. BLAS is to have one thread (``OMP_NUM_THREADS=1``).
     """
 
     gap: float = 1e-7
@@ -85,6 +88,7 @@ class Settings:
     stretch: float = 0.06
     iterations: int = 80
     kernels: Literal["auto", "numpy", "numba"] = "auto"
+    threads: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,7 +210,7 @@ def _extreme(numbers: Numbers, settings: Settings, now: Iteration, at: Iterate) 
     if fall > _FAR and now.primal_residual < settings.loose * fall:
         return "failed", "the objective falls without limit"
     if now.safe > reach:
-        ray = numbers.Ct @ at.z + numbers.Et @ at.w
+        ray = numbers.Ct @ at.z + numbers.rows_turned(at.w)
         if now.dual > _FAR * float(np.abs(ray).sum()):
             return "infeasible", "dual ray"
     return "", ""

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fronts import FrontFactor, Fronts
+from .fronts import FrontFactor
 from .numbers import Numbers
 from .progress import Iterate
 from .tree import Factor
@@ -56,8 +56,8 @@ class Repair:
         try:
             factor = self._factorized(soft)
             for _ in range(_PASSES):
-                x = factor.solve(-n.q - n.Ct @ z - n.Et @ w)
-                z, w = z + n.cone.sandwich(soft, n.C @ x, soft), w + _WEIGHT * (n.E @ x)
+                x = factor.solve(-n.q - n.Ct @ z - n.rows_turned(w))
+                z, w = z + n.cone.sandwich(soft, n.C @ x, soft), w + _WEIGHT * n.rows(x)
             n.cone.inverse_factor(z)
         except np.linalg.LinAlgError:
             return at
@@ -65,9 +65,9 @@ class Repair:
         return new if safe_value(n, new) > safe_value(n, at) else at
 
     def _factorized(self, soft: Reals) -> Factor | FrontFactor:
-        n, tree = self._numbers, self._numbers.symbolic.tree
+        n = self._numbers
         if self._factor is None:
-            self._factor = FrontFactor(tree) if isinstance(tree, Fronts) else Factor(tree)
+            self._factor = n.factor()
         np.copyto(self._factor.entries, n.fixed_entries(_WEIGHT))
         n.add_newton(self._factor.entries, soft, soft, self._deadline)
         self._factor.refactor(1e-13, self._deadline)
@@ -76,5 +76,5 @@ class Repair:
 
 def safe_value(numbers: Numbers, at: Iterate) -> float:
     """The dual value less the largest effect of its residual on moments in [-1, 1]."""
-    residual = -numbers.q - numbers.Ct @ at.z - numbers.Et @ at.w
+    residual = -numbers.q - numbers.Ct @ at.z - numbers.rows_turned(at.w)
     return float(-numbers.c @ at.z - numbers.e @ at.w - np.abs(residual).sum())
