@@ -43,7 +43,7 @@ def _measure(name: str, n: int, form: str) -> list[str]:
         problem = sp.Problem(problem.objective, problem.constraints)
     options = sp.Options(time_limit=600)
     if problem.constraints:
-        options = sp.Options(effort="auto", gap=1e-4, time_limit=600)
+        options = sp.Options(effort="auto", gap=1e-5, time_limit=600)
     start = time.process_time()
     result = sp.solve(problem, options)
     seconds = time.process_time() - start

@@ -9,6 +9,7 @@ from dataclasses import replace
 from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
 from .certificate.dual import identity_of, margin
@@ -109,22 +110,47 @@ def _cliques(scaled: Scaled, options: Options) -> Cliques:
 def _sublevel(
     problem: Problem, cutoff: ProvedPoint, box: Interval, options: Options
 ) -> Sublevel | None:
-    """An identity that bounds all variables where f <= cutoff, from one or two relaxations.
+    """An identity that bounds all variables where f <= cutoff, from a few relaxations.
+
+    The objective alone comes first where there are constraints: the multipliers of these bring
+    monomials into the moment bases that f does not dominate, though it grows in all directions.
+    """
+    endless = np.isinf(box.lo) | np.isinf(box.hi)
+    loose = Interval(np.where(endless, -np.inf, box.lo), np.where(endless, np.inf, box.hi))
+    rows = np.append(np.zeros(len(problem.constraints), bool), True)  # the cut-off is the last
+    tries = [(box, np.ones_like(rows))]
+    if problem.constraints or np.any(endless & (np.isfinite(box.lo) | np.isfinite(box.hi))):
+        tries.insert(0, (loose, rows))
+    for around, active in tries:
+        step = _sublevel_on(problem, cutoff, (box, around), active, options)
+        if step is not None:
+            return step
+    return None
+
+
+def _sublevel_on(
+    problem: Problem,
+    cutoff: ProvedPoint,
+    boxes: tuple[Interval, Interval],
+    active: NDArray[np.bool_],
+    options: Options,
+) -> Sublevel | None:
+    """The same with some of the constraints, and on a box around the box.
 
     Minimises -sum_b b(t)^2 over the sublevel set, b running over the moment bases.
     """
-    f = problem.objective
-    least = least_order(problem)
+    f, (box, around) = problem.objective, boxes
     inside = Problem(
         f,
         [*problem.constraints, Constraint(cutoff.value - f, Kind.NONNEGATIVE)],
-        box.lo,
-        box.hi,
+        around.lo,
+        around.hi,
         problem.names,
     )
-    scaling = Scaling.of_box(box, typical=cutoff.x)
-    scaled = Scaled.of(inside, scaling, (f,))
+    scaling = Scaling.of_box(around, typical=cutoff.x)
+    scaled = Scaled.of(inside, scaling, (f,), active)
     cliques = _cliques(scaled, options)
+    least = least_order(scaled.problem)
     solver = "clarabel" if options.solver == "auto" else options.solver  # endless moments
     for order in (least, least + 1):
         relaxation = relax(scaled.problem, order, cliques=cliques)

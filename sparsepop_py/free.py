@@ -1,8 +1,9 @@
-"""Bounds without any box, where nothing is constrained or bounded.
+"""Bounds without any box, of the objective on the whole space.
 
-Gram matrices from the interior of the cone are moved onto the objective less a constant, and
-a multiple of the identity is split off that pays for rounding. The earlier a solver stops,
-the larger that multiple can be, and the lower the bound. Forms whose Gram matrices are all
+They hold on every feasible set, and close the gap where nothing is constrained or bounded.
+Gram matrices from the interior of the cone are moved onto the objective less a constant, and a
+multiple of the identity is split off that pays for rounding. The earlier a solver stops, the
+larger that multiple can be, and the lower the bound. Forms whose Gram matrices are all
 singular, whatever the constant, get nothing here.
 """
 
@@ -16,6 +17,7 @@ from .certificate.certificate import Node, Proved, prove
 from .certificate.dual import floored
 from .conic import assemble
 from .presolve.scaling import Scaled, scale_objective
+from .problem import Problem
 from .recovery import estimate, exact_grams
 from .rounding import Interval
 from .rungs import (
@@ -39,6 +41,7 @@ _ACCURACIES = (1e-7, 1e-6, 1e-5, 1e-4)  # where solvers stop, one after the othe
 _SHARES = (1e-3, 1e-2, 1e-1, 1.0)  # steps from the most accurate matrices into the interior
 _MANY = 300  # variables from which a box takes too long to gain the last digits
 _SMALL = 1e-4
+_FEW = 40  # monomials up to which rationals take no time
 
 
 def good_enough(task: Task, bound: float) -> bool:
@@ -49,10 +52,9 @@ def good_enough(task: Task, bound: float) -> bool:
 
 
 def free_round(task: Task) -> Bound | None:
-    """A bound of an unconstrained problem, None where it does not apply."""
-    problem = task.problem
-    endless = np.all(np.isinf(problem.lower) & np.isinf(problem.upper))
-    if problem.constraints or not endless or problem.degree % 2 or trivially(task):
+    """A bound of the objective without constraints and bounds, None where it does not apply."""
+    problem = Problem(task.problem.objective)
+    if problem.degree % 2 or trivially(task):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
     outcome: Bound | None = None
@@ -79,7 +81,8 @@ def _exactly(task: Task, model: Model) -> Bound:
     argued = Argued(prove(replay, model.box, None, False), Node())
     with task.stages.stage("certify"):
         for gram in exact_grams(f, relaxation, task.clock.left):
-            if task.best is not None and not good_enough(task, estimate(gram, f)):
+            dear = gram.basis.shape[0] > _FEW and task.best is not None
+            if dear and not good_enough(task, estimate(gram, f)):
                 continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)
             if proved.bound > argued.proved.bound:

@@ -11,8 +11,9 @@ is left to try.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from .free import free_round, good_enough
 from .ground import Ground
 from .incumbents import attained, extracted
 from .options import Options
+from .problem import Problem
 from .relaxation import least_order
 from .result import Rung
 from .rounding import Interval
@@ -78,15 +80,36 @@ def climb(
     later : iterator of (n,) float
         Starts of local searches for where the first relaxation leaves a gap.
     """
-    if shared is None and task.options.effort != "plain":
-        free = _freely(task, near, later)
-        if free is not None:
-            if good_enough(free.task, level(free.outcome.certificate)) or free.task.clock.over:
-                return free
-            climbed = _climbed(free.task, free.near, None, later)
-            outcome = better(free.outcome, climbed.outcome)
-            return replace(climbed, outcome=outcome, history=free.history + climbed.history)
-    return _climbed(task, near, shared, later)
+    free = shared is None and task.options.effort != "plain" and not _restricted(task.problem)
+    if free:
+        return _after_free(task, near, later, partial(_climbed, shared=None, later=later))
+    climbed = _climbed(task, near, shared, later)
+    if task.options.effort == "presolve" and level(climbed.outcome.certificate) == -np.inf:
+        return _after_free(climbed.task, climbed.near, iter(()), lambda *_: climbed)
+    return climbed
+
+
+def _restricted(problem: Problem) -> bool:
+    """Whether there are constraints or bounds."""
+    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    return bool(problem.constraints) or bool(bounded.any())
+
+
+def _after_free(
+    task: Task,
+    near: list[NDArray],
+    later: Iterator[NDArray],
+    go_on: Callable[[Task, list[NDArray]], Climbed],
+) -> Climbed:
+    """What the objective on the whole space proves, and where that is not enough, what follows."""
+    free = _freely(task, near, later)
+    if free is None:
+        return go_on(task, near)
+    if good_enough(free.task, level(free.outcome.certificate)) or free.task.clock.over:
+        return free
+    climbed = go_on(free.task, free.near)
+    outcome = better(free.outcome, climbed.outcome)
+    return replace(climbed, outcome=outcome, history=free.history + climbed.history)
 
 
 def _freely(task: Task, near: list[NDArray], later: Iterator[NDArray]) -> Climbed | None:
@@ -126,6 +149,9 @@ def _climbed(
         if finite(box):
             ground = Ground.of(task.problem, (task.problem.objective,), task.options)
             return climbed_by(Auto(task, Model(proof, box), near, ground, later=later))
+        if _restricted(task.problem):
+            orders = partial(_orders, shared=shared, later=later)
+            return _after_free(task, near, iter(()), orders)
     return _orders(task, near, shared, later)
 
 

@@ -27,7 +27,7 @@ from .relaxation import Relaxation
 from .rounding import Interval
 from .sizing import fitting_relaxations
 from .solvers import preferred, solve_conic
-from .sparsity import find_cliques
+from .sparsity import Joined, find_cliques
 from .task import Task
 from .waki import Switches
 
@@ -49,6 +49,9 @@ __all__ = [
 
 _SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; parts below may be left out
 _ROUGH = 1e-4  # accuracy that is enough of a solver whose gap is that of its safe value
+_MOMENTS = 100  # from which residuals add up to more than the gap that a solver leaves
+_WHOLE: tuple[Joined, ...] = ("constraints",)
+_SMALLER: tuple[Joined, ...] = (*_WHOLE, "monomials")  # cliques tried, till a relaxation fits
 _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
 
 
@@ -153,7 +156,7 @@ def _solution(
         program if small is None else small.program,
         solver,
         task.clock.left,
-        _accuracy(task, size, _ROUGH if solver == "cliquetree" else 1e-6),
+        _accuracy(task, size, solver, program.q.size),
         _target(task, size),
         task.options.max_iterations,
     )
@@ -175,13 +178,19 @@ def short_if(
     return argued
 
 
-def _accuracy(task: Task, size: float, rough: float) -> float:
-    """How far a solver should go: a hundredth of the gap that counts as closed is enough."""
+def _accuracy(task: Task, size: float, solver: str, moments: int) -> float:
+    """How far a solver should go: a hundredth of the gap that counts as closed is enough.
+
+    Where it knows no safe value, the proof pays for residuals of either sign of all moments.
+    """
     if task.options.accuracy is not None:
         return task.options.accuracy
     if task.best is None or task.options.effort != "auto":
         return 1e-9
-    return float(np.clip(1e-2 * task.allowed / size, 1e-9, rough))
+    if solver == "cliquetree":
+        return float(np.clip(1e-2 * task.allowed / size, 1e-9, _ROUGH))
+    many = max(1.0, moments / _MOMENTS) ** 0.5
+    return float(np.clip(1e-2 * task.allowed / (size * many), 1e-9, 1e-6))
 
 
 def _target(task: Task, size: float) -> float | None:
@@ -327,17 +336,21 @@ def relaxed(
         scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
     else:
         scaled = Scaled.of(problem, Scaling.without_shift(model.box), objectives, whole=True)
-    cliques = find_cliques(
-        scaled.problem, sparse=options.sparse, method=options.chordal, objectives=scaled.objectives
-    )
     given = np.isfinite(problem.lower) | np.isfinite(problem.upper)
-    relaxations, notes = fitting_relaxations(
-        scaled.problem,
-        cliques,
-        scaled.objectives,
-        options,
-        constrained=bool(problem.constraints) or bool(given.any()),
-    )
+    method, objectives = options.chordal, scaled.objectives
+    whole = options.effort == "plain" or not problem.constraints
+    relaxations: tuple[Relaxation, ...] = ()
+    for joined in _WHOLE if whole else _SMALLER:
+        cliques = find_cliques(scaled.problem, options.sparse, method, objectives, joined)
+        relaxations, notes = fitting_relaxations(
+            scaled.problem,
+            cliques,
+            objectives,
+            options,
+            constrained=bool(problem.constraints) or bool(given.any()),
+        )
+        if relaxations:
+            break
     return replace(model, scaled=scaled, relaxations=relaxations, notes=notes)
 
 
