@@ -29,11 +29,13 @@ from .result import Point, Result, Status
 from .rounding import Interval
 from .rungs import Bound, Model, level, relaxed
 from .task import Clock, Task
+from .threads import one_thread
 from .unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
 
 
+@one_thread
 def solve(
     problem: Problem, options: Options | None = None, *, start: NDArray | None = None
 ) -> Result:
@@ -78,6 +80,7 @@ def solve(
     return _result(_climb_one(task, _start_vectors(problem, start), None))
 
 
+@one_thread
 def solve_each(
     problem: Problem,
     objectives: Sequence[Polynomial],

@@ -17,7 +17,7 @@ PACKAGE = "sparsepop_py"
 
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
-errors constraint progress display monomials rounding polynomial system cones squares
+errors threads constraint progress display monomials rounding polynomial system cones squares
 symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
 presolve presolve.propagation presolve.scaling
 chordal sparsity basis newton blocks shapes signs terms relaxation substitution moment_bounds
@@ -55,6 +55,7 @@ DOORS = {
     "networkx": "chordal",
     "matplotlib": "plots",
     "casadi": "refinement",
+    "threadpoolctl": "threads",
     "numba": "solvers.cliquetree.machine",
     "llvmlite": "solvers.cliquetree.machine",
 }

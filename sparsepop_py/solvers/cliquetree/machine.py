@@ -29,8 +29,12 @@ _VECTOR = ir.VectorType(_REAL, LANES)
 _FAST = ("contract",)
 
 jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
-inline: Any = numba.njit(inline="always")
 _intrinsic: Any = intrinsic
+
+
+def inline(function: Any) -> Any:
+    """The function, compiled into those that call it."""
+    return numba.njit(inline="always")(function)
 
 
 def routine(library: str, name: str, arguments: int) -> Any:
