@@ -28,8 +28,13 @@ _REAL, _WORD, _HALF = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 _VECTOR = ir.VectorType(_REAL, LANES)
 _FAST = ("contract",)
 
-jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+_OPTIONS: Any = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}}
 _intrinsic: Any = intrinsic
+
+
+def jit(function: Any) -> Any:
+    """The function, compiled at its first call; kept on disk, without Python's lock."""
+    return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
 
 
 def inline(function: Any) -> Any:
