@@ -116,7 +116,7 @@ def direction_box(
     --------
     >>> import setid
     >>> data = setid.IOData([1, -1, 1, 1, -1, 1], [1.1, -0.4, 0.8, 1.5, -0.2, 0.9])
-    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.6))
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=1.2))
     >>> first = setid.parameter_box(known.regression)
     >>> first
     <ParameterBox: a1 in [-inf, inf], b0 in [-inf, inf]>

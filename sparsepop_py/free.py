@@ -54,7 +54,7 @@ def good_enough(task: Task, bound: float) -> bool:
 def free_round(task: Task) -> Bound | None:
     """A bound of the objective without constraints and bounds, None where it does not apply."""
     problem = Problem(task.problem.objective)
-    if problem.degree % 2 or trivially(task):
+    if problem.degree == 0 or problem.degree % 2 or trivially(task):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
     outcome: Bound | None = None
