@@ -145,7 +145,7 @@ def _programs(
     """The program of a relaxation, and under switches the smaller one to be solved."""
     if switches is None:
         return assemble(relaxation, minimised), None
-    small = condensed(relaxation, scaled, switches.perturbed(minimised), switches)
+    small = condensed(relaxation, scaled, switches.perturbed(minimised, relaxation), switches)
     return small.whole, small
 
 

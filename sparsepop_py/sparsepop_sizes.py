@@ -63,7 +63,8 @@ class BuiltSDP:
         problem = result.problem
         scaling = Scaling.without_shift(Interval(problem.lower, problem.upper))
         scaled = Scaled.of(problem, scaling, (problem.objective,), whole=True)
-        small = condensed(relaxation, scaled, switches.perturbed(objective), switches)
+        perturbed = switches.perturbed(objective, relaxation)
+        small = condensed(relaxation, scaled, perturbed, switches)
         return BuiltSDP(
             relaxation,
             small.program,

@@ -119,14 +119,18 @@ class Switches:
                     f"Switches.{name}: found {getattr(self, name)!r}, expected a number >= 0"
                 )
 
-    def perturbed(self, objective: Polynomial) -> Polynomial:
-        """The objective with its random linear part, which is the same in every run."""
+    def perturbed(self, objective: Polynomial, relaxation: Relaxation) -> Polynomial:
+        """The objective with its random linear part, which is the same in every run.
+
+        Variables that are no moments of the relaxation (fixed ones) have no part in it.
+        """
         if not self.perturbation:
             return objective
         n = objective.dimension
         part = self.perturbation * (2.0 * np.random.RandomState(2008).random_sample(n) - 1.0)
         letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
-        return objective + Polynomial.from_words(letters, part, n)
+        held = relaxation.moment_numbers(letters) >= 0
+        return objective + Polynomial.from_words(letters[held], part[held], n)
 
 
 def plain_relaxation(

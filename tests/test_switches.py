@@ -204,6 +204,13 @@ def test_a_perturbed_objective_proves_the_given_one(size: float) -> None:
         assert np.linalg.norm(call(problem, relaxOrder=2).POP.xVect) < 0.9
 
 
+def test_a_perturbation_passes_fixed_variables_by() -> None:
+    """x^2 + 2x has its minimum -1 at x = -1; y = 2 is no unknown."""
+    x, y = sp.variables(2)
+    output = call(sp.Problem(x * y + x**2, [], [-3, 2], [3, 2]), relaxOrder=2, perturbation=1e-3)
+    assert -1.01 < output.SDPobjValue <= -1
+
+
 def test_substitutions() -> None:
     """Equations leave the program, and its value stays what it was with them."""
     x, y, z = sp.variables(3)
