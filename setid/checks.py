@@ -11,7 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import DataError, SetidError
 
-__all__ = ["channels_of", "frozen", "natural", "number", "range_of", "real_array", "starts_of"]
+__all__ = [
+    "channels_of",
+    "frozen",
+    "entries_of",
+    "natural",
+    "number",
+    "range_of",
+    "real_array",
+    "starts_of",
+    "switch",
+]
 
 
 def frozen(array: NDArray) -> NDArray:
@@ -33,7 +43,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
     """
     try:
         array = np.array(given)
-        if np.iscomplexobj(array):
+        if np.iscomplexobj(array) or array.dtype.kind in "USm":  # text, durations
             raise TypeError
         values = np.array(array, float)
     except (TypeError, ValueError):
@@ -44,6 +54,21 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         where = np.argwhere(np.isinf(values))[0].tolist()
         raise error(f"{field}: found an infinite value at {where}, expected finite numbers")
     return values
+
+
+def switch(given: Any, field: str, error: type[SetidError]) -> bool:
+    """True or False; words such as "no" raise."""
+    if not isinstance(given, (bool, np.bool_)):
+        raise error(f"{field}: found {given!r:.60}, expected True or False")
+    return bool(given)
+
+
+def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> list[Any]:
+    """The items of a list; what cannot be gone through raises."""
+    try:
+        return list(given)
+    except TypeError:
+        raise error(f"{field}: found {type(given).__name__}, expected {what}") from None
 
 
 def natural(given: Any, field: str, error: type[SetidError], least: int = 0) -> int:

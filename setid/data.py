@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import channels_of, natural, number, range_of, starts_of
+from .checks import channels_of, entries_of, natural, number, range_of, starts_of
 from .errors import DataError, SetidWarning
 from .reading import Column, listed, read_csv_columns, read_mat_columns, stacked
 
@@ -236,7 +236,7 @@ class IOData:
         >>> setid.IOData.concat([one, two]).starts
         array([0, 3])
         """
-        parts = list(records)
+        parts = entries_of(records, "records", "a list of IOData", DataError)
         if not parts:
             raise DataError("records: found none, expected at least one")
         for place, part in enumerate(parts):

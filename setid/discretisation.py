@@ -29,7 +29,7 @@ from .models.equations import Structure
 from .noise import EstimatedBound, Noise
 from .noise_factor import problem_with_factor
 from .options import Options
-from .priors.base import Prior
+from .priors.base import Prior, listed
 from .simulate import simulate
 from .starts import candidates
 
@@ -104,7 +104,7 @@ def with_estimate(
     data: IOData, model: Structure, noise: Noise, priors: Priors
 ) -> tuple[Structure, Noise, list[Prior | sp.Constraint]]:
     """Structure and noise after ``delta="estimate"`` is settled, and the priors as a list."""
-    given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)
+    given = listed(priors)
     if not isinstance(model, ContinuousTransferFunction) or model.delta != "estimate":
         return model, noise, given
     return without_delta(model), noise.covering(estimate_delta(data, model, noise, given)), given

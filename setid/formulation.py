@@ -24,7 +24,7 @@ from .models.equations import Equation, Structure
 from .monomials import MonomialRows
 from .noise import Noise
 from .printing import equation_text
-from .priors.base import Prior
+from .priors.base import Prior, listed
 from .priors.coefficients import Given
 from .priors.normalisation import UnitGain
 from .regression import Regression, check_channels
@@ -310,9 +310,8 @@ def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, No
 
 
 def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
-    items: Sequence[Any] = [given] if isinstance(given, (Prior, sp.Constraint)) else list(given)
     found: list[Prior] = []
-    for place, item in enumerate(items):
+    for place, item in enumerate(listed(given)):
         if isinstance(item, sp.Constraint):
             if item.polynomial.dimension != len(model.parameters):
                 raise PriorError(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 
-from .checks import frozen, number, real_array
+from .checks import entries_of, frozen, number, real_array, switch
 from .data import IOData
 from .errors import NoiseError
 
@@ -103,10 +103,13 @@ class Noise:
         relative: bool = False,
         constraints: Iterable[NoiseConstraint] = (),
     ) -> None:
-        if not isinstance(relative, (bool, np.bool_)):
-            raise NoiseError(f"relative: found {relative!r}, expected True or False")
+        in_parts = switch(relative, "relative", NoiseError)
         given = {"output": output, "input": input, "equation": equation}
-        sets = tuple([constraints] if callable(constraints) else constraints)
+        sets = tuple(
+            [constraints]
+            if callable(constraints)
+            else entries_of(constraints, "constraints", "a list of callables", NoiseError)
+        )
         for place, item in enumerate(sets):
             if not callable(item):
                 raise NoiseError(
@@ -115,7 +118,7 @@ class Noise:
                 )
         fields = {
             **{key: _bound(value, key) for key, value in given.items()},
-            "relative": bool(relative),
+            "relative": in_parts,
             "constraints": sets,
             "assumptions": tuple(
                 f"{key} noise: {value.assumption}"
@@ -299,7 +302,7 @@ def estimate_noise_bound(
 def _bound(given: Any, field: str) -> Bound:
     value = given.value if isinstance(given, EstimatedBound) else given
     values = real_array(value, field, NoiseError)
-    if values.ndim > 2 or not np.all(values >= 0):
+    if isinstance(value, bool) or values.ndim > 2 or not np.all(values >= 0):
         raise NoiseError(
             f"{field}: found {value!r:.60}, expected bounds >= 0: a number, one a channel, "
             "one a sample, or (N, channels)"

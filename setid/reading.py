@@ -86,10 +86,12 @@ def text_lines(path: str | os.PathLike[str]) -> list[tuple[int, str]]:
     Raises
     ------
     DataError
-        If the file is no text.
+        If there is no such file, or it is no text.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}, expected a table of numbers") from None
     except UnicodeDecodeError as error:
         raise DataError(
             f"{path}: found bytes that are no UTF-8 text (at {error.start}), "
@@ -148,6 +150,8 @@ def read_mat_columns(
     try:
         version = scipy.io.matlab.matfile_version(os.fspath(path))
         found = {} if version[0] > 1 else scipy.io.loadmat(os.fspath(path))
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}, expected a MATLAB file") from None
     except (ValueError, TypeError, scipy.io.matlab.MatReadError, zlib.error) as cause:
         raise DataError(f"{path}: {cause}, expected a MATLAB file of version 7 or older") from None
     if version[0] > 1:

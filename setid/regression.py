@@ -223,7 +223,7 @@ def check_channels(data: IOData, model: Structure) -> None:
     """Refuse data and models that do not fit together."""
     if not isinstance(data, IOData):
         raise DataError(f"data: found {type(data).__name__}, expected IOData")
-    if not isinstance(model, Structure):
+    if isinstance(model, type) or not isinstance(model, Structure):  # a class has the methods too
         raise ModelError(
             f"model: found {type(model).__name__}, expected a structure such as TransferFunction"
         )

@@ -16,7 +16,7 @@ import numpy as np
 
 import sparsepop_py as sp
 
-from .checks import natural
+from .checks import entries_of, natural
 from .data import IOData
 from .errors import ModelError, SetidError
 from .identify import identify
@@ -141,8 +141,8 @@ def select(
     (1, 'refuted')
     """
     make = _family(family, data)
-    sizes = [natural(order, "orders", SetidError) for order in orders]
-    tops = [natural(degree, "degrees", SetidError, least=1) for degree in degrees]
+    sizes = _naturals(orders, "orders", 0)
+    tops = _naturals(degrees, "degrees", 1)
     if not sizes or not tops:
         raise SetidError("orders, degrees: found none, expected at least one of each")
     known = list(priors)
@@ -154,6 +154,11 @@ def select(
             if step.decision == "kept":
                 return Selection(tuple(steps), step, _coefficients(step.result))
     return Selection(tuple(steps), None, {})
+
+
+def _naturals(given: Any, field: str, least: int) -> list[int]:
+    listed = entries_of(given, field, "a list of integers", SetidError)
+    return [natural(item, field, SetidError, least) for item in listed]
 
 
 def _family(family: Any, data: IOData) -> Family:

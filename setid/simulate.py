@@ -119,6 +119,8 @@ def simulate_record(
     >>> bool(formulation.problem.violation(x) < 1e-12)
     True
     """
+    if not isinstance(noise, Noise):
+        raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
     if noise.relative or noise.constraints:
         raise NoiseError("noise: found relative bounds or sets, expected absolute bounds alone")
     generator = np.random.default_rng(seed)

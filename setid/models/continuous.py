@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import natural, number
+from ..checks import natural, number, switch
 from ..errors import ModelError
 from .equations import Equation, Initial, Lagged, Structure, Term, Transfer
 from .lti import TransferFunction
@@ -177,7 +177,7 @@ class ContinuousTransferFunction:
             "hold": hold,
             "Ts": None if Ts is None else _size(Ts, "Ts"),
             "initial": initial,
-            "offset": bool(offset),
+            "offset": switch(offset, "offset", ModelError),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import natural, number
+from ..checks import entries_of, natural, number
 from ..errors import ModelError
 from .equations import channel_of
 from .lti import TransferFunction
@@ -137,7 +137,8 @@ def read_normalisation(
     ModelError
         If a name is unknown.
     """
-    items: Sequence[Any] = [given] if isinstance(given, (str, Mapping)) else list(given or ())
+    one = isinstance(given, (str, Mapping))
+    items = [given] if one else entries_of(given or (), "normalise", "names or numbers", ModelError)
     fixed: dict[str, float] = {}
     gains: list[str] = []
     labels = [block.label for block in wiring.blocks]
@@ -145,9 +146,11 @@ def read_normalisation(
         if isinstance(item, Mapping):
             for name, value in item.items():
                 fixed[name] = number(value, f"normalise[{name!r}]", ModelError)
+        elif not isinstance(item, str):
+            raise ModelError(f"normalise: found {item!r:.60}, expected a name or {{name: number}}")
         elif item == "dcgain":
             gains += [b.label for b in wiring.blocks if _touches(b)]
-        elif isinstance(item, str) and item.removeprefix("dcgain[").removesuffix("]") in labels:
+        elif item.removeprefix("dcgain[").removesuffix("]") in labels:
             gains.append(item.removeprefix("dcgain[").removesuffix("]"))
         else:
             fixed[item] = 1.0

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import natural
+from ..checks import natural, switch
 from ..errors import ModelError
 from .equations import Equation, Initial, Lagged, Term, Transfer, term
 
@@ -107,8 +107,8 @@ class TransferFunction:
             "nk": _orders(nk, "nk", rows, columns),
             "inputs": columns,
             "outputs": rows,
-            "common_denominator": bool(common_denominator),
-            "offset": bool(offset),
+            "common_denominator": switch(common_denominator, "common_denominator", ModelError),
+            "offset": switch(offset, "offset", ModelError),
             "initial": initial,
             "form": form,
         }

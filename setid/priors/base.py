@@ -12,7 +12,7 @@ import numpy as np
 
 import sparsepop_py as sp
 
-from ..checks import number
+from ..checks import entries_of, number
 from ..errors import PriorError
 from ..models.block import BlockStructured
 from ..models.equations import Structure
@@ -27,12 +27,20 @@ __all__ = [
     "finite",
     "interval_of",
     "items_of",
+    "listed",
     "named",
     "stored",
 ]
 
 Interval = tuple[float, float]
 Symbols = Mapping[str, sp.Polynomial]
+
+
+def listed(given: Any) -> list[Any]:
+    """One prior or several, as a list."""
+    if isinstance(given, (Prior, sp.Constraint)):
+        return [given]
+    return entries_of(given, "priors", "a list of priors", PriorError)
 
 
 @dataclass(frozen=True, slots=True)

@@ -144,7 +144,7 @@ def test_matlab_files(tmp_path: Path) -> None:
     assert data.y.tolist() == [[0, 3], [1, 4], [2, 5]]
     short = setid.IOData.from_mat(path.with_suffix(""), u=["u1", "u2"], Ts=0.1)
     np.testing.assert_array_equal(short.u, data.u)  # as in MATLAB, the suffix may be left out
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(setid.DataError, match="No such file"):
         setid.IOData.from_mat(tmp_path / "nowhere.mat")
     with pytest.raises(setid.DataError, match="found no variable 'x', expected one of"):
         setid.IOData.from_mat(path, u="x")
