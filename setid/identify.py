@@ -191,7 +191,7 @@ def _identify(
     box, driving = _timed(timings, "box", lambda: _bounded(formulation, _start(formulation), until))
     if box is not None and box.empty:
         return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
-    if isinstance(box, ParameterBox) and box.cut_short:
+    if isinstance(box, (ParameterBox, LiftedBox)) and box.cut_short:
         notes = (*notes, "time ended in the search for a box from the data: give more time")
     return _engine(formulation, settings, timings, until, box, notes)
 
@@ -222,7 +222,7 @@ def _bounded(
     rows = lifted_rows(formulation)
     if rows is None:
         return None, ()
-    other = lifted_box(rows, start)
+    other = lifted_box(rows, start, until)
     return other, tuple(other.driving(rows)) if other.empty else ()
 
 

@@ -7,6 +7,8 @@ degree one are parameters, and the products of their bounds bound the rest of th
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +58,11 @@ class LiftedBox(Bounds):
             box = _shrunk(rows, box, found, sums)
         return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether time ended before all parts had been looked at."""
+        return any(found.cut_short for found in self.rounds)
+
     def driving(self, rows: MonomialRows) -> list[tuple[int, int]]:
         """(record, sample) of the rows whose multipliers prove emptiness."""
         return self.rounds[-1].driving(rows.regression)
@@ -89,7 +96,7 @@ def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBou
     )
 
 
-def lifted_box(rows: MonomialRows, start: Reals) -> LiftedBox:
+def lifted_box(rows: MonomialRows, start: Reals, until: float = math.inf) -> LiftedBox:
     """Bound all parameters from rows in their monomials.
 
     Parameters
@@ -97,14 +104,16 @@ def lifted_box(rows: MonomialRows, start: Reals) -> LiftedBox:
     rows : MonomialRows
     start : (2, p) float
         Bounds from priors.
+    until : float
+        Reading of ``time.monotonic`` from which on no further part is looked at.
     """
     box, rounds, sums = start, list[ParameterBox](), list[tuple[sp.LinearBound, ...]]()
     for _ in range(_ROUNDS):
-        found = parameter_box(rows.regression, rows.start(box))
+        found = parameter_box(rows.regression, rows.start(box), until)
         rounds.append(found)
         sums.append(_sum_bounds(rows, found))
         before, box = box, _shrunk(rows, box, found, sums[-1])
-        if found.empty or not gained(before, box):
+        if found.empty or not gained(before, box) or time.monotonic() >= until:
             break
     ends = frozen(box[0].copy()), frozen(box[1].copy())
     return LiftedBox(rows.parameters, *ends, tuple(rounds), tuple(sums))

@@ -10,6 +10,7 @@ from identification_cases import PLANT
 
 import setid
 from setid.boxes import LeftInverse, SignTree, linear_rows, parameter_box
+from setid.lifted import lifted_box, lifted_rows
 
 
 def rows_of(samples: int, output: float, input: float, seed: int, claimed=None):  # type: ignore[no-untyped-def]
@@ -122,3 +123,18 @@ def test_when_time_is_over_what_is_left_is_kept_as_it_is() -> None:
     assert not whole.cut_short
     forged = replace(late, lower=whole.lower, upper=whole.upper)
     assert not forged.verify(rows, start)
+
+
+def test_products_of_parameters_keep_the_time_limit() -> None:
+    """Two denominators multiplied out: what was proved until then holds, and says it is short."""
+    model = setid.TransferFunction(2, 1, 1, inputs=2, form="direct")
+    u = np.random.default_rng(3).uniform(-1, 1, (12, 2))
+    theta = np.array([-0.5, 0.1, -0.4, 0.2, 1.0, 0.5])
+    noise = setid.Noise(output=0.02)
+    truth = setid.simulate_record(model, theta, u, noise, 1)
+    rows = lifted_rows(setid.formulate(truth.data, model, noise))
+    assert rows is not None
+    start = np.array([np.full(6, -np.inf), np.full(6, np.inf)])
+    late = lifted_box(rows, start, until=0.0)
+    assert late.cut_short and len(late.rounds) == 1
+    assert np.all(late.lower <= theta) and np.all(theta <= late.upper)
