@@ -32,6 +32,7 @@ __all__ = ["DirectionBox", "direction_box"]
 
 Reals = NDArray[np.float64]
 _TINY = 1e-250
+_POWERS = 60  # of two, in units
 _LARGEST = 4.0  # s above this needs no proof: theta is small then
 _GAP = 0.25  # of s, at first
 _SIDE = 20.0  # seconds for one side of the cube
@@ -71,7 +72,9 @@ class DirectionBox(Bounds):
             What the priors give.
         """
         rows = formulation.smoothed
-        if rows is None or not self.first.verify(rows, start):
+        if rows is None or not _suits(formulation) or not _exact_units(self.scale, start.shape[1]):
+            return False
+        if not self.first.verify(rows, start):
             return False
         sides = list(_sides(formulation, self.first, self.scale))
         if len(sides) != len(self.certificates):
@@ -173,7 +176,15 @@ def _units(rows: Regression) -> Reals:
     whole = max(float(np.abs(rows.target).max(initial=0.0)), 1e-300)
     with np.errstate(divide="ignore"):
         power = np.where(size > 0, np.round(np.log2(whole / np.maximum(size, 1e-300))), 0.0)
-    return frozen(np.exp2(np.clip(power, -60, 60)))
+    return frozen(np.exp2(np.clip(power, -_POWERS, _POWERS)))
+
+
+def _exact_units(scale: Reals, count: int) -> bool:
+    """Whether they are positive and rows in them exact: powers of two, neither tiny nor huge."""
+    if scale.shape != (count,) or not np.all((scale > 0) & np.isfinite(scale)):
+        return False
+    half, power = np.frexp(scale)
+    return bool(np.all((half == 0.5) & (np.abs(power) <= _POWERS + 1)))
 
 
 def _within(first: ParameterBox, scale: Reals, least: float) -> Reals:

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import setid
-from setid.directions import direction_box
+from setid import directions
 
 MODEL, NOISE = setid.TransferFunction(2, 1, 1), setid.Noise(output=0.35)
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -31,7 +31,7 @@ def case(seed: int) -> tuple[setid.Simulated, setid.Formulation, setid.Parameter
 @cache
 def bounded() -> setid.DirectionBox:
     truth, known, first = case(28)
-    found = direction_box(known, first)
+    found = directions.direction_box(known, first)
     assert found is not None
     assert all(
         low <= value <= high
@@ -85,14 +85,28 @@ def test_damaged_proofs_are_refused() -> None:
     swapped = replace(box, certificates=box.certificates[::-1])
     fewer = replace(box, certificates=box.certificates[1:])
     shrunk = replace(box, scale=box.scale / 4.0)
-    for wrong in (tighter, swapped, fewer, shrunk):
+    rounded = replace(box, scale=box.scale * 1.1)  # rows in these units are not the exact ones
+    short = replace(box, scale=box.scale[:1])
+    for wrong in (tighter, swapped, fewer, shrunk, rounded, short):
         assert not wrong.verify(known, start)
+
+
+def test_negative_units_do_not_turn_a_box_into_an_empty_one() -> None:
+    _, known, _ = case(28)
+    box, start = bounded(), np.array([np.full(3, -np.inf), np.full(3, np.inf)])
+    scale, empty = -box.scale, (np.full(3, 1e-3), np.full(3, -1e-3))
+    sides = [directions._least(side, np.inf) for side in directions._sides(known, box.first, scale)]
+    proofs = tuple(proof for proof in sides if proof is not None)
+    assert len(proofs) == 6  # all that a box asks for
+    last = setid.ParameterBox(box.names, *empty, start, ())
+    forged = setid.DirectionBox(box.names, *empty, box.first, scale, proofs, last)
+    assert forged.empty and not forged.verify(known, start)
 
 
 @pytest.mark.parametrize("seed", [24, 33])
 def test_no_box_is_claimed_where_a_direction_is_explained(seed: int) -> None:
     truth, known, first = case(seed)
-    assert direction_box(known, first) is None
+    assert directions.direction_box(known, first) is None
     source = np.random.default_rng(0)
     assert any(explained(truth.data, source.uniform(-1, 1, 3), 0.0) for _ in range(3000))
 
@@ -104,4 +118,4 @@ def test_an_interrupt_claims_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("setid.directions._least", stopped)
-    assert direction_box(known, first) is None
+    assert directions.direction_box(known, first) is None
