@@ -17,9 +17,12 @@ from .cells import CellBox
 from .common_factor import unbounded_names
 from .data import IOData
 from .directions import DirectionBox
+from .equivalence import unidentifiable
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
 from .lifted import LiftedBox, lifted_rows
+from .models.block import BlockStructured
+from .unnormalised import reference_model
 
 if TYPE_CHECKING:
     from .intervals import Identification
@@ -50,11 +53,11 @@ class Verification:
 def verify(result: Identification, data: IOData | None = None) -> Verification:
     """Check formulation, box, outer and inner ends; see :meth:`Identification.verify`."""
     given = result.formulation
-    if result.reference is not None:
-        return _verify_reference(result, data)
     again = formulate(given.data if data is None else data, given.model, given.noise, given.priors)
     if again.problem.fingerprint != given.problem.fingerprint:
         return Verification(False, "the result belongs to other data")
+    if result.reference is not None:
+        return _verify_reference(result, result.reference, again)
     p = len(given.parameters)
     if result.box is not None:
         start = np.array([again.problem.lower[:p], again.problem.upper[:p]])
@@ -70,17 +73,24 @@ def verify(result: Identification, data: IOData | None = None) -> Verification:
     return _verify_results(result, again, problem)
 
 
-def _verify_reference(result: Identification, data: IOData | None) -> Verification:
+def _verify_reference(
+    result: Identification, found: Identification, again: Formulation
+) -> Verification:
     """The result with a normalisation holds, and nothing more is claimed than follows."""
-    found = result.reference
-    assert found is not None
+    if not isinstance(again.model, BlockStructured):
+        return Verification(False, "only block structures have a reference")
+    given = again.noise, again.priors
+    wanted = formulate(again.data, reference_model(again.data, again.model, *given), *given).problem
+    if wanted.fingerprint != found.formulation.problem.fingerprint:
+        return Verification(False, "the reference is not that of the data")
+    if found.empty != result.empty:
+        return Verification(False, "emptiness is not that of the reference")
+    known: dict[str, Any] = {n: (item.outer, item.inner) for n, item in found.intervals.items()}
+    known |= dict.fromkeys(unidentifiable(again.model), ((-inf, inf), None))
     for name, item in result.intervals.items():
-        if str(item.status) in ("unidentifiable", "empty"):
-            continue
-        known = found.intervals.get(name)
-        if known is None or item.outer != known.outer or item.inner != known.inner:
+        if not result.empty and (item.outer, item.inner) != known[name]:
             return Verification(False, f"the interval of {name} is not that of the reference")
-    return verify(found, data)
+    return verify(found, again.data)
 
 
 def _box_follows(box: Box, again: Formulation, start: NDArray[np.float64]) -> bool:

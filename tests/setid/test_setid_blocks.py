@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -215,6 +218,20 @@ def test_what_is_not_unique_is_found(
     assert setid.unidentifiable(model) == affected
 
 
+def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
+    """Claims that do not follow from the reference, or from one of other data."""
+    item, reference = result.intervals["b1"], result.reference
+    assert reference is not None
+    narrow = replace(item, outer=(0.0, 1.0))
+    yield replace(result, intervals={**result.intervals, "b1": narrow})
+    empty = setid.IntervalStatus.EMPTY
+    nothing = {name: replace(one, status=empty) for name, one in result.intervals.items()}
+    yield replace(result, intervals=nothing)
+    known = reference.formulation
+    other = setid.formulate(known.data, known.model, setid.Noise(output=1.0))
+    yield replace(result, reference=replace(reference, formulation=other))
+
+
 def test_structures_without_normalisation_are_refused_or_reported() -> None:
     bare = setid.Hammerstein(ONE, 3)
     truth = simulated("hammerstein", 0.02)
@@ -227,7 +244,9 @@ def test_structures_without_normalisation_are_refused_or_reported() -> None:
     assert statuses.pop("a1") == "certified"
     assert set(statuses.values()) == {"unidentifiable"}
     assert -0.7 in result.intervals["a1"]
-    assert result.verify(truth.data).ok
+    assert result.verify(truth.data).ok and result.verify().ok
+    for forged in forgeries(result):
+        assert not forged.verify(truth.data).ok and not forged.verify().ok
     named = setid.identify(truth.data, CASES["hammerstein"][0], noise, options=QUICK)
     assert result.intervals["a1"].outer == pytest.approx(named.intervals["a1"].outer, abs=2e-3)
 
