@@ -109,6 +109,11 @@ def _verify_linear(result: Identification, again: Formulation) -> Verification:
         if not verdict.ok:
             return Verification(False, verdict.reason)
         proved.append((bound.lower, bound.upper))
+    for place, item in enumerate(result.intervals.values()):
+        endless = [upper == -inf for _, upper in proved[2 * place : 2 * place + 2]]
+        if str(item.status) in ("unbounded", "unidentifiable"):
+            if not (all if str(item.status) == "unidentifiable" else any)(endless):
+                return Verification(False, f"it is not proved that {item.name} is {item.status}")
     return _ends_follow(result, proved)
 
 
@@ -118,7 +123,6 @@ def _verify_results(
     endless = {n for n, item in result.intervals.items() if str(item.status) == "unbounded"}
     if not endless <= set(unbounded_names(again) if endless else ()):
         return Verification(False, f"it is not proved that {', '.join(endless)} are unbounded")
-    free = set(idle_parameters(again)[0])
     known: dict[int, Any] = {}
     count = 2 * len(again.parameters)
     ends = [(problem_low(problem, number), inf) for number in range(count)]
@@ -140,22 +144,32 @@ def _verify_results(
         ends[number] = lower, upper
     for number, (lower, upper) in enumerate(ends):
         ends[number] = lower, min([upper, *(_reached(problem, p, number) for p in points)])
+    return _ends_follow(result, ends) if result.empty else _with_idle(result, again, ends, points)
+
+
+def _with_idle(
+    result: Identification,
+    again: Formulation,
+    ends: list[tuple[float, float]],
+    points: list[sp.ProvedPoint],
+) -> Verification:
+    """The same for parameters that change no row, which the ends of the problem are not about."""
+    free = set(idle_parameters(again)[0])
     for place, item in enumerate(result.intervals.values()):
-        if str(item.status) == "unidentifiable" or item.outer == (-inf, inf):
-            ends[2 * place : 2 * place + 2] = _untouched(again, place, item.name in free, points)
+        idle = not np.any(again.problem.rows.words == place + 1)
+        if str(item.status) == "unidentifiable" and not (idle or item.name in free):
+            return Verification(False, f"it is not proved that {item.name} is unidentifiable")
+        if item.name in free:
+            ends[2 * place : 2 * place + 2] = [(-inf, -inf)] * 2
+        elif idle:
+            ends[2 * place : 2 * place + 2] = _given(again, place, bool(points))
     return _ends_follow(result, ends)
 
 
-def _untouched(
-    again: Formulation, place: int, free: bool, points: list[sp.ProvedPoint]
-) -> list[tuple[float, float]]:
-    """What holds of a parameter that changes no row: nothing, or its own bounds."""
-    if free:
-        return [(-inf, -inf)] * 2
-    if not np.any(again.problem.rows.words == place + 1):
-        low, high = float(again.problem.lower[place]), -float(again.problem.upper[place])
-        return [(low, low if points else inf), (high, high if points else inf)]
-    return [(-inf, inf)] * 2
+def _given(again: Formulation, place: int, attained: bool) -> list[tuple[float, float]]:
+    """The ends of a parameter that no row speaks of: its own bounds."""
+    low, high = float(again.problem.lower[place]), -float(again.problem.upper[place])
+    return [(low, low if attained else inf), (high, high if attained else inf)]
 
 
 def _reached(problem: sp.Problem, point: sp.ProvedPoint, number: int) -> float:
