@@ -85,7 +85,7 @@ def climb(
         return _after_free(task, near, later, partial(_climbed, shared=None, later=later))
     climbed = _climbed(task, near, shared, later)
     if task.options.effort == "presolve" and level(climbed.outcome.certificate) == -np.inf:
-        return _after_free(climbed.task, climbed.near, iter(()), lambda *_: climbed)
+        return _with_free(climbed)
     return climbed
 
 
@@ -110,6 +110,16 @@ def _after_free(
     climbed = go_on(free.task, free.near)
     outcome = better(free.outcome, climbed.outcome)
     return replace(climbed, outcome=outcome, history=free.history + climbed.history)
+
+
+def _with_free(climbed: Climbed) -> Climbed:
+    """What the objective on the whole space adds where a relaxation proved nothing."""
+    free = _freely(climbed.task, climbed.near, iter(()))
+    if free is None:
+        return climbed
+    outcome = better(free.outcome, climbed.outcome)  # with the output of the relaxation
+    history, notes = climbed.history + free.history, climbed.notes + free.notes
+    return replace(free, outcome=outcome, history=history, notes=notes)
 
 
 def _freely(task: Task, near: list[NDArray], later: Iterator[NDArray]) -> Climbed | None:

@@ -55,6 +55,14 @@ def test_a_square_is_bounded_where_its_sublevel_sets_are_not(effort):
     assert result.certificate.verify(problem).ok
 
 
+def test_rungs_stand_in_the_order_of_climbing():
+    """The relaxation proves nothing, then the objective alone does; both are in the history."""
+    x, y = sp.variables(2)
+    result = sp.solve(sp.Problem((x - y) ** 2, [x + y <= 10]), sp.Options(effort="presolve"))
+    bounds = [rung.lower_bound for rung in result.history]
+    assert bounds == [-np.inf, 0.0]
+
+
 def test_singular_gram_matrices_bound_constrained_problems():
     """Rosenbrock's objective less 1 is a sum of squares; x1 x2 >= 3 keeps it away from 0."""
     x = sp.variables(4)
