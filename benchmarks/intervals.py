@@ -26,8 +26,8 @@ import numpy as np
 
 import setid
 import sparsepop_py as sp
-from setid.boxed import boxed, objectives
-from setid.identify import Box, start_box
+from setid.boxed import ProvedBox, boxed, objectives
+from setid.identify import start_box
 
 from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row
@@ -119,7 +119,9 @@ class RecordTask(Task):
     truth: setid.Simulated
 
     @staticmethod
-    def on_box(known: setid.Formulation, truth: setid.Simulated, box: Box | None) -> RecordTask:
+    def on_box(
+        known: setid.Formulation, truth: setid.Simulated, box: ProvedBox | None
+    ) -> RecordTask:
         """The problem of a formulation on the box that data and priors prove, if they do."""
         problem, p = boxed(known, box), len(known.parameters)
         labels = [f"{sense} {name}" for name in known.parameters for sense in ("min", "max")]

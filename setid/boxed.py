@@ -12,7 +12,9 @@ from .directions import DirectionBox
 from .formulation import Formulation
 from .lifted import LiftedBox
 
-__all__ = ["boxed", "objectives"]
+__all__ = ["ProvedBox", "boxed", "objectives"]
+
+ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, from the data
 
 
 def objectives(formulation: Formulation) -> list[sp.Polynomial]:
@@ -21,9 +23,7 @@ def objectives(formulation: Formulation) -> list[sp.Polynomial]:
     return [sign * formulation.layout.polynomial(i) for i in theta for sign in (1.0, -1.0)]
 
 
-def boxed(
-    formulation: Formulation, box: ParameterBox | DirectionBox | LiftedBox | CellBox | None
-) -> sp.Problem:
+def boxed(formulation: Formulation, box: ProvedBox | None) -> sp.Problem:
     """The problem of a formulation with the parameters in a box.
 
     A parameter that no constraint speaks of, and that has no finite bounds, is set to

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .attained import inner_ends
-from .boxed import boxed, objectives
+from .boxed import ProvedBox, boxed, objectives
 from .boxes import ParameterBox, parameter_box
-from .cells import CellBox, cell_box
+from .cells import cell_box
 from .common_factor import unbounded_names
 from .data import IOData
-from .directions import DirectionBox, direction_box
+from .directions import direction_box
 from .discretisation import remark, with_estimate
 from .driving import driving_samples
 from .equivalence import unidentifiable
@@ -36,7 +36,7 @@ from .errors import SetidError
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
 from .intervals import Identification, IntervalStatus, ParameterInterval
-from .lifted import LiftedBox, lifted_box, lifted_rows
+from .lifted import lifted_box, lifted_rows
 from .models.block import BlockStructured
 from .models.equations import Structure
 from .models.lti import TransferFunction
@@ -51,7 +51,6 @@ from .unnormalised import reference_model, refuse
 
 __all__ = ["identify", "start_box"]
 
-Box = ParameterBox | DirectionBox | LiftedBox | CellBox
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
     "keeps every consistent parameter vector (and may keep more)"
@@ -196,7 +195,7 @@ def _identify(
     return _engine(formulation, settings, timings, until, box, notes)
 
 
-def start_box(formulation: Formulation) -> Box | None:
+def start_box(formulation: Formulation) -> ProvedBox | None:
     """The box of the parameters that data and priors prove before the engine works."""
     return _bounded(formulation, _start(formulation))[0]
 
@@ -209,7 +208,7 @@ def _start(formulation: Formulation) -> NDArray[np.float64]:
 
 def _bounded(
     formulation: Formulation, start: NDArray[np.float64], until: float = inf
-) -> tuple[Box | None, tuple[tuple[int, int], ...]]:
+) -> tuple[ProvedBox | None, tuple[tuple[int, int], ...]]:
     """The box of the parameters, and the samples that prove it empty if it is."""
     if formulation.smoothed is not None:
         first = parameter_box(formulation.smoothed, start, until)
@@ -284,7 +283,7 @@ def _engine(
     settings: Options,
     timings: dict[str, float],
     until: float,
-    box: Box | None,
+    box: ProvedBox | None,
     notes: tuple[str, ...],
 ) -> Identification:
     problem = boxed(formulation, box)

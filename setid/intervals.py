@@ -19,14 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 
 from .bands import Kind, frequency_band, step_band
-from .boxes import ParameterBox
+from .boxed import ProvedBox
 from .centre import Central, central, worst_case_error
 from .data import IOData
-from .directions import DirectionBox
 from .exchange import ControlModels, to_control
 from .existence import consistent
 from .formulation import Formulation
-from .lifted import LiftedBox
 from .members import feasible, projection_estimate
 from .noise import Noise
 from .options import Options
@@ -154,7 +152,7 @@ class Identification:
     assumptions : tuple of str
         What the conclusions take for granted.
     options : Options
-    box : ParameterBox, DirectionBox, LiftedBox or None
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
         The box of the parameters from the data alone, with its proof; None where linear
         programs settle everything, or where rows of the data give none.
     problem : sparsepop_py.Problem
@@ -191,7 +189,7 @@ class Identification:
     intervals: Mapping[str, ParameterInterval]
     assumptions: tuple[str, ...]
     options: Options
-    box: ParameterBox | DirectionBox | LiftedBox | None
+    box: ProvedBox | None
     problem: sp.Problem
     bounds: tuple[sp.LinearBound, ...] = ()
     results: tuple[sp.Result, ...] = ()
@@ -233,7 +231,9 @@ class Identification:
         return binding(self)
 
     def verify(self, data: IOData | None = None) -> Verification:
-        """Check every claim again from the data, without any solver.
+        """Check every claim again from the data; no value of a solver is trusted.
+
+        Linear programs, with proofs, find the reference of a structure without normalisation again.
 
         Parameters
         ----------

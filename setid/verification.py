@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import boxed, objectives
+from .boxed import ProvedBox, boxed, objectives
 from .boxes import ParameterBox
 from .cells import CellBox
 from .common_factor import unbounded_names
@@ -20,14 +20,12 @@ from .directions import DirectionBox
 from .equivalence import unidentifiable
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
-from .lifted import LiftedBox, lifted_rows
+from .lifted import lifted_rows
 from .models.block import BlockStructured
 from .unnormalised import reference_model
 
 if TYPE_CHECKING:
     from .intervals import Identification
-
-Box = ParameterBox | DirectionBox | LiftedBox | CellBox
 
 __all__ = ["Verification", "verify"]
 
@@ -93,7 +91,7 @@ def _verify_reference(
     return verify(found, again.data)
 
 
-def _box_follows(box: Box, again: Formulation, start: NDArray[np.float64]) -> bool:
+def _box_follows(box: ProvedBox, again: Formulation, start: NDArray[np.float64]) -> bool:
     if isinstance(box, ParameterBox):
         return again.smoothed is not None and box.verify(again.smoothed, start)
     if isinstance(box, CellBox | DirectionBox):
