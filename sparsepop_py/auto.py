@@ -61,6 +61,8 @@ class Auto:
         The structure of the problem and what was learned on it.
     later : iterator of (n,) float
         Starts of local searches for where the first rung leaves a gap.
+    cut : float
+        The least cut-off under which the box was shrunk.
     """
 
     task: Task
@@ -78,6 +80,7 @@ class Auto:
     later: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
     solved: set[int] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
+    cut: float = np.inf
 
     def __post_init__(self) -> None:
         replay = self.task.replay()
@@ -111,13 +114,18 @@ class Auto:
                 self._attain(list(self.later))  # exhausted by the first rung
                 climbed += 1
         finally:
+            self.cut = self.task.level
             if self.search is not None:
                 self._close_search()
 
     def restart(self, model: Model) -> None:
-        """Begin again on a smaller box that others have proved, keeping what is proved."""
+        """Begin again on a smaller box that others have proved, keeping what is proved.
+
+        So it does where the cut-off has risen, with a width that is attained and smaller than
+        thought: the box may be without points that count now.
+        """
         old = self.shared
-        if model is old:
+        if model is old and self.task.level <= self.cut:
             return
         moved = old.box.hi > old.box.lo
         width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
@@ -375,12 +383,11 @@ class Auto:
 
     def _plan(self) -> Plan:
         """Parts that linear programs leave open get what closed most of the gap per second."""
-        upper = self.task.upper
         base = self.linear if np.isfinite(self.linear) else self.first
         narrow = len(self.ground.variables) <= NARROW and self.agenda.narrow
         seen = self.ground.experience.seconds
         program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
-        best = worth_in_parts(self.tried, (base, upper), program)
+        best = worth_in_parts(self.tried, (base, self.task.upper), program)
         return Plan(self.ground.cliques, self.ground.variables, recipe=best, narrow=narrow)
 
     def _close_search(self) -> None:

@@ -2,8 +2,8 @@
 
 Nothing here is proved; :mod:`sparsepop_py.feasibility` decides what is attained. SLSQP
 serves problems of up to a few hundred variables, L-BFGS-B large ones that have bounds
-only, trust-constr the rest; problems of degree two are first tried by sequential linear
-programming. IPOPT through casadi is an optional extra.
+only, trust-constr the rest; sequential linear programming is there for problems of degree
+two. IPOPT through casadi is an optional extra.
 """
 
 from __future__ import annotations

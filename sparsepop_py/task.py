@@ -95,6 +95,12 @@ class Task:
         """Whether a proved bound closes the gap, or says that nothing is feasible."""
         return bound == np.inf or (self.best is not None and bound >= self.target)
 
+    @property
+    def level(self) -> float:
+        """The cut-off under which boxes shrink, +inf without one."""
+        level = self.replay().level
+        return np.inf if level is None else level
+
     def replay(self, *, below: bool | None = None) -> Replay:
         """The problem with the cut-off at the attained value.
 
@@ -105,5 +111,6 @@ class Task:
         idle = self.best is None or "cutoff" in self.options.skip
         level = None if idle else self.upper
         if (self.below if below is None else below) and level is not None:
-            level -= 0.9 * self.allowed
+            # falls with the attained value, whatever the gap, so that boxes found before hold
+            level -= 0.9 * min(self.allowed, max(1.0, abs(level)))
         return Replay(self.problem, level)

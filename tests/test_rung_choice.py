@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from solved import check
@@ -9,13 +11,17 @@ from solved import check
 import sparsepop_py as sp
 from benchmarks.identification import THETA, task
 from sparsepop_py import Options, Problem
+from sparsepop_py.auto import Auto
+from sparsepop_py.boxes import find_box
 from sparsepop_py.catalogue import Experience, families, progress
 from sparsepop_py.certificate.box import Replay
 from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.ground import Ground
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.narrowing import taken_again
 from sparsepop_py.progress import Stages
 from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Model
 from sparsepop_py.task import Clock, Task
 
 INF = float("inf")
@@ -66,6 +72,28 @@ def test_a_cut_off_below_the_attained_value():
     assert below.replay().level == pytest.approx(best.value - 0.09)
     assert lone.replay(below=True).level == below.replay().level
     assert below.replay(below=False).level == best.value
+
+
+@pytest.mark.parametrize("skip", [(), ("branch",), ("narrow",)])
+def test_a_box_shrunk_under_a_lower_cut_off_is_left_where_the_cut_off_rises(skip):
+    """Once the attained width is known, the allowed gap may be far smaller than before."""
+    problem, options = bilinear(), Options(effort="auto", gap=0.1, skip=skip)
+    best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
+    assert best is not None
+    wide = Task(problem, options, Stages(False), Clock(None), best, unit=9.0, below=True)
+    shared = Model(*find_box(problem, None, options))
+    auto = Auto(wide, shared, [], Ground.of(problem, (problem.objective,), options))
+    auto.restart(replace(shared))
+    auto.run(1)
+    auto.task = replace(auto.task, unit=1e-4)
+    auto.restart(auto.shared)
+    auto.run()
+    certificate = auto.outcome.certificate
+    assert certificate is not None and certificate.verify(problem).ok
+    x = np.random.default_rng(0).uniform(0.0, 2.0, (20000, 2))
+    x = np.column_stack([x, 1.0 - x[:, 0] * x[:, 1]])
+    held = (x[:, 2] >= 0) & (x[:, 0] + x[:, 1] <= 1.5) & (x[:, 0] * x[:, 2] >= 0.3)
+    assert certificate.bound <= -x[held, 1].max()
 
 
 def test_steps_taken_again_on_a_smaller_box_keep_its_points():
