@@ -36,7 +36,7 @@ from .errors import SetidError
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
 from .intervals import Identification, IntervalStatus, ParameterInterval
-from .lifted import lifted_box, lifted_rows
+from .lifted import LiftedBox, lifted_box, lifted_rows
 from .models.block import BlockStructured
 from .models.equations import Structure
 from .models.lti import TransferFunction

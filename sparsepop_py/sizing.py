@@ -10,7 +10,7 @@ down. Each change is noted; every bound stays proved.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import comb
 
@@ -29,6 +29,10 @@ _OPERATIONS = 1.5e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form is as good as free
 _BYTES = 5e9
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
+
+
+Fitting = tuple[tuple[Relaxation, ...], tuple[str, ...]]  # what is to be tried, and notes
+_NOTHING: Fitting = ((), ())
 
 
 def solver_bytes(relaxation: Relaxation) -> float:
@@ -88,44 +92,63 @@ def fitting_relaxations(
     notes: tuple[str, ...] = ()
     if asked < least:
         notes = (f"order {asked} raised to {least}, the least for these degrees",)
-    largest = max(len(c) for c in cliques.members)
-    for order in range(max(asked, least), least - 1, -1):
-        if comb(largest + order, order) > _BASIS:
-            continue
-        plain = options.effort == "plain"
-        build = partial(
-            relax,
-            problem,
-            order,
-            cliques=cliques,
-            objectives=objectives,
-            products=constrained and not plain,
-            terms="none" if constrained or plain else "sign",
-        )
-        full = build()
-        if plain:
-            fits = solver_bytes(full) <= _BYTES and order >= asked
-            return ((full,), notes) if fits else ((), _too_large(asked))
-        if order < asked and options.effort == "auto":
-            break  # the ladder has been there
-        if order < asked:
-            notes += (f"order {asked} lowered to {order}: it would be too large",)
-        chosen = _worthwhile(full, build(lean=True))
-        if chosen:
-            if chosen[-1] is not full:
-                notes += (
-                    f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",
-                )
-            return chosen, notes
-    return (), _too_large(asked)
+    plain = options.effort == "plain"
+    build = partial(
+        relax,
+        problem,
+        cliques=cliques,
+        objectives=objectives,
+        products=constrained and not plain,
+        terms="none" if constrained or plain else "sign",
+    )
+    largest, top = max(len(c) for c in cliques.members), max(asked, least)
+    if plain:
+        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > _BYTES:
+            return (), _too_large(asked)
+        return (full,), notes
+    fitting, order = _fitting(build, largest, top), top
+    if not fitting[0] and options.effort != "auto":  # there the ladder has been at lower orders
+        fitting, order = _largest_that_fits(partial(_fitting, build, largest), least, top)
+    if not fitting[0]:
+        return (), _too_large(asked)
+    if order < top:
+        notes += (f"order {asked} lowered to {order}: it would be too large",)
+    return fitting[0], notes + fitting[1]
 
 
-def _worthwhile(full: Relaxation, lean: Relaxation) -> tuple[Relaxation, ...]:
+def _fitting(build: Callable[..., Relaxation], largest: int, order: int) -> Fitting:
+    """What fits of an order, by the size of its largest clique before anything is built."""
+    basis = comb(largest + order, order)
+    parts = 2**largest  # as many as sign symmetry makes of a basis, at most
+    least = parts * _entries(basis // parts) ** 3 / 3.0
+    if basis > _BASIS or least > _OPERATIONS:
+        return _NOTHING
+    return _worthwhile(build(order), build(order, lean=True))
+
+
+def _largest_that_fits(
+    fitting_of: Callable[[int], Fitting], least: int, too_large: int
+) -> tuple[Fitting, int]:
+    """By bisection: where one order fits, all below do."""
+    fitting, low, high = _NOTHING, least - 1, too_large
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = fitting_of(middle)
+        if found[0]:
+            fitting, low = found, middle
+        else:
+            high = middle
+    return fitting, low
+
+
+def _worthwhile(full: Relaxation, lean: Relaxation) -> Fitting:
     """The lean form where it is much cheaper, and the full one where it can be afforded."""
     cheap, dear = _operations(lean), _operations(full)
     if dear <= _OPERATIONS and solver_bytes(full) <= _BYTES:
-        return (lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)
-    return (lean,) if cheap <= _OPERATIONS and solver_bytes(lean) <= _BYTES else ()
+        return ((lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)), ()
+    if cheap > _OPERATIONS or solver_bytes(lean) > _BYTES:
+        return _NOTHING
+    return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
 
 
 def _too_large(order: int) -> tuple[str, ...]:

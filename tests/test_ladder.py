@@ -387,3 +387,13 @@ def test_variables_to_cut_of_several_objectives(monkeypatch):
     for objective, result in zip(objectives, results, strict=True):
         check(problem.with_objective(objective), result)
         assert result.options.branch_on == (1, 2)
+
+
+def test_orders_far_too_large_come_down_at_once() -> None:
+    """The disc of the README: order 2 is exact; 351 monomials of order 25 would take minutes."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x**4 - 3 * x * y + y**2, [x**2 + y**2 <= 2])
+    result = sp.solve(problem, sp.Options(order=25))
+    assert result.status is sp.Status.OPTIMAL
+    lowered = [note for note in result.notes if "lowered" in note]
+    assert len(lowered) == 1 and lowered[0].startswith("order 25 lowered to ")
