@@ -132,6 +132,7 @@ class Family:
             problem = self.problem.with_objective(objective)
             stages = Stages(self.options.progress)
             task = Task(problem, self.options, stages, self.clock, repair=self.repair)
+            task = replace(task, objectives=len(self.objectives))
             self.autos.append(Auto(task, self.model, [], self.ground))
 
     def _first_points(self) -> None:

@@ -159,6 +159,7 @@ def _solution(
         _accuracy(task, size, solver, program.q.size),
         _target(task, size),
         task.options.max_iterations,
+        task.objectives,
     )
     return solution if small is None else small.restored(solution)
 

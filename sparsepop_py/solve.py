@@ -173,6 +173,7 @@ def solve_each(
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not climbs else {})
         task = Task(problem.with_objective(objective), options, own, clock, repair=repair)
+        task = replace(task, objectives=len(objectives))
         climbs.append(_climb_one(task, starts, model))
         told(number, climbs[-1])
     return [_result(climbed) for climbed in _with_widths(climbs, objectives, options)]

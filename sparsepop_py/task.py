@@ -60,6 +60,8 @@ class Task:
         What the gap is relative to; None: as ``options.gap_kind`` says.
     repair : callable or None
         Given a candidate vector (n,), a better one to start a local search from.
+    objectives : int
+        How many objectives share its feasible set.
     below : bool
         Whether the cut-off lies a little below the attained value, see :meth:`replay`.
     """
@@ -71,6 +73,7 @@ class Task:
     best: ProvedPoint | None = None
     unit: float | None = None
     repair: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    objectives: int = 1
     below: bool = False
 
     @property

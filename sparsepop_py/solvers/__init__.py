@@ -60,6 +60,7 @@ def solve_conic(
     accuracy: float = 1e-9,
     target: float | None = None,
     max_iterations: int | None = None,
+    solves: int = 1,
 ) -> ConicSolution:
     """Solve a conic program by the solver of the given name.
 
@@ -77,6 +78,8 @@ def solve_conic(
         A dual value that is good enough; ``"cliquetree"`` stops there.
     max_iterations : int, optional
         Most iterations of Clarabel and of the clique-tree method.
+    solves : int
+        How many programs like this one are to be solved.
 
     Raises
     ------
@@ -84,7 +87,7 @@ def solve_conic(
         If the name is unknown or the package is missing.
     """
     start = time.perf_counter()
-    found = _solved(program, solver, time_limit, accuracy, target, max_iterations)
+    found = _solved(program, solver, time_limit, accuracy, target, max_iterations, solves)
     return replace(found, wall=time.perf_counter() - start)
 
 
@@ -95,6 +98,7 @@ def _solved(
     accuracy: float,
     target: float | None,
     max_iterations: int | None,
+    solves: int,
 ) -> ConicSolution:
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
@@ -103,7 +107,7 @@ def _solved(
     if solver == "clarabel-moment":
         return clarabel_.solve_moment_form(program, time_limit, accuracy, max_iterations)
     if solver == "cliquetree":
-        settings = cliquetree.Settings(gap=max(1e-7, accuracy))
+        settings = cliquetree.Settings(gap=max(1e-7, accuracy), solves=solves)
         if max_iterations is not None:
             settings = replace(settings, iterations=max_iterations)
         return cliquetree.run(

@@ -43,7 +43,7 @@ __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "ru
 __all__ += ["second_order_multipliers", "with_second_order"]
 
 _KEPT = 4  # patterns whose analysis is kept
-# Seconds of a solve by numpy from which on compiled kernels pay. What is loaded already does not
+# Seconds of solves by numpy from which on compiled kernels pay. What is loaded already does not
 _PRICE = 0.3  # count: the same program is solved by the same kernels, whatever was solved before
 _COMPILATION = 10.0  # seconds of a time limit that leave room for it on a new machine
 _analysed: OrderedDict[tuple[bytes, bool], Symbolic] = OrderedDict()
@@ -203,7 +203,7 @@ def _compiled(program: ConicProgram, settings: Settings, time_limit: float | Non
             ) from error
         return True
     loaded = f"{__name__}.compiled" in sys.modules
-    if settings.kernels == "numpy" or numpy_seconds(program) < _PRICE:
+    if settings.kernels == "numpy" or settings.solves * numpy_seconds(program) < _PRICE:
         return False
     if not loaded and time_limit is not None and time_limit < _COMPILATION:
         return False

@@ -70,6 +70,8 @@ class Settings:
     iterations : int
     kernels : {"auto", "numpy", "numba"}
         ``"auto"``: those of numba where it is installed and the program is large enough.
+    solves : int
+        How many solves of this kind are to come: loading compiled kernels is paid for once.
     threads : int
         Of the compiled kernels, over blocks and over branches of the tree. Results are the same
         to the last bit. BLAS is to have one thread (``OMP_NUM_THREADS=1``).
@@ -88,6 +90,7 @@ class Settings:
     stretch: float = 0.06
     iterations: int = 80
     kernels: Literal["auto", "numpy", "numba"] = "auto"
+    solves: int = 1
     threads: int = 1
 
 
