@@ -124,20 +124,20 @@ def _with_free(climbed: Climbed) -> Climbed:
 
 def _freely(task: Task, near: list[NDArray], later: Iterator[NDArray]) -> Climbed | None:
     """What Gram matrices prove where there is no box, and the points behind them."""
-    start = time.process_time()
+    start, bound = time.process_time(), None
     while True:
         try:
-            bound = free_round(task)
+            found = free_round(task)
         except KeyboardInterrupt:
             return nothing_yet(task, near)
-        if bound is None:
+        if found is None:
             return None
-        old = task.best
+        bound, old = better(bound, found), task.best
         for starts in (_extracted(bound), later):
             if not task.closed(level(bound.certificate)):
                 task, more = attained(task, list(starts), level(bound.certificate))
                 near = near + more
-        if task.best is old or good_enough(task, level(bound.certificate)) or task.clock.over:
+        if task.best is old or task.closed(level(bound.certificate)) or task.clock.over:
             break
     rung = _rung(task, bound, bound, time.process_time() - start)
     return Climbed(task, bound, near, (rung,))
