@@ -9,6 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from . import plots
@@ -128,10 +129,17 @@ def _version() -> str:
 # ---- solve ------------------------------------------------------------------------------
 
 
+def _check_picture(path: str) -> None:
+    known = plots.require_matplotlib().FigureCanvasBase.get_supported_filetypes()
+    check_writable(path, "--plot")
+    if Path(path).suffix.removeprefix(".").lower() not in known:
+        endings = ", ".join(f".{name}" for name in known)
+        raise ProblemError(f"--plot: found {path!r}, expected a file that ends in one of {endings}")
+
+
 def _solve(arguments: argparse.Namespace) -> int:
     if arguments.plot:
-        plots.require_matplotlib()  # before the work, not after it
-        check_writable(arguments.plot, "--plot")
+        _check_picture(arguments.plot)  # before the work, not after it
     problem = read_gms(arguments.file)
     options = Options(
         order=arguments.order,
@@ -147,10 +155,7 @@ def _solve(arguments: argparse.Namespace) -> int:
     else:
         print(_text(arguments.file, result))
     if arguments.plot:
-        try:
-            plots.save_plot(result, arguments.plot)
-        except ValueError as error:  # an unknown suffix
-            raise ProblemError(f"--plot: {error}") from None
+        plots.save_plot(result, arguments.plot)
     return EXIT_PROVED if result.status in _PROVED else EXIT_OPEN
 
 

@@ -64,7 +64,10 @@ def test_exit_codes(folder: pathlib.Path, name: str, options: list[str], code: i
         (["solve", "{closed}", "--order", "0"], "Options.order: found 0, expected a positive"),
         (["solve", "{closed}", "--order", "two"], "argument --order: invalid int value: 'two'"),
         (["solve", "{closed}", "--time-limit", "-1"], "Options.time_limit: found -1.0"),
-        (["solve", "{closed}", "--plot", "a.xyz"], "--plot: Format 'xyz' is not supported"),
+        (
+            ["solve", "{closed}", "--plot", "a.xyz"],
+            "--plot: found 'a.xyz', expected a file that ends in one of",
+        ),
         (["solve", "{closed}", "--plot", "no/such/folder.png"], "--plot: found"),
         (["solve", "{broken}"], "broken.gms:2: statement 'e1.. objvar - x1 =Q= 0': found '=Q='"),
         (["solve"], "the following arguments are required: FILE.gms"),
