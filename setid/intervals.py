@@ -65,8 +65,8 @@ _MESSAGES = {
         "give a prior, more excitation or less noise."
     ),
     IntervalStatus.EMPTY: (
-        "It is proved that no parameter is consistent: the order, the noise bounds, a prior or a "
-        "normalisation of more than is free are wrong (see setid.consistency and setid.select)."
+        "It is proved that no parameter is consistent: the order, a noise bound, a prior or a "
+        "normalisation is wrong (see setid.consistency and setid.select)."
     ),
     IntervalStatus.UNIDENTIFIABLE: (
         "It may take every value without a change in the model's outputs: excite the input, or "
