@@ -24,7 +24,6 @@ from benchmarks.report import exponent, groups_of, report
 from benchmarks.settings import options_from, switches, variants
 
 PROBLEMS = Path(__file__).resolve().parent.parent / "examples" / "problems"
-needs_scip = pytest.mark.skipif(not peers.scip_is_installed(), reason="pyscipopt is missing")
 
 
 def tiny(name="tiny", size=None, seed=0):
@@ -94,7 +93,6 @@ def test_rows_of_our_own_solver():
         assert row.peak_mb > 1 and row.moments > 0 and row.certificate_bytes > 0
 
 
-@needs_scip
 def test_rows_of_scip():
     rows = list(runner.measure(family(tiny()), tiny(), Setting(("scip",), repeats=1)))
     (row,) = rows
@@ -102,7 +100,6 @@ def test_rows_of_scip():
     assert row.lower == pytest.approx(-1.0, abs=1e-5) and row.valid
 
 
-@needs_scip
 def test_a_peer_that_runs_out_of_its_budget_says_so():
     case = next(iter(REGISTRY["quartics"].chosen(Selection(sizes=(8,)))))
     setting = Setting(("scip",), repeats=3, peer_limit=0.05)

@@ -28,7 +28,7 @@ pytestmark = [
     ),
 ]
 
-# one_child counts the children of the session, inside_matlab hides the way to them
+# one_child counts the children of its process, inside_matlab hides the way to them
 EVERY = sorted(path.stem for path in SCRIPTS.glob("*.m") if path.stem != "inside_matlab")
 
 

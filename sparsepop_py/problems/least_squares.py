@@ -100,6 +100,5 @@ def least_squares(
 def check_size(n: int, least: int, multiple: int = 1, field: str = "n") -> None:
     """Raise a ProblemError unless n is a multiple of a number and large enough."""
     if n < least or n % multiple:
-        raise ProblemError(
-            f"{field}: found {n}, expected a multiple of {multiple}, at least {least}"
-        )
+        kind = "an integer" if multiple == 1 else f"a multiple of {multiple}"
+        raise ProblemError(f"{field}: found {n}, expected {kind}, at least {least}")
