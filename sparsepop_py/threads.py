@@ -1,7 +1,8 @@
 """One thread for linear algebra: many small matrices are multiplied faster by one than by more.
 
 Threads that OpenBLAS keeps waiting for the next product count as CPU time and take cores from
-other processes: a problem of 8 variables costs up to ten times as much with two of them.
+other processes: a problem of 8 variables costs up to ten times as much with two of them. Of
+several Python threads that solve at once, threadpoolctl lets the first one set the number.
 """
 
 from __future__ import annotations
