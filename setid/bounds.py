@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .printing import rounded
+
 __all__ = ["Bounds", "Box", "gained"]
 
 Reals = NDArray[np.float64]
@@ -33,6 +35,24 @@ class Bounds:
     def empty(self) -> bool:
         """Whether it is proved that no parameter vector is consistent."""
         return bool(np.any(self.lower > self.upper))
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether time ended before all that would make it smaller had been looked at."""
+        return False
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self._text()}>"
+
+    def _text(self) -> str:
+        """The ends, rounded outwards."""
+        if self.empty:
+            return "empty, proved"
+        triples = zip(self.names, self.lower.tolist(), self.upper.tolist(), strict=True)
+        return ", ".join(
+            f"{name} in [{rounded(low, False, 6)}, {rounded(high, True, 6)}]"
+            for name, low, high in triples
+        )
 
 
 def gained(old: Box | Reals, new: Box | Reals) -> bool:

@@ -183,13 +183,6 @@ class ParameterBox(Bounds):
                 count[key] = count.get(key, 0) + 1
         return sorted(count, key=lambda key: (-count[key], key))
 
-    def __repr__(self) -> str:
-        if self.empty:
-            return "<ParameterBox: empty, proved>"
-        triples = zip(self.names, self.lower, self.upper, strict=True)
-        ends = ", ".join(f"{n} in [{a:.6g}, {b:.6g}]" for n, a, b in triples)
-        return f"<ParameterBox: {ends}>"
-
 
 def parameter_box(
     rows: Regression, start: Reals | None = None, until: float = math.inf

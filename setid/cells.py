@@ -75,10 +75,8 @@ class CellBox(Bounds):
             and bool(np.all(again.low >= self.low) and np.all(again.high <= self.high))
         )
 
-    def __repr__(self) -> str:
-        triples = zip(self.names, self.lower, self.upper, strict=True)
-        ends = ", ".join(f"{n} in [{a:.6g}, {b:.6g}]" for n, a, b in triples)
-        return f"<CellBox: {self.cells} cells, {ends}>"
+    def _text(self) -> str:
+        return f"{self.cells} cells, {Bounds._text(self)}"
 
 
 def cell_box(formulation: Formulation, start: Reals) -> CellBox | None:

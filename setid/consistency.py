@@ -27,9 +27,9 @@ from .models.equations import Structure
 from .noise import Noise
 from .noise_factor import last_variable, linear_problem, problem_with_factor, scaled_noise
 from .options import Options
+from .printing import rounded
 from .priors.base import Prior
 from .regression import Regression, check_channels
-from .reports import rounded
 from .verification import Verification
 
 __all__ = ["Consistency", "consistency"]

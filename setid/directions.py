@@ -88,12 +88,14 @@ class DirectionBox(Bounds):
             return False
         return bool(np.all(self.last.lower >= self.lower) and np.all(self.last.upper <= self.upper))
 
+    @property
+    def cut_short(self) -> bool:
+        """Whether time ended before all parts had been looked at."""
+        return self.last.cut_short
+
     def driving(self, regression: Regression) -> list[tuple[int, int]]:
         """(record, sample) of the rows that prove emptiness, as of :class:`ParameterBox`."""
         return self.last.driving(regression)
-
-    def __repr__(self) -> str:
-        return repr(self.last).replace("ParameterBox", "DirectionBox")
 
 
 def direction_box(

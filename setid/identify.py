@@ -24,7 +24,7 @@ import sparsepop_py as sp
 
 from .attained import inner_ends
 from .boxed import ProvedBox, boxed, objectives
-from .boxes import ParameterBox, parameter_box
+from .boxes import parameter_box
 from .cells import cell_box
 from .common_factor import unbounded_names
 from .data import IOData
@@ -36,7 +36,7 @@ from .errors import SetidError
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
 from .intervals import Identification, IntervalStatus, ParameterInterval
-from .lifted import LiftedBox, lifted_box, lifted_rows
+from .lifted import lifted_box, lifted_rows
 from .models.block import BlockStructured
 from .models.equations import Structure
 from .models.lti import TransferFunction
@@ -190,7 +190,7 @@ def _identify(
     box, driving = _timed(timings, "box", lambda: _bounded(formulation, _start(formulation), until))
     if box is not None and box.empty:
         return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
-    if isinstance(box, (ParameterBox, LiftedBox)) and box.cut_short:
+    if box is not None and box.cut_short:
         notes = (*notes, "time ended in the search for a box from the data: give more time")
     return _engine(formulation, settings, timings, until, box, notes)
 

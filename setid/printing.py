@@ -1,6 +1,8 @@
-"""Equations with their numbers, as people write them."""
+"""Equations and proved numbers, as people write them."""
 
 from __future__ import annotations
+
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 import numpy as np
 
@@ -9,9 +11,17 @@ from .layout import Layout
 from .models.equations import Equation, Lagged, channel_of
 from .noise import Noise
 
-__all__ = ["equation_text"]
+__all__ = ["equation_text", "rounded"]
 
 _NOISE = {"y": "eta", "u": "xi"}
+
+
+def rounded(value: float, up: bool, digits: int = 8) -> str:
+    """A number in the given digits, rounded in one direction."""
+    if not np.isfinite(value):
+        return str(float(value))
+    context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
+    return f"{float(context.create_decimal(Decimal(float(value)))):.{digits}g}"
 
 
 def equation_text(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,23 +9,16 @@ from numpy.typing import NDArray
 
 from .completion import noise_shares
 from .formulation import Formulation
+from .printing import rounded
 
 if TYPE_CHECKING:
     from .intervals import Identification
 
-__all__ = ["active_priors", "binding", "binding_kinds", "rounded", "summary", "table"]
+__all__ = ["active_priors", "binding", "binding_kinds", "summary", "table"]
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
 _NEAR = 1e-6  # closer than this (relative) to a bound counts as at it
 _WIDE = 0.3  # relative half width from which an interval is called wide
-
-
-def rounded(value: float, up: bool, digits: int = 8) -> str:
-    """A number in the given digits, rounded in one direction."""
-    if not np.isfinite(value):
-        return str(float(value))
-    context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
-    return f"{float(context.create_decimal(Decimal(float(value)))):.{digits}g}"
 
 
 def table(result: Identification) -> str:

@@ -129,10 +129,14 @@ class Family:
         if not self.ground.products.has_star:  # a star may not need it, and is nearly as cheap
             self._tighten()
         for objective in self.objectives:
-            problem = self.problem.with_objective(objective)
-            stages = Stages(self.options.progress)
-            task = Task(problem, self.options, stages, self.clock, repair=self.repair)
-            task = replace(task, objectives=len(self.objectives))
+            task = Task(
+                self.problem.with_objective(objective),
+                self.options,
+                Stages(self.options.progress),
+                self.clock,
+                repair=self.repair,
+                objectives=len(self.objectives),
+            )
             self.autos.append(Auto(task, self.model, [], self.ground))
 
     def _first_points(self) -> None:

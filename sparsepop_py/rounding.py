@@ -17,7 +17,7 @@ A. Neumaier, Interval Methods for Systems of Equations, Cambridge, 1990.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -167,11 +167,13 @@ class Interval:
         return Interval(np.maximum(self.lo, other.lo), np.minimum(self.hi, other.hi))
 
 
-def _power(magnitude: NDArray, exponent: NDArray, rounded: object) -> NDArray[np.float64]:
+def _power(
+    magnitude: NDArray, exponent: NDArray, rounded: Callable[[NDArray], NDArray]
+) -> NDArray[np.float64]:
     """Powers of non-negative numbers by rounded multiplications; 1 for exponent 0."""
     result: NDArray[np.float64] = np.where(exponent > 0, magnitude, 1.0)
     for step in range(1, int(exponent.max(initial=0))):
-        product = rounded(_times(result, magnitude))  # type: ignore[operator]
+        product = rounded(_times(result, magnitude))
         result = np.where(exponent > step, product, result)
     return np.where((exponent > 0) & (magnitude == 0), 0.0, result)
 

@@ -172,8 +172,8 @@ def solve_each(
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not climbs else {})
-        task = Task(problem.with_objective(objective), options, own, clock, repair=repair)
-        task = replace(task, objectives=len(objectives))
+        part, count = problem.with_objective(objective), len(objectives)
+        task = Task(part, options, own, clock, repair=repair, objectives=count)
         climbs.append(_climb_one(task, starts, model))
         told(number, climbs[-1])
     return [_result(climbed) for climbed in _with_widths(climbs, objectives, options)]

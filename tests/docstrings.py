@@ -17,6 +17,6 @@ def documented(text: str) -> set[str]:
 def parameters(thing: object) -> set[str]:
     return {
         name
-        for name in inspect.signature(thing).parameters  # type: ignore[arg-type]
+        for name in inspect.signature(thing).parameters
         if name not in ("self", "cls") and not name.startswith("_")
     }

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import setid
-from benchmarks import block_structured, intervals, peers, runner
+from benchmarks import block_structured, intervals, runner
 from benchmarks.families import REGISTRY
 from benchmarks.intervals import Experiment
 from benchmarks.measure import Setting
@@ -36,7 +36,6 @@ def test_a_stable_prior_is_part_of_the_problem() -> None:
     assert bound.problem.upper[0] <= 1.0 < free.problem.dimension
 
 
-@pytest.mark.skipif(not peers.scip_is_installed(), reason="pyscipopt is missing")
 def test_rows_of_a_record_and_their_report() -> None:
     family = REGISTRY["identify"]
     wanted = Selection(names=("oe order 1",), sizes=(20,), noises=(5.0,))
@@ -73,7 +72,6 @@ def test_wrong_claims_are_found() -> None:
     assert "is outside" in texts[0] and "is not inside" in texts[1] and "verify" in texts[2]
 
 
-@pytest.mark.skipif(not peers.scip_is_installed(), reason="pyscipopt is missing")
 def test_block_structures_stand_beside_the_peer_on_the_same_box() -> None:
     family = REGISTRY["block_structured"]
     wanted = Selection(names=("lure 1",), sizes=(20,), noises=(1.0,))

@@ -152,7 +152,7 @@ def test_errors_count_from_one_and_warnings_are_told(file: Path) -> None:
 def child() -> Iterator[subprocess.Popen[str]]:
     words = [sys.executable, "-m", "sparsepop_py.door"]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(words, cwd=ROOT, text=True, **pipes) as process:  # type: ignore[call-overload]
+    with subprocess.Popen(words, cwd=ROOT, text=True, **pipes) as process:
         yield process
         process.kill()
 

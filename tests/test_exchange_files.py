@@ -243,7 +243,7 @@ def test_files_and_values_that_are_no_json(tmp_path: pathlib.Path) -> None:
     with pytest.raises(FormatError, match=r"nowhere.json: .*No such file"):
         sp.read_json(tmp_path / "nowhere.json")
     with pytest.raises(ProblemError, match=r"to_json: found int, expected a Problem, Certif"):
-        sp.to_json(7)  # type: ignore[arg-type]
+        sp.to_json(7)
 
 
 # ---- SDPA ------------------------------------------------------------------------------------
@@ -327,7 +327,7 @@ def test_malformed_sdpa(tmp_path: pathlib.Path, text: str, message: str) -> None
 def test_only_conic_programs_are_written_as_sdpa(tmp_path: pathlib.Path) -> None:
     (x,) = sp.variables(1)
     with pytest.raises(sp.ProblemError, match="found Problem, expected a ConicProgram"):
-        sp.write_sdpa(sp.Problem(x), tmp_path / "x.dat-s")  # type: ignore[arg-type]
+        sp.write_sdpa(sp.Problem(x), tmp_path / "x.dat-s")
 
 
 def test_a_missing_sdpa_file(tmp_path: pathlib.Path) -> None:

@@ -247,12 +247,10 @@ def _result(**parts: Any) -> Result:
             "which its certificate proves"
         )
     attained = math.inf
-    if result.attained is not None:
-        again = result.attained.recheck(result.problem)
-        attained = math.inf if again is None else again.value
-    falls = result.status is Status.UNBOUNDED and result.attained is not None
-    if falls and falling_ray(result.problem, result.attained) is not None:  # type: ignore[arg-type]
-        attained = -math.inf
+    point = None if result.attained is None else result.attained.recheck(result.problem)
+    if point is not None:
+        falls = result.status is Status.UNBOUNDED and falling_ray(result.problem, point) is not None
+        attained = -math.inf if falls else point.value
     if result.upper_bound < attained:
         raise ProblemError(
             f"result.upper_bound: found {result.upper_bound!r}, expected at least {attained!r}, "

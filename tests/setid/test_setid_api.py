@@ -55,4 +55,4 @@ def test_values_of_public_classes_cannot_be_changed() -> None:
     frozen = [data, model, setid.Noise(), formulation, setid.Stable(), formulation.layout]
     for thing in [*frozen, setid.least_squares(data, model)]:
         with pytest.raises((AttributeError, TypeError)):
-            thing.something = 1  # type: ignore[union-attr]
+            thing.something = 1

@@ -79,9 +79,9 @@ def test_steps_contain_the_truth(result: setid.Identification) -> None:
 
 def test_bad_arguments(result: setid.Identification) -> None:
     with pytest.raises(setid.SetidError, match="kind"):
-        frequency_band(result, kind="sure")  # type: ignore[arg-type]
+        frequency_band(result, kind="sure")
     with pytest.raises(setid.SetidError, match="kind"):
-        step_band(result, kind="sure")  # type: ignore[arg-type]
+        step_band(result, kind="sure")
     with pytest.raises(setid.SetidError, match="omega"):
         frequency_band(result, [4.0])
     with pytest.raises(setid.ModelError, match="output, input"):

@@ -82,7 +82,7 @@ def test_boxes_from_the_data_hold_the_truth_and_shrink_with_the_noise(name: str)
     assert widths[-1] < 1e-2
 
 
-def box_of(formulation: setid.Formulation):  # type: ignore[no-untyped-def]
+def box_of(formulation: setid.Formulation):
     from setid.cells import cell_box
     from setid.lifted import lifted_box
 
@@ -268,7 +268,7 @@ class TestEquivalence:
     ]
 
     @pytest.mark.parametrize(("model", "theta", "first", "second"), pairs)
-    def test_outputs_agree(self, model, theta, first, second) -> None:  # type: ignore[no-untyped-def]
+    def test_outputs_agree(self, model, theta, first, second) -> None:
         u = np.random.default_rng(2).uniform(-0.5, 0.5, 40)
         first = {"gamma1": 0.0} if first == "nolinear" else first
         expected = setid.simulate(model, theta, u)
@@ -315,7 +315,7 @@ class TestEquivalence:
         (lambda: setid.BlockStructured({("y1", "u1 w"): ONE}, {}), "a sum such as"),
     ],
 )
-def test_wrong_structures_are_named(make, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_structures_are_named(make, message: str) -> None:
     with pytest.raises(setid.ModelError, match=message):
         make()
 

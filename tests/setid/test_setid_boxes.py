@@ -13,7 +13,7 @@ from setid.boxes import LeftInverse, SignTree, linear_rows, parameter_box
 from setid.lifted import lifted_box, lifted_rows
 
 
-def rows_of(samples: int, output: float, input: float, seed: int, claimed=None):  # type: ignore[no-untyped-def]
+def rows_of(samples: int, output: float, input: float, seed: int, claimed=None):
     u = np.random.default_rng(seed).uniform(0, 1, samples)
     model, noise = setid.TransferFunction(2, 3), setid.Noise(output=output, input=input)
     truth = setid.simulate_record(model, PLANT, u, noise, seed)

@@ -76,7 +76,7 @@ LURE = Blocks(
     ("model", "theta"),
     [(HAMMERSTEIN, [-0.5, 1.0, 0.8, 0.3]), (WIENER, [-0.5, 1.0, 0.8, 0.3]), (LURE, [-0.5, 1, 0.1])],
 )
-def test_block_structures_hold_their_truth(model, theta, noise, initial: str) -> None:  # type: ignore[no-untyped-def]
+def test_block_structures_hold_their_truth(model, theta, noise, initial: str) -> None:
     model = Blocks(model.stated, model.parameters, initial=initial)
     u = np.random.default_rng(2).uniform(-1, 1, 12)
     truth = setid.simulate_record(model, theta, u, noise, seed=1)

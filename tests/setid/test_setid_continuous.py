@@ -208,4 +208,4 @@ C = setid.ContinuousTransferFunction
 )  # fmt: skip
 def test_what_does_not_fit_is_refused(wrong: object, message: str) -> None:
     with pytest.raises(setid.ModelError, match=message):
-        wrong()  # type: ignore[operator]
+        wrong()

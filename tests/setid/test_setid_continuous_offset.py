@@ -36,7 +36,7 @@ def test_the_settled_output_is_the_static_gain_of_the_constant(
     n: int, m: int, method: str, tau: float | None, hold: str
 ) -> None:
     """At rest all derivatives vanish: a0 y = b0 u + c, whatever the rule."""
-    model = C(n, m, method, tau=tau, hold=hold, Ts=TS, offset=True)  # type: ignore[arg-type]
+    model = C(n, m, method, tau=tau, hold=hold, Ts=TS, offset=True)
     assert model.parameters[-1] == "c" and "c" not in model.transfer().numerator
     theta = {name: 2.0 + 0.25 * place for place, name in enumerate(model.parameters)}
     y = (theta["b0"] * 1.5 + theta["c"]) / theta["a0"]

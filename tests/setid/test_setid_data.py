@@ -46,7 +46,7 @@ def test_arrays_are_copied_and_read_only() -> None:
         (lambda: setid.IOData.concat([3]), r"records\[0\]: found int"),
     ],
 )
-def test_wrong_records(make, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_records(make, message: str) -> None:
     with pytest.raises(setid.DataError, match=message):
         make()
 
@@ -131,7 +131,7 @@ def test_wrong_tables(tmp_path: Path, text: str, inputs: object, message: str) -
     path = tmp_path / "bad.csv"
     path.write_text(text)
     with pytest.raises(setid.DataError, match=message):
-        setid.IOData.from_csv(path, inputs, "y")  # type: ignore[arg-type]
+        setid.IOData.from_csv(path, inputs, "y")
 
 
 def test_matlab_files(tmp_path: Path) -> None:

@@ -79,13 +79,13 @@ def test_refusals(result: setid.Identification, monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(setid.SetidError, match="empty"):
         to_control(empty(result.formulation))
     with pytest.raises(setid.SetidError, match="kind"):
-        to_control(result, kind="sure")  # type: ignore[arg-type]
+        to_control(result, kind="sure")
     real = builtins.__import__
 
     def without(name: str, *rest: object) -> object:
         if name == "control":
             raise ImportError(name)
-        return real(name, *rest)  # type: ignore[arg-type]
+        return real(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(sp.SolverNotFound, match=r"sparsepop-py\[control\]"):

@@ -75,7 +75,7 @@ def test_errors_in_variables_equal_the_hand_built_problem() -> None:
     assert formulation.rows.sample.tolist() == list(range(3, 10))
 
 
-def test_structs_and_files_hold_the_same_problem(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_structs_and_files_hold_the_same_problem(tmp_path) -> None:
     formulation = setid.formulate(laboratory_two_first(), FIRST, setid.Noise(output=0.5))
     assert sp.from_structs(*formulation.structs()).fingerprint == formulation.problem.fingerprint
     formulation.to_gms(tmp_path / "first.gms")

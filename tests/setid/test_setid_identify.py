@@ -21,7 +21,7 @@ QUICK = setid.Options(time_limit=60.0, progress=False)
 FIRST, SECOND = setid.TransferFunction(1, 1), setid.TransferFunction(2, 3)
 
 
-def record(  # type: ignore[no-untyped-def]
+def record(
     samples: int, noise: setid.Noise, seed: int, model=SECOND, theta=PLANT, low=0.0, high=1.0
 ):
     u = np.random.default_rng(seed).uniform(low, high, samples)

@@ -50,7 +50,7 @@ TREES = {name_of(path): ast.parse(path.read_text()) for path in sorted(ROOT.rglo
 def runtime_imports(module: str) -> list[tuple[ast.Import | ast.ImportFrom, bool]]:
     """Import statements that run, and whether they stand inside a function."""
 
-    def walk(node: ast.AST, inside: bool):  # type: ignore[no-untyped-def]
+    def walk(node: ast.AST, inside: bool):
         for child in ast.iter_child_nodes(node):
             if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
                 continue

@@ -42,7 +42,7 @@ def test_matched_keeps_poles_zeros_and_the_static_gain() -> None:
 
 
 @pytest.mark.parametrize("convert", [_inverse_zoh, _inverse_matched])
-def test_a_negative_pole_has_no_image(convert) -> None:  # type: ignore[no-untyped-def]
+def test_a_negative_pole_has_no_image(convert) -> None:
     assert convert([0.0, 1.0], [1.0, 0.5], 1.0) is None
     assert convert([0.0, 1.0], [1.0, 0.0], 1.0) is None
 
@@ -78,7 +78,7 @@ def test_what_has_no_image_is_refused() -> None:
         setid.to_continuous(negative)
     good = result(setid.TransferFunction(1, 1, nk=1), [-0.5, 1.0])
     with pytest.raises(setid.SetidError, match="method: found 'tustin'"):
-        setid.to_continuous(good, "tustin")  # type: ignore[arg-type]
-    physical = result(setid.ContinuousTransferFunction(1, 0), [1.0, 1.0])  # type: ignore[arg-type]
+        setid.to_continuous(good, "tustin")
+    physical = result(setid.ContinuousTransferFunction(1, 0), [1.0, 1.0])
     with pytest.raises(setid.ModelError, match="expected a discrete transfer function"):
         setid.to_continuous(physical)

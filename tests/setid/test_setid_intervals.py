@@ -11,13 +11,13 @@ from identified_cases import first_order, result_of
 
 import setid
 from setid.members import nominal
+from setid.printing import rounded
 from setid.progress import Progress
-from setid.reports import rounded
 
 STATUS = setid.IntervalStatus
 
 
-def interval(outer, inner, status=STATUS.PARTIAL) -> setid.ParameterInterval:  # type: ignore[no-untyped-def]
+def interval(outer, inner, status=STATUS.PARTIAL) -> setid.ParameterInterval:
     return setid.ParameterInterval("a1", outer, inner, status)
 
 

@@ -38,7 +38,7 @@ def test_coefficients_are_named_by_their_lag() -> None:
     ],
 )
 @pytest.mark.parametrize("noise", [setid.Noise(equation=1.0), setid.Noise(0.1, 0.1)])
-def test_rows_start_where_all_lags_lie_in_the_record(model, first: int, noise) -> None:  # type: ignore[no-untyped-def]
+def test_rows_start_where_all_lags_lie_in_the_record(model, first: int, noise) -> None:
     data = setid.IOData(np.arange(8.0), np.arange(8.0) ** 2)
     formulation = setid.formulate(data, model, noise)
     rows = formulation.rows
@@ -89,7 +89,7 @@ def test_which_forms_introduce_partial_outputs() -> None:
         (lambda: setid.PolynomialNARX([["y1"]], 1, 1, outputs=2), "terms: found 1 lists"),
     ],
 )
-def test_wrong_structures(make, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_structures(make, message: str) -> None:
     with pytest.raises(setid.ModelError, match=message):
         make()
 
@@ -126,7 +126,7 @@ def test_structures_keep_the_protocol() -> None:
         (setid.TransferFunction(2, 1, 1, inputs=2, form="direct"), [-0.9, 0.2, 0.5, 0.1, 2.0, 3.0]),
     ],
 )
-def test_simulation_agrees_with_filters(model, theta) -> None:  # type: ignore[no-untyped-def]
+def test_simulation_agrees_with_filters(model, theta) -> None:
     from scipy.signal import lfilter
 
     u = np.random.default_rng(9).uniform(-1, 1, (30, model.inputs))
@@ -153,7 +153,7 @@ def test_simulation_of_a_polynomial_model_by_hand() -> None:
         ([1.0, 1.0], [1, np.nan], "no NaN"),
     ],
 )
-def test_wrong_simulations(theta, u, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_simulations(theta, u, message: str) -> None:
     with pytest.raises(setid.SetidError, match=message):
         setid.simulate(setid.TransferFunction(1, 1), theta, u)
 

@@ -21,7 +21,7 @@ def simulated(noise: setid.Noise, seed: int, samples: int = 12) -> setid.Simulat
     return setid.simulate_record(MODEL, THETA, u, noise, seed)
 
 
-def identified(data: setid.IOData, noise: setid.Noise, *priors, model=MODEL):  # type: ignore[no-untyped-def]
+def identified(data: setid.IOData, noise: setid.Noise, *priors, model=MODEL):
     result = setid.identify(data, model, noise, priors, QUICK)
     assert all(item.inner is not None for item in result.intervals.values())
     return result

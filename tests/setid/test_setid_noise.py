@@ -52,7 +52,7 @@ def test_a_proportional_error_is_covered() -> None:
         (lambda: setid.estimate_noise_bound(setid.IOData([0, 1], [1, 2])), "expected rest"),
     ],
 )
-def test_wrong_noise(make, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_noise(make, message: str) -> None:
     with pytest.raises(setid.NoiseError, match=message):
         make()
 

@@ -30,7 +30,7 @@ def result() -> setid.Identification:
     return second_order(samples=60)
 
 
-def legend(ax) -> set[str]:  # type: ignore[no-untyped-def]
+def legend(ax) -> set[str]:
     return {text.get_text() for text in ax.get_legend().get_texts()}
 
 
@@ -50,13 +50,13 @@ def test_infinite_and_empty_intervals_are_written_out() -> None:
 
 @pytest.mark.parametrize("sort", ["proved", "sampled"])
 def test_frequency_plots_say_what_they_are(result: setid.Identification, sort: str) -> None:
-    band = frequency_band(result, [0.1, 1.0], kind=sort, samples=5)  # type: ignore[arg-type]
-    magnitude, phase = band.plot()  # type: ignore[misc]
+    band = frequency_band(result, [0.1, 1.0], kind=sort, samples=5)
+    magnitude, phase = band.plot()
     assert sort in legend(magnitude) and phase.get_ylabel() == "phase, degrees"
     for kind in ("nyquist", "nichols"):
         ax = band.plot(kind)
         assert any(text.startswith(sort) for text in legend(ax))
-        ax.figure.canvas.draw()  # type: ignore[union-attr]
+        ax.figure.canvas.draw()
     with pytest.raises(setid.SetidError, match="bode, nyquist, nichols"):
         plot_frequency_band(band, "bodie")
 
@@ -93,7 +93,7 @@ def test_a_missing_matplotlib_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def without(name: str, *rest: object) -> object:
         if name.startswith("matplotlib"):
             raise ImportError(name)
-        return real(name, *rest)  # type: ignore[arg-type]
+        return real(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(sp.SolverNotFound, match=r"sparsepop-py\[plot\]"):

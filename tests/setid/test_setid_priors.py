@@ -227,7 +227,7 @@ def test_own_constraints_are_lifted() -> None:
         (lambda: sp.second_order(*sp.variables(2)), "found a SECOND_ORDER constraint"),
     ],
 )
-def test_wrong_priors(make, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_wrong_priors(make, message: str) -> None:
     data = setid.IOData([1, 2, 3], [0, 1, 1])
     with pytest.raises(setid.PriorError, match=message):
         setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(0.1), [make()])
@@ -263,4 +263,4 @@ def test_nonlinear_structures_have_no_poles() -> None:
 def test_the_class_of_a_prior_is_no_prior() -> None:
     data, model = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]), setid.TransferFunction(1, 1)
     with pytest.raises(setid.PriorError, match=r"priors\[0\]: found .*expected a prior"):
-        setid.formulate(data, model, setid.Noise(output=1.0), [setid.Stable])  # type: ignore[list-item]
+        setid.formulate(data, model, setid.Noise(output=1.0), [setid.Stable])

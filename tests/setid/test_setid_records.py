@@ -40,7 +40,7 @@ def test_rows_of_joined_records_are_those_of_each() -> None:
         joined.equation(2, record=2)
 
 
-def sorted_like(one, other) -> list[float]:  # type: ignore[no-untyped-def]
+def sorted_like(one, other) -> list[float]:
     """Coefficients of one constraint in the order of the other: both are graded."""
     assert one.polynomial.terms == other.polynomial.terms
     return one.polynomial.coefficients.tolist()
@@ -167,7 +167,7 @@ def test_a_dead_input_is_warned_about() -> None:
         ((None, SECOND, setid.Noise([0.1, 0.2])), setid.NoiseError, "output: found shape"),
     ],
 )
-def test_parts_that_do_not_fit(arguments, error, message: str) -> None:  # type: ignore[no-untyped-def]
+def test_parts_that_do_not_fit(arguments, error, message: str) -> None:
     data, model, noise = arguments
     data = setid.IOData([1, 2, 3, 4], [1, 2, 2, 1]) if data is None else data
     with pytest.raises(error, match=message):

@@ -7,6 +7,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
+from benchmarks import peers
 from setid.boxed import boxed, objectives
 from setid.formulation import Formulation
 from setid.identify import start_box
@@ -31,9 +32,6 @@ def stated(
 @pytest.mark.parametrize("seed", [0, 1])
 def test_outputs_that_change_sign_stop_no_search(seed: int) -> None:
     """The squares of outputs near zero are at their least value; the oracle is SCIP."""
-    peers = pytest.importorskip("benchmarks.peers")
-    if not peers.scip_is_installed():
-        pytest.skip("pyscipopt is missing")
     formulation, problem = stated(0.01, 20, seed)
     start = first_point(formulation, problem)
     assert start is not None

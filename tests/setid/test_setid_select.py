@@ -67,7 +67,7 @@ def test_nothing_is_chosen_where_all_is_refuted() -> None:
         ((-1.0, 1.0), None, "open: no value"),
     ],
 )
-def test_signs_are_trusted_only_where_settled(outer, inner, text) -> None:  # type: ignore[no-untyped-def]
+def test_signs_are_trusted_only_where_settled(outer, inner, text) -> None:
     status = setid.IntervalStatus.PARTIAL
     assert _sign_test(setid.ParameterInterval("a1", outer, inner, status)).startswith(text)
 

@@ -13,7 +13,7 @@ from setid.models.continuous import at_rate
 
 
 def second_order(u: np.ndarray, Ts: float, noise: setid.Noise, **how: object) -> setid.Formulation:
-    model = setid.ContinuousTransferFunction(2, 1, Ts=Ts, **how)  # type: ignore[arg-type]
+    model = setid.ContinuousTransferFunction(2, 1, Ts=Ts, **how)
     record = setid.simulate_record(model, THETA, u, noise, seed=3, Ts=Ts)
     return setid.formulate(record.data, model, noise)
 
@@ -66,7 +66,7 @@ def test_every_truth_obeys_all_sums(seed: int, Ts: float, initial: str, hold: st
     """Two records, a missing sample, noise at its bounds."""
     rng = np.random.default_rng(seed)
     theta = rng.uniform(0.2, 3.0, 4) * rng.choice([1, 1, 1, -1], 4)
-    model = setid.ContinuousTransferFunction(2, 1, initial=initial, hold=hold, Ts=Ts)  # type: ignore[arg-type]
+    model = setid.ContinuousTransferFunction(2, 1, initial=initial, hold=hold, Ts=Ts)
     u = rng.uniform(-1, 1, 30)
     y = np.concatenate([setid.simulate(model, theta, part)[:, 0] for part in (u[:18], u[18:])])
     size = 0.05 * np.abs(y).max()

@@ -34,7 +34,7 @@ def test_fit_is_the_one_of_the_field() -> None:
 
 def test_validation_readings_lie_in_proved_bands(result: setid.Identification) -> None:
     for mode in ("simulation", "prediction"):
-        found = compare(result, validation(), mode)  # type: ignore[arg-type]
+        found = compare(result, validation(), mode)
         assert found.band.kind == "proved" and found.fit[0] > 97
         assert not len(found.band.outside)
         assert np.isfinite(found.band.high[5:]).all()
@@ -118,9 +118,9 @@ def test_residuals_within_bounds(result: setid.Identification) -> None:
 
 def test_bad_arguments(result: setid.Identification) -> None:
     with pytest.raises(setid.SetidError, match="mode"):
-        compare(result, mode="guess")  # type: ignore[arg-type]
+        compare(result, mode="guess")
     with pytest.raises(setid.SetidError, match="kind"):
-        simulate_band(result, kind="sure")  # type: ignore[arg-type]
+        simulate_band(result, kind="sure")
     with pytest.raises(setid.DataError, match="Ts"):
         compare(result, setid.IOData([1.0, 2.0], [1.0, 2.0], Ts=0.5))
     with pytest.raises(setid.DataError, match="inputs"):
