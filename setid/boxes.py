@@ -215,7 +215,7 @@ def parameter_box(
     >>> model = setid.TransferFunction(na=1, nb=1)
     >>> formulation = setid.formulate(data, model, setid.Noise(output=0.5))
     >>> parameter_box(formulation.regression)
-    <ParameterBox: a1 in [-0.633803, -0.304706], b0 in [1.83014, 2.29583]>
+    <ParameterBox: a1 in [-0.633803, -0.304705], b0 in [1.83013, 2.29584]>
     """
     p = len(rows.names)
     first = np.array([np.full(p, -np.inf), np.full(p, np.inf)]) if start is None else start
