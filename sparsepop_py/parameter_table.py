@@ -170,8 +170,9 @@ FIELDS: tuple[Field, ...] = (
         1,
         "works",
         "switches.scaled",
-        "Boxed variables are divided by their larger bound in size, objective and constraints by "
-        "their largest coefficient; nothing is where a constraint is a cone or a matrix.",
+        "Boxed variables are divided by their larger bound in size, those with one bound counted "
+        "from there, objective and constraints divided by their largest coefficient; nothing is "
+        "where a constraint is a cone or a matrix.",
         "0 gives the solver the unscaled program; its multipliers are scaled before they are "
         "certified. Problems with second-order or matrix constraints are scaled too. Bounds always "
         "refer to the problem as given.",

@@ -336,7 +336,8 @@ def relaxed(
     if switches is None:
         scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
     else:
-        scaled = Scaled.of(problem, Scaling.without_shift(model.box), objectives, whole=True)
+        scaling = Scaling.of_bounds(model.box, switches.scaled)
+        scaled = Scaled.of(problem, scaling, objectives, whole=True)
     given = np.isfinite(problem.lower) | np.isfinite(problem.upper)
     method, objectives = options.chordal, scaled.objectives
     whole = options.effort == "plain" or not problem.constraints

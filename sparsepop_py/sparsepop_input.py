@@ -123,7 +123,7 @@ def with_tolerance(problem: Problem, tolerance: float, scaled: bool) -> Problem:
     sizes = np.ones(len(problem.constraints))
     if scaled:
         box = Interval(problem.lower, problem.upper)
-        whole = Scaled.of(problem, Scaling.without_shift(box), (problem.objective,), whole=True)
+        whole = Scaled.of(problem, Scaling.of_bounds(box), (problem.objective,), whole=True)
         sizes = whole.row_sizes
     rows: list[Constraint] = []
     for constraint, size in zip(problem.constraints, sizes.tolist(), strict=True):

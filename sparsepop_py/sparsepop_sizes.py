@@ -61,7 +61,8 @@ class BuiltSDP:
             count = program.q.size
             return BuiltSDP(relaxation, program, solution, np.arange(count), None, np.ones(count))
         problem = result.problem
-        scaling = Scaling.without_shift(Interval(problem.lower, problem.upper))
+        box = Interval(problem.lower, problem.upper)
+        scaling = Scaling.of_bounds(box, switches.scaled)
         scaled = Scaled.of(problem, scaling, (problem.objective,), whole=True)
         perturbed = switches.perturbed(objective, relaxation)
         small = condensed(relaxation, scaled, perturbed, switches)

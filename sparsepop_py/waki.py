@@ -169,7 +169,8 @@ def plain_relaxation(
     blocks = _multiplied(problem, cliques, system, rules, order, switches)
     asked = [f.words for f in (problem.objective, *objectives)]
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
-    moment = clique_bases(members, np.arange(len(members)), int(order))
+    alive = np.array([k for k, clique in enumerate(members) if clique] or [0])
+    moment = [(alive[k], basis) for k, basis in clique_bases(members, alive, int(order))]
     plain = [BlockGroup(False, place * 0, place, basis) for place, basis in moment]
     moment = [(block.clique, block.basis) for block in rules.normal(plain)]
     least_degree = 0 if switches.aggressive else 2  # first moments of every solution
@@ -226,8 +227,8 @@ def _multiplied(
     np.maximum.at(degree, system.row, monomials.degrees(system.words))
     box, low, high = generators.bound_family(m, n)
     degree[box] = 0
-    binary = rules.binary(problem)  # x = x^2 >= 0 and 1 - x = (1 - x)^2 >= 0 already
-    degree[low][binary] = degree[high][binary] = 0
+    known = fixed | rules.binary(problem)  # x = x^2 >= 0 and 1 - x = (1 - x)^2 >= 0 already
+    degree[low][known] = degree[high][known] = 0
     degree[1 + system.matrices.constraints] = 0  # the block of the matrix says more
     free = np.zeros(system.size, bool)
     free[1 : m + 1] = problem.equality
@@ -289,23 +290,26 @@ def _alive(block: BlockGroup, system: Generators, rules: Rules) -> Blocks:
 
 
 class _Unions:
-    """Which variables the multiplier of a constraint may have."""
+    """Which variables the multiplier of a constraint may have.
+
+    Cliques are met in the order in which they arise when variables are eliminated.
+    """
 
     def __init__(self, cliques: Cliques, merge: float) -> None:
-        self.members = cliques.members
         self.sets = [frozenset(c) for c in cliques.members]
         self.most = merge * max(len(c) for c in cliques.members)
+        step = np.argsort(cliques.order)
+        first = [int(step[list(c)].min(initial=step.size)) for c in cliques.members]
         self.holding: dict[int, list[int]] = {}
-        for k, clique in enumerate(cliques.members):
-            for v in clique:
+        for k in sorted(range(len(first)), key=first.__getitem__):
+            for v in cliques.members[k]:
                 self.holding.setdefault(v, []).append(k)
 
     def of(self, support: NDArray) -> tuple[int, tuple[int, ...]]:
-        """The smallest clique that covers the support, and the variables after merging others."""
+        """The first clique that covers the support, and the variables after merging others."""
         wanted = support.tolist()
         rare = min(wanted, key=lambda v: len(self.holding[v]))
         covering = [k for k in self.holding[rare] if self.sets[k].issuperset(wanted)]
-        covering.sort(key=lambda k: len(self.sets[k]))
         union: set[int] = set(self.sets[covering[0]])
         for k in covering[1:]:
             if len(union | self.sets[k]) <= self.most:

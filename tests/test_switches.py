@@ -152,6 +152,35 @@ def test_merged_cliques_grow_the_blocks() -> None:
         call(problem, multiCliquesFactor=6)
 
 
+def test_a_variable_with_one_bound_is_counted_from_there() -> None:
+    """Then y == x + 10 has no constant, and its multipliers need fewer moments."""
+    x, y, z = sp.variables(3)
+    low, high = [-10, 0, 0], [INF, 20, 1]
+    rows = [y - x == 10, z * y <= 5]
+    given = sp.Problem(x * z - y, rows, low, high)
+    moved = sp.Problem((x - 10) * z - y, [y - x == 0, z * y <= 5], [0, 0, 0], high)
+    shifted, by_hand = (call(problem, relaxOrder=2) for problem in (given, moved))
+    assert sizes(shifted) == sizes(by_hand)
+    assert shifted.POP.solverValue == pytest.approx(by_hand.POP.solverValue, abs=1e-6)
+    assert shifted.SDPinfo.bVect.tolist() == [-10, 0, 0]
+    bare = call(given, relaxOrder=2, scalingSW=0)
+    assert bare.SDPinfo.bVect.tolist() == [0, 0, 0]
+    above = sp.Problem(-x * z - y, [y + x == 10, z * y <= 5], [-INF, 0, 0], [10, 20, 1])
+    assert call(above, relaxOrder=2).SDPinfo.rowSizeA == shifted.SDPinfo.rowSizeA
+
+
+def test_fixed_variables_leave_no_column() -> None:
+    """The program is that of the problem without them."""
+    x, y, z = sp.variables(3)
+    with_it = sp.Problem(x * y - x + z, [x + y + z <= 1.25], [0, 0, 0.25], [1, 1, 0.25])
+    x, y = sp.variables(2)
+    without = sp.Problem(x * y - x + 0.25, [x + y <= 1], 0, 1)
+    for order in (1, 2):
+        one, other = (call(problem, relaxOrder=order) for problem in (with_it, without))
+        assert sizes(one) == sizes(other)
+        assert one.POP.solverValue == pytest.approx(other.POP.solverValue, abs=1e-6)
+
+
 @pytest.mark.parametrize("make", [e09, e23, lambda: laboratory(0, 20)])
 def test_the_unscaled_program_has_the_same_value(make: Any) -> None:
     problem = make()
@@ -278,7 +307,7 @@ POINTS = [[1, -1, 0, 1.5, 0.25, 0], [0, 1, 2, 0, 1.25, 1], [1, 1, 0, 0, 0.5, 0.2
 @pytest.mark.parametrize("kinds", [(), ("square", "binary", "fixed", "zero")])
 def test_point_masses_satisfy_every_row(order: float, scaled: bool, kinds: tuple[str, ...]) -> None:
     problem = mixed()
-    scaling = Scaling.without_shift(Interval(problem.lower, problem.upper))
+    scaling = Scaling.of_bounds(Interval(problem.lower, problem.upper), scaled)
     assert scaling.contains(Interval(problem.lower, problem.upper))
     whole = Scaled.of(problem, scaling, (problem.objective,), whole=True)
     switches = Switches(order=order, scaled=scaled, substituted=kinds, moment_bounds=1)
@@ -287,7 +316,7 @@ def test_point_masses_satisfy_every_row(order: float, scaled: bool, kinds: tuple
     small = condensed(relaxation, whole, whole.problem.objective, switches)
     for point in POINTS:
         assert problem.violation(point) == 0
-        t = np.array(point) / scaling.scale
+        t = (np.array(point) - scaling.centre) / scaling.scale
         y = np.array([np.prod(t[row[row > 0] - 1]) for row in relaxation.moments])
         for program, moments in (
             (small.whole, y),
@@ -310,7 +339,7 @@ def test_prices_of_monomials_are_below_their_values(seed: int) -> None:
     rng = np.random.default_rng(seed)
     low = rng.choice([-2.0, -0.5, 0.0, 0.25], 2)
     high = low + rng.choice([0.5, 1.0, 3.0], 2)
-    scaling = Scaling.without_shift(Interval(low, high))
+    scaling = Scaling.of_bounds(Interval(low, high))
     words = np.sort(rng.integers(0, 3, (4, 3)).astype(np.int32), axis=1)
     priced = Priced(words, rng.normal(size=4))
     x, y = sp.variables(2)
@@ -329,7 +358,7 @@ def test_malformed_prices_and_ends_prove_nothing() -> None:
     (x,) = sp.variables(1)
     problem = sp.Problem(x, (), 1, 2)
     box = Interval(problem.lower, problem.upper)
-    good = Scaling.without_shift(box)
+    good = Scaling.of_bounds(box)
     one = np.array([[1]], np.int32)
 
     def bound(scaling: Scaling, priced: Priced) -> float:

@@ -76,8 +76,11 @@ class Scaling:
         return Scaling(np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side)
 
     @staticmethod
-    def without_shift(box: Interval) -> Scaling:
-        """As SparsePOP scales: x = scale * t with the larger bound in size of boxed variables."""
+    def of_bounds(box: Interval, shifted: bool = True) -> Scaling:
+        """As SparsePOP scales: boxed variables by their larger bound in size, without a shift.
+
+        With ``shifted`` a variable with one bound is counted from there.
+        """
         boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
         fixed = box.lo == box.hi
         size = np.where(boxed, np.maximum(np.abs(box.lo), np.abs(box.hi)), 1.0)
@@ -90,9 +93,11 @@ class Scaling:
         high = np.where(boxed, np.clip(high, -1.0, 1.0), high)
         low = np.where(np.abs(low) < _TINY, np.where(low < 0, -_TINY, 0.0), low)
         high = np.where(np.abs(high) < _TINY, np.where(high > 0, _TINY, 0.0), high)
-        ends = np.where(fixed, 0.0, low), np.where(fixed, 0.0, high)
-        scale, centre = np.where(fixed, 0.0, size), np.where(fixed, box.lo, 0.0)
-        return Scaling(centre, scale, boxed, np.zeros(boxed.size, int), ends)
+        one = shifted & (np.isfinite(box.lo) != np.isfinite(box.hi))
+        start = np.where(np.isfinite(box.lo), box.lo, box.hi)
+        ends = tuple(np.where(fixed | (one & np.isfinite(e)), 0.0, e) for e in (low, high))
+        scale, centre = np.where(fixed, 0.0, size), np.where(fixed | one, start, 0.0)
+        return Scaling(centre, scale, boxed, np.zeros(boxed.size, int), (ends[0], ends[1]))
 
     def fits(self, n: int) -> bool:
         """Whether every array has n entries, and the ends of t lie in [-1, 1] where boxed.
