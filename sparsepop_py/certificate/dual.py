@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
-from scipy.sparse.linalg import lsmr
+from scipy.sparse.linalg import splu
 
 from .. import monomials
 from ..blocks import BlockGroup
@@ -30,6 +30,7 @@ from .priced import Priced
 __all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
 
 _FLOOR = 4e-13  # in scaled units; rounding leaves about a tenth of that in each row
+_FIRM = 1e-14  # relative, added to normal equations, whose unknowns may be dependent
 
 
 def identity_of(
@@ -104,14 +105,17 @@ def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float6
     lose when they are made positive again is usually far less than the residual was.
     """
     weight = np.ones(z.size)
-    weight[: program.cones.zero] = 1e3
-    scaled = sps.diags_array(weight) @ program.A
-    for _ in range(2):
-        residual = -(program.q + program.A.T @ z)
+    weight[: program.cones.zero] = 1e6
+    weighted = sps.diags_array(weight) @ program.A
+    normal = program.A.T @ weighted
+    own = normal.diagonal()
+    normal = sps.csc_array(normal + sps.diags_array(np.where(own > 0, _FIRM * own, 1.0)))
+    factors = splu(normal, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    for _ in range(3):
+        residual = program.q + program.A.T @ z
         if not np.any(residual):
             break
-        step = lsmr(scaled.T, residual, atol=1e-15, btol=1e-15, conlim=1e12, maxiter=400)[0]
-        z = z + weight * step
+        z = z - weighted @ factors.solve(residual)
     return z
 
 
