@@ -72,18 +72,25 @@ def test_compiled_runs_are_repeatable(compiled):
     np.testing.assert_array_equal(first.z, second.z)
 
 
-def test_both_factorizations_solve_the_same_system(compiled):
-    p = bilinear()
-    rng, solutions = np.random.default_rng(0), []
-    right = rng.normal(size=p.q.size)
+def scattered(cone, seed):
+    """A point of the cone that depends on the numbers of the blocks, not on their order."""
+    result = cone.identity()
+    for s in cone.stacks:
+        rngs = [np.random.default_rng([seed, block]) for block in s.blocks]
+        half = np.stack([rng.normal(size=(s.size, s.size)) for rng in rngs])
+        result[s.span] = s.entries(half @ half.swapaxes(1, 2) + np.eye(s.size))
+    return result
+
+
+@pytest.mark.parametrize("make, lanes", [(bilinear, {1}), (lambda: chain(12), {1, 8})])
+def test_both_factorizations_solve_the_same_system(compiled, make, lanes):
+    p = make()
+    solutions = []
+    right = np.random.default_rng(0).normal(size=p.q.size)
     for flag, kind in ((False, Factor), (True, FrontFactor)):
         numbers = Numbers.of(p, cliquetree.analyse(p, flag))
-        rng = np.random.default_rng(1)
-        P, Z = (numbers.cone.identity() for _ in range(2))
-        for s in numbers.cone.stacks:
-            for v in (P, Z):
-                half = rng.normal(size=s.shape)
-                v[s.span] = (half @ half.swapaxes(1, 2) + np.eye(s.size)).ravel()
+        assert {s.lanes for s in numbers.cone.stacks} == (lanes if flag else {1})
+        P, Z = (scattered(numbers.cone, seed) for seed in (1, 2))
         factor = kind(numbers.symbolic.tree)
         np.copyto(factor.entries, numbers.fixed_entries(10.0))
         numbers.add_newton(factor.entries, P, Z)

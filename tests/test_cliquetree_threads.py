@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.solvers import cliquetree
 from sparsepop_py.solvers.cliquetree import assembly
-from sparsepop_py.solvers.cliquetree.cone import Cone
 from sparsepop_py.solvers.cliquetree.kernels import Workers, compiled_kernels
 from sparsepop_py.solvers.cliquetree.numbers import Numbers
 
@@ -25,15 +25,17 @@ def blocks():
     return sp.assemble(sp.relax(Problem(f, [x[0] + x[1] <= 1.5], -1, 1), 2), f)
 
 
-def inside(cone, seed):
-    """A point of the cone, and a direction."""
-    rng = np.random.default_rng(seed)
-    point, direction = cone.identity(), cone.identity()
-    for s in cone.stacks:
-        half = rng.normal(size=s.shape)
-        point[s.span] = (half @ half.swapaxes(1, 2) + np.eye(s.size)).ravel()
-        direction[s.span] = (half + half.swapaxes(1, 2)).ravel()
-    return point, direction
+@pytest.fixture(scope="module")
+def equal_blocks():
+    """Rosenbrock's function in 20 variables: 19 blocks of 6 and 19 of 3 in each of two patterns."""
+    f = sp.problems.rosenbrock(20).objective
+    return sp.assemble(sp.relax(Problem(f, lower=-1, upper=1), 2), f)
+
+
+def inside(stack, seed):
+    """Points of the cone, and directions."""
+    half = np.random.default_rng(seed).normal(size=stack.shape)
+    return half @ half.swapaxes(1, 2) + np.eye(stack.size), half + half.swapaxes(1, 2)
 
 
 @pytest.mark.parametrize("threads", [2, 3])
@@ -49,19 +51,39 @@ def test_threads_change_no_bit(blocks, threads, monkeypatch):
     np.testing.assert_array_equal(one.y, several.y)
 
 
-def test_compiled_operations_on_blocks_are_those_of_numpy(blocks):
-    compiled = Numbers.of(blocks, cliquetree.analyse(blocks, True)).cone
-    plain = Cone(compiled.stacks, compiled.entries, compiled.linear)
-    assert {6, 21} <= {s.size for s in plain.stacks}
-    p, d = inside(plain, 0)
-    z, _ = inside(plain, 1)
-    factor = plain.inverse_factor(p)
-    np.testing.assert_allclose(compiled.inverse_factor(p), factor, atol=1e-12)
-    np.testing.assert_allclose(compiled.inverse(factor), plain.inverse(factor), atol=1e-12)
-    np.testing.assert_allclose(compiled.sandwich(p, d, z), plain.sandwich(p, d, z), atol=1e-9)
-    step, longest = (cone.largest_step(factor, d, 5.0, False) for cone in (compiled, plain))
+@pytest.mark.parametrize(
+    "program, kinds",
+    [("blocks", {(6, 1), (21, 1)}), ("equal_blocks", {(3, 1), (6, 1), (3, 8), (6, 8)})],
+)
+def test_compiled_operations_on_blocks_are_those_of_numpy(program, kinds, request):
+    program = request.getfixturevalue(program)
+    cone = Numbers.of(program, cliquetree.analyse(program, True)).cone
+    assert {(s.size, s.lanes) for s in cone.stacks} == kinds
+    p, d, z = (np.empty(cone.entries + cone.linear) for _ in range(3))
+    p[:], d[:], z[:] = 1.0, 0.0, 1.0  # linear rows
+    longest = 5.0
+    for k, s in enumerate(cone.stacks):
+        (point, change), other = inside(s, k), inside(s, k + 100)[0]
+        p[s.span], d[s.span], z[s.span] = map(s.entries, (point, change, other))
+        np.testing.assert_array_equal(s.matrices(p), point)
+        least = eigvalsh_pairs(change, point)
+        longest = min(longest, -1.0 / least) if least < 0 else longest
+    factor = cone.inverse_factor(p)
+    inverse, product = cone.inverse(factor), cone.sandwich(p, d, z)
+    for s in cone.stacks:
+        P, D, Z, F = (s.matrices(x) for x in (p, d, z, factor))
+        np.testing.assert_allclose(F, np.linalg.inv(np.linalg.cholesky(P)), atol=1e-12)
+        np.testing.assert_allclose(s.matrices(inverse), np.linalg.inv(P), atol=1e-12)
+        expected = (P @ D @ Z + Z @ D @ P) / 2
+        np.testing.assert_allclose(s.matrices(product), expected, atol=1e-9)
+    step = cone.largest_step(factor, d, 5.0, False)
     assert 0.998 * longest <= step <= longest
-    plain.inverse_factor(p + step * d)  # raises outside the cone
+    cone.inverse_factor(p + step * d)  # raises outside the cone
+
+
+def eigvalsh_pairs(directions, points):
+    """The least generalized eigenvalue of all pairs."""
+    return min(eigh(d, p, eigvals_only=True)[0] for d, p in zip(directions, points, strict=True))
 
 
 def test_branches_and_trunk_are_all_fronts_once(blocks):

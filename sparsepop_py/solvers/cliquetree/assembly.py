@@ -99,29 +99,30 @@ class StackProduct:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BlockPairs:
-    """All blocks for the compiled assembly: moments, their nonzeros, places of their pairs.
+    """Blocks for the compiled assembly: moments, their nonzeros, places of their pairs.
 
     Parameters
     ----------
+    lanes : int
+        How many blocks of one pattern stand side by side, as a group; or one.
     start, size : (K,) int
-        Where the entries of each block begin, and its rows.
+        Where the entries of each group begin, and the rows of its blocks.
     member : (K + 1,) int
-        Where the moments of each block begin.
+        Where the moments of each group begin.
     first : (C + 1,) int
-        Where the nonzeros of each moment of each block begin.
+        Where the nonzeros of each moment of each group begin.
     row, column : uint32 arrays
         Of each nonzero of the lower triangle.
     source : int array
-        Its number in the entry matrix.
+        Its number in the entry matrix, for each of the blocks side by side.
     at : (K + 1,) int
-        Where the pairs p <= q of each block begin: those of the first q, of the second, and so
-        on. What is added to the fronts for them goes to runs of places:
-    run : (K + 1,) int
-        where the runs of each block begin, and of each run
-    place, length : int arrays
-        its first place and how many follow each other.
+        Where the places of each group begin.
+    place : int array
+        Where the pairs p <= q of moments are added: those of the first q, of the second, and
+        so on, for each of the blocks side by side.
     """
 
+    lanes: int
     start: Indices
     size: Indices
     member: Indices
@@ -130,17 +131,15 @@ class BlockPairs:
     column: NDArray[np.uint32]
     source: Indices
     at: Indices
-    run: Indices
     place: NDArray[np.uint32] | Indices
-    length: NDArray[np.uint32]
 
     def parts(self) -> list[tuple[int, int]]:
-        """Ranges of blocks with about equal work for operations on matrices, one if it is small."""
-        return _ranges(self.size.astype(float) ** 3 + 50.0, _PART, _MOST_PARTS)
+        """Ranges of groups with about equal work for operations on matrices, one if it is small."""
+        return _ranges(self.lanes * self.size.astype(float) ** 3 + 50.0, _PART, _MOST_PARTS)
 
     def bound(self, data: Reals, workers: Workers) -> PairProduct:
         """The same with numbers: ``data`` of the entry matrix."""
-        half = np.where(self.row == self.column, 0.5, 1.0)
+        half = np.repeat(np.where(self.row == self.column, 0.5, 1.0), self.lanes)
         held = np.diff(self.at)
         ranges = _ranges(held, _HELD, held.size + 1)
         room = max((int(self.at[high] - self.at[low]) for low, high in ranges), default=0)
@@ -166,17 +165,18 @@ class PairProduct:
     def add(self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None) -> None:
         """Add A_p' (P x Z) A_q of all blocks to the entries of all fronts."""
         b, compiled = self.pattern, compiled_kernels()
+        kernel = compiled.lanes.pair_sums if b.lanes > 1 else compiled.blocks.pair_sums
         numbers = inverse, dual, b.start, b.size, b.member, b.first, b.row, b.column, self.weight
 
         def sums(part: tuple[tuple[int, int], Reals]) -> None:
             check(deadline)
-            compiled.pair_sums(*numbers, *part[0], part[1])
+            kernel(*numbers, *part[0], part[1])
 
         for begin in range(0, len(self.ranges), self.workers.threads):
             parts = list(zip(self.ranges[begin:], self.memory, strict=False))
             self.workers.each(sums, parts)
             for (low, high), found in parts:
-                compiled.scatter(entries, found, b.place, b.length, b.run[low], b.run[high])
+                compiled.scatter(entries, found, b.place, b.at[low], b.at[high])
 
 
 def _ranges(work: NDArray[Any], least: float, most: int) -> list[tuple[int, int]]:
@@ -208,60 +208,96 @@ class RowPairs:
 
 
 def block_pairs(
-    layout: Layout, cones: Cones, first: Indices, spot: Indices, local: Indices, tree: Fronts
+    layout: Layout, first: Indices, spot: Indices, local: Indices, tree: Fronts
+) -> tuple[BlockPairs, ...]:
+    """Those of single blocks and those of blocks side by side.
+
+    Parameters
+    ----------
+    layout : Layout
+    first : int array
+        Where the moments of each block or row begin among those of all,
+    spot : int array
+        of which this is the rank.
+    local : (nnz,) int
+        Number of the moment of each nonzero within its block or row.
+    tree : Fronts
+    """
+    kinds = [[s for s in layout.stacks if (s.lanes > 1) == beside] for beside in (False, True)]
+    return tuple(_pairs(kind, layout, first, spot, local, tree) for kind in kinds if kind)
+
+
+def _pairs(
+    stacks: list[BlockStack],
+    layout: Layout,
+    first: Indices,
+    spot: Indices,
+    local: Indices,
+    tree: Fronts,
 ) -> BlockPairs:
-    """Nonzeros of each moment of each block, and the places of all pairs of its moments."""
-    head = cones.zero + cones.nonnegative
-    sizes = np.array(cones.psd, np.int64)
-    order = np.argsort(sizes, kind="stable")  # as the stacks have them
-    size = sizes[order]
-    start = np.concatenate([[0], np.cumsum(size**2)]).astype(np.int64)
-    low, high = first[head + order], first[head + order + 1]
-    member = np.concatenate([[0], np.cumsum(high - low)]).astype(np.int64)
-    entry = np.repeat(np.arange(layout.entries), np.diff(layout.indptr[: layout.entries + 1]))
-    block = np.repeat(np.arange(size.size), size**2)[entry]
-    moment = member[block] + local[layout.source[: entry.size]]
-    i, j = np.divmod(entry - start[block], size[block])
-    turned = np.argsort(moment, kind="stable")
-    turned = turned[i[turned] >= j[turned]]
-    width = high - low
-    at = np.concatenate([[0], np.cumsum(width * (width + 1) // 2)]).astype(np.int64)
+    """Nonzeros of each moment of each group, and the places of all pairs of its moments."""
+    lanes = stacks[0].lanes
+    blocks = layout.head + np.concatenate([s.blocks for s in stacks])
+    size = np.concatenate([np.full(s.count // lanes, s.size) for s in stacks])
+    begin = stacks[0].start + np.concatenate([[0], np.cumsum(lanes * size**2)]).astype(np.int64)
+    low, high = first[blocks], first[blocks + 1]
+    width = (high - low)[::lanes]
+    member = np.concatenate([[0], np.cumsum(width)]).astype(np.int64)
+    lines = layout.indptr[begin[0] : begin[-1] + 1]
+    nonzero = np.arange(lines[0], lines[-1])
+    entry = np.repeat(np.arange(begin[0], begin[-1]), np.diff(lines))
+    group = np.searchsorted(begin, entry, side="right") - 1
+    offset, lane = np.divmod(entry - begin[group], lanes)
+    i, j = np.divmod(offset, size[group])
+    moment = member[group] + local[layout.source[nonzero]]
+    order = np.lexsort((lane, offset, moment))
+    order = order[i[order] >= j[order]]
+    leaders = order[::lanes]
+    at = np.concatenate([[0], np.cumsum(lanes * (width * (width + 1) // 2))]).astype(np.int64)
+    return BlockPairs(
+        lanes,
+        begin[:-1],
+        size,
+        member,
+        np.searchsorted(moment[leaders], np.arange(member[-1] + 1)),
+        i[leaders].astype(np.uint32),
+        j[leaders].astype(np.uint32),
+        nonzero[order],
+        at,
+        _places(low.reshape(-1, lanes), width, at, spot, tree),
+    )
+
+
+def _places(
+    low: Indices, width: Indices, at: Indices, spot: Indices, tree: Fronts
+) -> NDArray[np.uint32] | Indices:
+    """The entries of all fronts that belong to the pairs of groups of blocks side by side."""
+    lanes = low.shape[1]
     place = np.empty(at[-1], np.uint32 if tree.entries < 2**32 else np.int64)
     for count in np.unique(width).tolist():
         later, earlier = np.tril_indices(count)
         which = np.flatnonzero(width == count)
-        step = max(1, _CHUNK // max(1, count**2))
+        step = max(1, _CHUNK // max(1, lanes * count**2))
         for some in (which[k : k + step] for k in range(0, which.size, step)):
-            ranks = spot[low[some][:, None] + np.arange(count)]
-            found = tree.pairs(ranks, np.ones(ranks.shape, bool))[:, earlier, later]
-            place[at[some][:, None] + np.arange(later.size)] = found
-    new = np.ones(place.size, bool)
-    new[1:] = np.diff(place.astype(np.int64)) != 1
-    new[at[:-1][width > 0]] = True
-    begin = np.flatnonzero(new)
-    return BlockPairs(
-        start[:-1],
-        size,
-        member,
-        np.searchsorted(moment[turned], np.arange(member[-1] + 1)),
-        i[turned].astype(np.uint32),
-        j[turned].astype(np.uint32),
-        turned,
-        at,
-        np.searchsorted(begin, at),
-        place[begin],
-        np.diff(np.append(begin, place.size)).astype(np.uint32),
-    )
+            ranks = spot[low[some].reshape(-1, 1) + np.arange(count)]
+            order = np.argsort(ranks, axis=1)
+            turned = np.argsort(order, axis=1)
+            ranks = np.take_along_axis(ranks, order, axis=1)
+            found = tree.pairs(ranks, np.ones(ranks.shape, bool))
+            one, two = turned[:, earlier], turned[:, later]
+            number = np.arange(ranks.shape[0])[:, None]
+            pairs = found[number, np.minimum(one, two), np.maximum(one, two)]
+            pairs = pairs.reshape(some.size, lanes, later.size).swapaxes(1, 2)
+            place[at[some][:, None] + np.arange(lanes * later.size)] = pairs.reshape(some.size, -1)
+    return place
 
 
 def stacked(
-    layout: Layout, cones: Cones, first: Indices, spot: Indices, local: Indices, tree: Tree
+    layout: Layout, first: Indices, spot: Indices, local: Indices, tree: Tree
 ) -> Iterator[Assembly]:
     """Blocks of similar numbers of moments, in chunks that fit into the cache."""
-    sizes = np.array(cones.psd, np.int64)
-    head = cones.zero + cones.nonnegative
     for stack in layout.stacks:
-        which = head + np.flatnonzero(sizes == stack.size)
+        which = layout.head + stack.blocks
         width = int((first[which + 1] - first[which]).max())
         chunk = max(1, _CHUNK // max(1, width * stack.size**2))
         for begin in range(0, stack.count, chunk):

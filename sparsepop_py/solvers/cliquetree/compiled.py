@@ -13,18 +13,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .compiled_blocks import (
-    inverse_factors,
-    inverses,
-    largest_step,
-    pair_sums,
-    sandwich,
-    scatter,
-)
+from . import compiled_blocks as blocks
+from . import compiled_lanes as lanes
 from .machine import WORD, inline, jit, routine
 
-__all__ = ["factorize", "inverse_factors", "inverses", "largest_step", "pair_sums", "sandwich"]
-__all__ += ["scatter", "solve"]
+__all__ = ["blocks", "factorize", "lanes", "scatter", "solve"]
 
 _dpotrf = routine("lapack", "dpotrf", 5)
 _dlacpy = routine("lapack", "dlacpy", 7)
@@ -172,6 +165,13 @@ def factorize(
                 to_row = home[f] + i * u
                 stack[to_row : to_row + i + 1] = work[i * u : i * u + i + 1]
     return -1
+
+
+@jit
+def scatter(values, sums, place, low, high):
+    """Add sums one after the other to values at the places from low to high - 1."""
+    for k in range(low, high):
+        values[np.int64(place[k])] += sums[k - low]
 
 
 @jit

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .machine import LANES, WORD, inline, jit, products, routine, symmetric_products
+from .machine import LANES, WORD, filled, inline, jit, load, routine, spread, store
 
-__all__ = ["inverse_factors", "inverses", "largest_step", "pair_sums", "sandwich", "scatter"]
+__all__ = ["inverse_factors", "inverses", "largest_step", "pair_sums", "sandwich"]
 
 _dpotrf = routine("lapack", "dpotrf", 5)
 _dtrtri = routine("lapack", "dtrtri", 6)
@@ -34,6 +34,21 @@ def _width(size):
 def _room(size):
     width = _width(size.max()) if size.size else LANES
     return width * width
+
+
+@inline
+def _two_rows(out, stride, a, row, step, x, width, low, high):
+    """Two rows of eight sums over k in [low, high) of a number times a vector.
+
+    out[r * stride] = sum of a[r * row + k * step] * x[k * width] for r = 0, 1; all in bytes.
+    """
+    one, two = filled(0.0), filled(0.0)
+    for k in range(low, high):
+        vector, at = load(x + k * width), a + k * step
+        one = one + spread(at) * vector
+        two = two + spread(at + row) * vector
+    store(out, one)
+    store(out + stride, two)
 
 
 @inline
@@ -77,11 +92,11 @@ def sandwich(left, middle, right, start, size, low, high, result):
             for r in range(0, s, 2):
                 i = _row(r, s)
                 out, a = t_at + i * step + t, d_at + i * row
-                products(out, step, a, row, WORD, z_at + t, step, 0, s)
+                _two_rows(out, step, a, row, WORD, z_at + t, step, 0, s)
             for r in range(0, s, 2):
                 i = _row(r, s)
                 out, a = r_at + i * step + t, p_at + i * row
-                products(out, step, a, row, WORD, t_at + t, step, 0, s)
+                _two_rows(out, step, a, row, WORD, t_at + t, step, 0, s)
         for i in range(s):
             for j in range(i + 1):
                 mean = 0.5 * (work[2 * room + i * width + j] + work[2 * room + j * width + i])
@@ -171,7 +186,7 @@ def inverses(factor, start, size, low, high, result):
             i = _row(r, s)
             for t in range(0, step, LANES * WORD):
                 a, x = f_at + i * WORD, f_at + t
-                products(r_at + i * step + t, step, a, WORD, step, x, step, i, s)
+                _two_rows(r_at + i * step + t, step, a, WORD, step, x, step, i, s)
         for i in range(s):
             for j in range(s):
                 result[b + i * s + j] = work[room + i * width + j]
@@ -190,10 +205,10 @@ def _scaled(inverse, direction, b, s, width, room, work):
         i = _row(r, s)
         for t in range(0, step, LANES * WORD):
             out, a = x_at + i * step + t, a_at + i * row
-            products(out, step, a, row, WORD, d_at + t, step, 0, i + 2)
+            _two_rows(out, step, a, row, WORD, d_at + t, step, 0, i + 2)
         for t in range(0, (i + 2) * WORD, LANES * WORD):
             out, a = t_at + i * step + t, x_at + i * step
-            products(out, step, a, step, WORD, f_at + t, step, 0, i + 2)
+            _two_rows(out, step, a, step, WORD, f_at + t, step, 0, i + 2)
 
 
 @inline
@@ -253,6 +268,34 @@ def largest_step(inverse, direction, start, size, low, high, limit):
     return limit
 
 
+@inline
+def _symmetric(out, at, row, column, weights, step, begin, end):
+    """Two rows of eight entries of P A Z + Z A P, A by the nonzeros of its lower triangle.
+
+    ``at`` has the first row of P and of Z from the first of the rows on, and from the first of the
+    entries on.
+    """
+    one, two = filled(0.0), filled(0.0)
+    p_left, z_left, p_right, z_right = at
+    for nonzero in range(begin, end):
+        i, j = np.int64(row[nonzero]) * step, np.int64(column[nonzero]) * step
+        weight = spread(weights + nonzero * WORD)
+        vector = weight * load(z_right + j)
+        one = one + spread(p_left + i) * vector
+        two = two + spread(p_left + i + WORD) * vector
+        vector = weight * load(p_right + j)
+        one = one + spread(z_left + i) * vector
+        two = two + spread(z_left + i + WORD) * vector
+        vector = weight * load(z_right + i)
+        one = one + spread(p_left + j) * vector
+        two = two + spread(p_left + j + WORD) * vector
+        vector = weight * load(p_right + i)
+        one = one + spread(z_left + j) * vector
+        two = two + spread(z_left + j + WORD) * vector
+    store(out, one)
+    store(out + step, two)
+
+
 @jit
 def pair_sums(inverse, dual, start, size, member, first, row, column, weight, low, high, result):
     """<A_p, P A_q Z> of the blocks from low to high - 1 and all pairs p <= q of their moments.
@@ -266,7 +309,7 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
     V = work[2 * room :]
     p_at = work.ctypes.data
     z_at, v_at = p_at + room * WORD, p_at + 2 * room * WORD
-    rows, columns, weights = row.ctypes.data, column.ctypes.data, weight.ctypes.data
+    weights = weight.ctypes.data
     most = np.int64(0)
     for k in range(low, high):
         most = max(most, first[member[k + 1]] - first[member[k]])
@@ -285,10 +328,8 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
             begin, end = first[q], first[q + 1]
             for i in range(0, s, 2):
                 for t in range(0, (i + 2) * WORD, LANES * WORD):
-                    out, r = v_at + i * step + t, i * WORD
-                    symmetric_products(
-                        out, p_at, z_at, rows, columns, weights, step, r, t, begin, end
-                    )
+                    at = p_at + i * WORD, z_at + i * WORD, p_at + t, z_at + t
+                    _symmetric(v_at + i * step + t, at, row, column, weights, step, begin, end)
             for p in range(member[k], q + 1):
                 nonzero = first[p]
                 total = weight[nonzero] * V[flat[nonzero - origin]]
@@ -296,14 +337,3 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
                     total += weight[nonzero] * V[flat[nonzero - origin]]
                 result[target] = total
                 target += 1
-
-
-@jit
-def scatter(values, sums, place, length, low, high):
-    """Add sums one after the other to values at the runs of places from low to high - 1."""
-    source = np.int64(0)
-    for run in range(low, high):
-        target = np.int64(place[run])
-        for k in range(np.int64(length[run])):
-            values[target + k] += sums[source + k]
-        source += np.int64(length[run])

@@ -7,6 +7,7 @@ together; compiled kernels take block by block, in parts that do not depend on t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ class Cone:
         """Unit matrices and ones."""
         result = np.ones(self.entries + self.linear)
         for stack in self.stacks:
-            result[stack.span] = np.tile(np.eye(stack.size).ravel(), stack.count)
+            result[stack.span] = stack.entries(np.broadcast_to(np.eye(stack.size), stack.shape))
         return result
 
     def inverse_factor(self, x: Reals) -> Reals:
@@ -126,38 +127,34 @@ class CompiledCone(Cone):
     ----------
     stacks, entries, linear
         As in :class:`Cone`.
-    pairs : BlockPairs
-        All blocks, in the order of ``stacks``.
-    parts : list of (int, int)
+    parts : list of (BlockPairs, (int, int))
         Ranges of blocks that may be worked on at the same time.
     workers : Workers
     """
 
-    pairs: BlockPairs
-    parts: list[tuple[int, int]]
+    parts: list[tuple[BlockPairs, tuple[int, int]]]
     workers: Workers
 
+    def _each(self, name: str, vectors: tuple[Reals, ...], last: Reals | float) -> list[Any]:
+        """What the kernel of this name returns for all parts."""
+        compiled = compiled_kernels()
+        kernels = getattr(compiled.blocks, name), getattr(compiled.lanes, name)
+
+        def work(part: tuple[BlockPairs, tuple[int, int]]) -> Any:
+            b, (low, high) = part
+            return kernels[b.lanes > 1](*vectors, b.start, b.size, low, high, last)
+
+        return self.workers.each(work, self.parts)
+
     def _inverse_factors(self, x: Reals, result: Reals) -> None:
-        b, kernel = self.pairs, compiled_kernels().inverse_factors
-        failed = self.workers.each(
-            lambda part: kernel(x, b.start, b.size, *part, result), self.parts
-        )
-        if max(failed, default=-1) >= 0:
+        if max(self._each("inverse_factors", (x,), result), default=-1) >= 0:
             raise np.linalg.LinAlgError("a block is not positive definite")
 
     def _inverses(self, factor: Reals, result: Reals) -> None:
-        b, kernel = self.pairs, compiled_kernels().inverses
-        self.workers.each(lambda part: kernel(factor, b.start, b.size, *part, result), self.parts)
+        self._each("inverses", (factor,), result)
 
     def _sandwich(self, left: Reals, middle: Reals, right: Reals, result: Reals) -> None:
-        b, kernel = self.pairs, compiled_kernels().sandwich
-        self.workers.each(
-            lambda part: kernel(left, middle, right, b.start, b.size, *part, result), self.parts
-        )
+        self._each("sandwich", (left, middle, right), result)
 
     def _largest_step(self, factor: Reals, direction: Reals, limit: float, roughly: bool) -> float:
-        b, kernel = self.pairs, compiled_kernels().largest_step
-        found = self.workers.each(
-            lambda part: kernel(factor, direction, b.start, b.size, *part, limit), self.parts
-        )
-        return min(found, default=limit)
+        return min(self._each("largest_step", (factor, direction), limit), default=limit)

@@ -1,16 +1,15 @@
 """What the compiled kernels are made with: numba, the BLAS and LAPACK of scipy, vectors.
 
 LLVM does not vectorise short loops well: it guards each against overlapping arrays, and leaves
-what does not fill a vector to scalars. So the two innermost loops of all work on blocks are
-written here in vectors of eight doubles, which LLVM cuts into what the processor has. All
-addresses are byte addresses, all strides are bytes.
+what does not fill a vector to scalars. So all work on blocks is written here in vectors of
+eight doubles, which LLVM cuts into what the processor has. They are loaded from and stored to
+addresses in bytes; between these they are added and multiplied like numbers.
 """
 
 # mypy: disallow-untyped-defs=False
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import operator
 from typing import Any
 
 import llvmlite.binding
@@ -18,15 +17,24 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import get_cython_function_address, intrinsic
+from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
+from numba.extending import (
+    get_cython_function_address,
+    intrinsic,
+    lower_builtin,
+    models,
+    register_model,
+)
 
-__all__ = ["LANES", "WORD", "inline", "jit", "products", "routine", "symmetric_products"]
+__all__ = ["LANES", "WORD", "all_positive", "filled", "inline", "jit", "largest", "load", "root"]
+__all__ += ["routine", "spread", "store"]
 
 LANES = 8  # doubles of a vector
 WORD = 8  # bytes of a double
-_REAL, _WORD, _HALF = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+_REAL, _FLAGS = ir.DoubleType(), ir.IntType(LANES)
 _VECTOR = ir.VectorType(_REAL, LANES)
 _FAST = ("contract",)
+_ADDRESS = types.intp
 
 _OPTIONS: Any = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}}
 _intrinsic: Any = intrinsic
@@ -49,105 +57,123 @@ def routine(library: str, name: str, arguments: int) -> Any:
     return types.ExternalFunction(f"cliquetree_{name}", types.void(*[types.intp] * arguments))
 
 
-class _Sums:
-    """Vectors summed up in registers for two rows, while the kernel's inner loop is built."""
+class _Vector(types.Type):
+    """The type of a vector, for numba."""
 
-    def __init__(self, builder: ir.IRBuilder) -> None:
-        self.builder = builder
-        self.held = [cgutils.alloca_once(builder, _VECTOR) for _ in range(2)]
-        for place in self.held:
-            builder.store(ir.Constant(_VECTOR, None), place)
+    def __init__(self) -> None:
+        super().__init__(name="vector of doubles")
 
-    def at(self, base: Any, *offsets: Any) -> Any:
-        for offset in offsets:
-            base = self.builder.add(base, offset)
-        return base
 
-    def load(self, address: Any, kind: ir.Type, align: int = WORD) -> Any:
-        pointer = self.builder.inttoptr(address, kind.as_pointer())
-        return self.builder.load(pointer, align=align)
+_vector = _Vector()
 
-    def index(self, base: Any, number: Any) -> Any:
-        """An entry of an array of uint32."""
-        place = self.at(base, self.builder.mul(number, ir.Constant(_WORD, 4)))
-        return self.builder.zext(self.load(place, _HALF, 4), _WORD)
 
-    def spread(self, x: Any) -> Any:
-        """A vector of equal numbers."""
-        none, zero = ir.Constant(_VECTOR, ir.Undefined), ir.Constant(_HALF, 0)
-        one = self.builder.insert_element(none, x, zero)
-        return self.builder.shuffle_vector(
-            one, none, ir.Constant(ir.VectorType(_HALF, LANES), None)
+@register_model(_Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, _VECTOR)
+
+
+def _operator(which: Any, instruction: str) -> None:
+    @infer_global(which)
+    class _Typing(ConcreteTemplate):
+        cases = [signature(_vector, _vector, _vector)]
+
+    @lower_builtin(which, _vector, _vector)
+    def _build(context, builder, signature, arguments):
+        return getattr(builder, instruction)(*arguments, flags=_FAST)
+
+
+for _which, _name in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
+    _operator(_which, _name)
+
+
+def _spread(builder: ir.IRBuilder, x: Any) -> Any:
+    none, zero = ir.Constant(_VECTOR, ir.Undefined), ir.Constant(ir.IntType(32), 0)
+    one = builder.insert_element(none, x, zero)
+    places = ir.Constant(ir.VectorType(ir.IntType(32), LANES), None)
+    return builder.shuffle_vector(one, none, places)
+
+
+@_intrinsic
+def load(typing, address):
+    """The vector at an address."""
+
+    def build(context, builder, signature, arguments):
+        return builder.load(builder.inttoptr(arguments[0], _VECTOR.as_pointer()), align=WORD)
+
+    return _vector(_ADDRESS), build
+
+
+@_intrinsic
+def store(typing, address, vector):
+    """Put a vector to an address."""
+
+    def build(context, builder, signature, arguments):
+        builder.store(
+            arguments[1], builder.inttoptr(arguments[0], _VECTOR.as_pointer()), align=WORD
         )
+        return context.get_dummy_value()
 
-    def times(self, a: Any, x: Any) -> Any:
-        return self.builder.fmul(a, x, flags=_FAST)
-
-    def add(self, row: int, address: Any, x: Any) -> None:
-        """Add a number in memory times x to the sum of a row."""
-        number = self.spread(self.load(address, _REAL))
-        old = self.builder.load(self.held[row])
-        new = self.builder.fadd(self.times(number, x), old, flags=_FAST)
-        self.builder.store(new, self.held[row])
-
-    def write(self, out: Any, stride: Any) -> None:
-        for place in self.held:
-            pointer = self.builder.inttoptr(out, _VECTOR.as_pointer())
-            self.builder.store(self.builder.load(place), pointer, align=WORD)
-            out = self.at(out, stride)
-
-    @contextmanager
-    def loop(self, low: Any, high: Any) -> Iterator[Any]:
-        one = ir.Constant(_WORD, 1)
-        with cgutils.for_range_slice(self.builder, low, high, one) as (number, _):
-            yield number
+    return types.void(_ADDRESS, _vector), build
 
 
 @_intrinsic
-def products(typing, out, stride, a, row, step, x, width, low, high):
-    """Two rows of eight sums over k in [low, high) of a number times a vector.
-
-    out[r * stride] = sum of a[r * row + k * step] * x[k * width] for r = 0, 1.
-    """
+def spread(typing, address):
+    """A vector of the number at an address."""
 
     def build(context, builder, signature, arguments):
-        out, stride, a, row, step, x, width, low, high = arguments
-        sums = _Sums(builder)
-        with sums.loop(low, high) as k:
-            vector = sums.load(sums.at(x, builder.mul(k, width)), _VECTOR)
-            first = sums.at(a, builder.mul(k, step))
-            sums.add(0, first, vector)
-            sums.add(1, sums.at(first, row), vector)
-        sums.write(out, stride)
-        return context.get_dummy_value()
+        pointer = builder.inttoptr(arguments[0], _REAL.as_pointer())
+        return _spread(builder, builder.load(pointer, align=WORD))
 
-    return types.void(*[types.intp] * 9), build
+    return _vector(_ADDRESS), build
 
 
 @_intrinsic
-def symmetric_products(typing, out, p, z, rows, columns, weights, width, r, t, low, high):
-    """Two rows from r, eight entries from t, of P A Z + Z A P with A given by its nonzeros.
-
-    The nonzeros low to high - 1 of the lower triangle stand in arrays of uint32 and of doubles,
-    weights of the diagonal halved; ``width`` is the stride of all matrices, r and t are bytes.
-    """
+def filled(typing, number):
+    """A vector of a number."""
 
     def build(context, builder, signature, arguments):
-        out, p, z, rows, columns, weights, width, r, t, low, high = arguments
-        sums = _Sums(builder)
-        word = ir.Constant(_WORD, WORD)
-        with sums.loop(low, high) as k:
-            i, j = (builder.mul(sums.index(base, k), width) for base in (rows, columns))
-            weight = sums.spread(sums.load(sums.at(weights, builder.mul(k, word)), _REAL))
-            for first, i_first, second, i_second in ((p, i, z, j), (p, j, z, i)):
-                for left, at, right, other in (
-                    (first, i_first, second, i_second),
-                    (second, i_second, first, i_first),
-                ):
-                    vector = sums.times(weight, sums.load(sums.at(right, other, t), _VECTOR))
-                    sums.add(0, sums.at(left, at, r), vector)
-                    sums.add(1, sums.at(left, at, r, word), vector)
-        sums.write(out, width)
-        return context.get_dummy_value()
+        return _spread(builder, arguments[0])
 
-    return types.void(*[types.intp] * 11), build
+    return _vector(types.float64), build
+
+
+@_intrinsic
+def root(typing, vector):
+    """The square roots of its entries."""
+
+    def build(context, builder, signature, arguments):
+        kind = ir.FunctionType(_VECTOR, [_VECTOR])
+        made = cgutils.get_or_insert_function(builder.module, kind, f"llvm.sqrt.v{LANES}f64")
+        return builder.call(made, arguments)
+
+    return _vector(_vector), build
+
+
+@_intrinsic
+def all_positive(typing, vector):
+    """Whether all entries are positive."""
+
+    def build(context, builder, signature, arguments):
+        found = builder.fcmp_ordered(">", arguments[0], ir.Constant(_VECTOR, None))
+        flags = builder.bitcast(found, _FLAGS)
+        return builder.icmp_unsigned("==", flags, ir.Constant(_FLAGS, 2**LANES - 1))
+
+    return types.boolean(_vector), build
+
+
+@_intrinsic
+def largest(typing, vector):
+    """Its largest entry."""
+
+    def build(context, builder, signature, arguments):
+        name = f"llvm.vector.reduce.fmax.v{LANES}f64"
+        kind = ir.FunctionType(_REAL, [_VECTOR])
+        return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
+
+    return types.float64(_vector), build

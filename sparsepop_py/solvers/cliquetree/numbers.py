@@ -89,9 +89,10 @@ class Numbers:
         unit = float(np.abs(program.q).max(initial=0.0)) or 1.0
         blocks = layout.stacks, layout.entries, linear
         pairs = [a for a in symbolic.assemblies if isinstance(a, BlockPairs)]
+        parts = [(each, part) for each in pairs for part in each.parts()]
         return Numbers(
             symbolic,
-            CompiledCone(*blocks, pairs[0], pairs[0].parts(), workers) if pairs else Cone(*blocks),
+            CompiledCone(*blocks, parts, workers) if symbolic.compiled else Cone(*blocks),
             program.q / unit,
             unit,
             program.offset / unit,

@@ -28,6 +28,7 @@ from .tree import Tree, plant
 __all__ = ["Symbolic", "analyse", "numpy_seconds", "pattern_key"]
 
 Indices = NDArray[np.int64]
+_LANES = 8  # blocks that compiled kernels take side by side
 _SHALLOW, _LEAN = 2.0, 1.5  # slack of elimination orders for stacks and for single fronts
 _ITERATIONS = 20  # of a usual solve
 
@@ -42,7 +43,7 @@ class Symbolic:
         Digest of the pattern; programs with the same key share this object.
     moments : int
     layout : Layout
-    assemblies : tuple of Assembly or of one BlockPairs
+    assemblies : tuple of Assembly or of BlockPairs
     zero, linear : RowPairs
     tree : Tree or Fronts
         Stacks of equal fronts for numpy, single fronts for compiled kernels.
@@ -92,25 +93,40 @@ def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
     moments = program.q.size
     row = program.A.indices.astype(np.int64)
     column = np.repeat(np.arange(moments), np.diff(program.A.indptr))
-    layout = lay_out(program.cones, row, column)
+    layout = lay_out(program.cones, row, column, _LANES if compiled else 1)
     keys, local = np.unique(layout.block[row] * max(moments, 1) + column, return_inverse=True)
     owner, member = np.divmod(keys, max(moments, 1))
     first = np.searchsorted(owner, np.arange(int(layout.block.max(initial=-1)) + 2))
-    local = local - first[layout.block[row]]
     tree = _tree(member, first, moments, compiled)
     spot = tree.locate(owner, member, first)
     assemblies: tuple[Assembly | BlockPairs, ...]
     if isinstance(tree, Fronts):
-        order = np.lexsort((spot, owner))
+        order = np.lexsort((_rank(layout, row, column, local, owner, spot), owner))
         turned = np.empty(order.size, np.int64)
         turned[order] = np.arange(order.size)
-        spot = spot[order]
-        local = turned[first[layout.block[row]] + local] - first[layout.block[row]]
-        assemblies = (block_pairs(layout, program.cones, first, spot, local, tree),)
+        spot, local = spot[order], turned[local] - first[layout.block[row]]
+        assemblies = block_pairs(layout, first, spot, local, tree)
     else:
-        assemblies = tuple(stacked(layout, program.cones, first, spot, local, tree))
+        local = local - first[layout.block[row]]
+        assemblies = tuple(stacked(layout, first, spot, local, tree))
     lines = row_pairs(program.cones, row, first, spot, local, tree)
     return Symbolic(pattern_key(program), moments, layout, assemblies, *lines, tree)
+
+
+def _rank(
+    layout: Layout, row: Indices, column: Indices, key: Indices, owner: Indices, spot: Indices
+) -> Indices:
+    """How to sort the moments of each block or row: by elimination, or by their first nonzeros.
+
+    The second is for blocks that are taken side by side, whose moments correspond.
+    """
+    by_rows = np.lexsort((column, row))
+    rank = np.empty(owner.size, np.int64)
+    rank[key[by_rows[::-1]]] = np.arange(by_rows.size)[::-1]  # the first one is written last
+    beside = np.zeros(int(layout.block.max(initial=-1)) + 1, bool)
+    for stack in layout.stacks:
+        beside[layout.head + stack.blocks] = stack.lanes > 1
+    return np.where(beside[owner], rank, spot)
 
 
 def _tree(member: Indices, first: Indices, moments: int, compiled: bool) -> Tree | Fronts:
