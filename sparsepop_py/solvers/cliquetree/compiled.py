@@ -15,7 +15,7 @@ import numpy as np
 
 from . import compiled_blocks as blocks
 from . import compiled_lanes as lanes
-from .machine import WORD, inline, jit, routine
+from .machine import LANES, WORD, filled, inline, jit, load, routine, spread, store, total
 
 __all__ = ["blocks", "factorize", "lanes", "scatter", "solve"]
 
@@ -26,8 +26,6 @@ _dgemm = routine("blas", "dgemm", 13)
 _dtrmm = routine("blas", "dtrmm", 11)
 _dtrsm = routine("blas", "dtrsm", 11)
 _dsyrk = routine("blas", "dsyrk", 10)
-_dtrsv = routine("blas", "dtrsv", 8)
-_dgemv = routine("blas", "dgemv", 11)
 
 _PANEL = 64  # rows of a front that are eliminated together
 # What is passed by its address must outlive the call, so constants are global.
@@ -174,40 +172,108 @@ def scatter(values, sums, place, low, high):
         values[np.int64(place[k])] += sums[k - low]
 
 
+@inline
+def _row(front, known, width):
+    """The product of a row of a front and what is known."""
+    found = filled(0.0)
+    for at in range(0, width * WORD, LANES * WORD):
+        found = found + load(front + at) * load(known + at)
+    return total(found)
+
+
+@inline
+def _rows(values, base, e, low, high, known, width, x):
+    """Subtract the products of rows from low to high - 1 and what is known, four at a time."""
+    step, n = e * WORD, known.ctypes.data
+    for i in range(low, high - 3, 4):
+        at = values.ctypes.data + (base + i * e) * WORD
+        one, two, three, four = filled(0.0), filled(0.0), filled(0.0), filled(0.0)
+        for k in range(0, width * WORD, LANES * WORD):
+            vector = load(n + k)
+            one = one + load(at + k) * vector
+            two = two + load(at + step + k) * vector
+            three = three + load(at + 2 * step + k) * vector
+            four = four + load(at + 3 * step + k) * vector
+        x[i] -= total(one)
+        x[i + 1] -= total(two)
+        x[i + 2] -= total(three)
+        x[i + 3] -= total(four)
+    for i in range(high - (high - low) % 4, high):
+        x[i] -= _row(values.ctypes.data + (base + i * e) * WORD, n, width)
+
+
+@inline
+def _column(values, base, e, k, high, x):
+    """What is left of x[k:k + 8] without the products of later rows and the rest of x."""
+    step, at = e * WORD, values.ctypes.data + (base + k) * WORD
+    x_at = x.ctypes.data
+    one, two = load(x_at + k * WORD), filled(0.0)
+    three, four = filled(0.0), filled(0.0)
+    low = min(k + LANES, e)
+    end = high - (high - low) % 4
+    for i in range(low, end, 4):
+        row, number = at + i * step, x_at + i * WORD
+        one = one - spread(number) * load(row)
+        two = two + spread(number + WORD) * load(row + step)
+        three = three + spread(number + 2 * WORD) * load(row + 2 * step)
+        four = four + spread(number + 3 * WORD) * load(row + 3 * step)
+    for i in range(end, high):
+        two = two + spread(x_at + i * WORD) * load(at + i * step)
+    return one - (two + three + four)
+
+
+@inline
+def _forward(values, b, e, n, part, known):
+    """Solve with the pivots of a front, and take what is known from its updates."""
+    for k in range(0, e, LANES):
+        end = min(k + LANES, e)
+        _rows(values, b, e, k, end, known, k, part)
+        for i in range(k, end):
+            number = part[i]
+            for j in range(k, i):
+                number -= values[b + i * e + j] * known[j]
+            known[i] = number / values[b + i * e + i]
+    for i in range(e, e + LANES):
+        known[i] = 0.0
+    _rows(values, b, e, e, n, known, e, part)
+
+
+@inline
+def _backward(values, b, e, n, part, found):
+    """Solve with the transposed pivots of a front, its updates known."""
+    for k in range((e - 1) // LANES * LANES, -1, -LANES):
+        store(found.ctypes.data, _column(values, b, e, k, n, part))
+        for i in range(min(k + LANES, e) - 1, k - 1, -1):
+            number = found[i - k] / values[b + i * e + i]
+            part[i] = number
+            for j in range(k, i):
+                found[j - k] -= values[b + i * e + j] * number
+
+
 @jit
 def solve(values, x, pivots, updates, base, first, columns):
-    """Solve in place with the factors of ``factorize``; front f has columns[first[f]:]."""
-    n = np.ones(3, np.int32)
-    upper, _, _, transpose, general = _letters()
-    plus, minus, zero = _ones()
-    n1, n2, step = n.ctypes.data, n.ctypes.data + 4, n.ctypes.data + 8
-    part = np.empty(max(1, (pivots + updates).max()))
-    top = part.ctypes.data
+    """Solve in place with the factors of ``factorize``; front f has columns[first[f]:].
+
+    Eight pivots at a time: what is known is taken from them in vectors, then they are solved
+    for one by one. Vectors may reach beyond a row, where what is known is zero.
+    """
+    room = (pivots + updates).max() + LANES if pivots.size else 1
+    part, known, found = np.zeros(room), np.zeros(room), np.zeros(LANES)
     for f in range(pivots.size):
-        e, u = pivots[f], updates[f]
-        n[0], n[1] = e, u
-        pointer = values.ctypes.data + WORD * base[f]
+        e, n = pivots[f], pivots[f] + updates[f]
         own = columns[first[f] : first[f + 1]]
-        for i in range(e):
+        for i in range(n):
             part[i] = x[own[i]]
-        _dtrsv(upper, transpose, general, n1, pointer, n1, top, step)
+        _forward(values, base[f], e, n, part, known)
         for i in range(e):
+            x[own[i]] = known[i]
+        for i in range(e, n):
             x[own[i]] = part[i]
-        if u:
-            below, rest = pointer + WORD * e * e, top + WORD * e
-            _dgemv(transpose, n1, n2, plus, below, n1, top, step, zero, rest, step)
-            for i in range(e, e + u):
-                x[own[i]] -= part[i]
     for f in range(pivots.size - 1, -1, -1):
-        e, u = pivots[f], updates[f]
-        n[0], n[1] = e, u
-        pointer = values.ctypes.data + WORD * base[f]
+        e, n = pivots[f], pivots[f] + updates[f]
         own = columns[first[f] : first[f + 1]]
-        for i in range(e + u):
+        for i in range(n):
             part[i] = x[own[i]]
-        if u:
-            below, rest = pointer + WORD * e * e, top + WORD * e
-            _dgemv(general, n1, n2, minus, below, n1, rest, step, plus, top, step)
-        _dtrsv(upper, general, general, n1, pointer, n1, top, step)
+        _backward(values, base[f], e, n, part, found)
         for i in range(e):
             x[own[i]] = part[i]

@@ -23,6 +23,7 @@ __all__ = ["FrontFactor", "Fronts", "line_up"]
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _LEAST_PIVOT = 1e-14
+_MORE = 9  # entries behind the last front: as far as vectors reach, and one more
 _WORK = 1e9  # multiplications between two looks at the clock
 _SPLITS, _WORKERS = 64, 4  # of the tree into branches, and for how many at once
 
@@ -60,8 +61,8 @@ class Fronts:
 
     @cached_property
     def entries(self) -> int:
-        """Entries of all fronts and one more, which takes what belongs nowhere."""
-        return int(((self.pivots + self.updates) * self.pivots).sum()) + 1
+        """Entries of all fronts and some more; the last one takes what belongs nowhere."""
+        return int(((self.pivots + self.updates) * self.pivots).sum()) + _MORE
 
     @property
     def sizes(self) -> Indices:

@@ -27,7 +27,7 @@ from numba.extending import (
 )
 
 __all__ = ["LANES", "WORD", "all_positive", "filled", "inline", "jit", "largest", "load", "root"]
-__all__ += ["routine", "spread", "store"]
+__all__ += ["routine", "spread", "store", "total"]
 
 LANES = 8  # doubles of a vector
 WORD = 8  # bytes of a double
@@ -167,13 +167,21 @@ def all_positive(typing, vector):
     return types.boolean(_vector), build
 
 
-@_intrinsic
-def largest(typing, vector):
-    """Its largest entry."""
+def _reduction(name: str, *start: float) -> Any:
+    """What LLVM calls so, of all entries of a vector."""
 
-    def build(context, builder, signature, arguments):
-        name = f"llvm.vector.reduce.fmax.v{LANES}f64"
-        kind = ir.FunctionType(_REAL, [_VECTOR])
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
+    @_intrinsic
+    def reduction(typing, vector):
+        def build(context, builder, signature, arguments):
+            full = f"llvm.vector.reduce.{name}.v{LANES}f64"
+            kind = ir.FunctionType(_REAL, [*[_REAL] * len(start), _VECTOR])
+            made = cgutils.get_or_insert_function(builder.module, kind, full)
+            first = [ir.Constant(_REAL, number) for number in start]
+            return builder.call(made, [*first, *arguments], fastmath=("reassoc",))
 
-    return types.float64(_vector), build
+        return types.float64(_vector), build
+
+    return reduction
+
+
+largest, total = _reduction("fmax"), _reduction("fadd", -0.0)
