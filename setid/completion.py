@@ -31,6 +31,7 @@ __all__ = [
     "least_noise",
     "noise_shares",
     "polished",
+    "redefined",
 ]
 
 _STEPS = 25  # most linear programs for one witness
@@ -113,6 +114,24 @@ def _solve_definitions(x: NDArray[np.float64], formulation: Formulation) -> None
             trial = x.copy()
             trial[open_] = 0.0
             x[open_] = -polynomial(trial)
+
+
+def redefined(formulation: Formulation, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The vector with samples of internal signals as their rows give them from the rest.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    x : (n,) float
+    """
+    found, rows, groups = x.copy(), formulation.rows, formulation.layout.groups
+    for row, name in enumerate(rows.equation):
+        if name in groups:
+            sample = formulation.data.starts[rows.record[row] - 1] + rows.sample[row] - 1
+            own = groups[name][sample]
+            found[own] = 0.0
+            found[own] = -formulation.problem.constraints[row].polynomial(found)
+    return found
 
 
 class Affine(NamedTuple):

@@ -1,15 +1,23 @@
 """Parameter vectors at the ends of intervals: local searches where rows are not linear.
 
 With products of unknown samples (noise in powers, internal signals) the parameters alone no
-longer make rows linear. Each step minimises a parameter over all rows linearised at the
-point before, parameters within a trust region, all else free within its bounds; near a
-vertex this converges quadratically. What comes back as attained is proved.
+longer make rows linear. Each step minimises a parameter, plus a penalty on what the rows miss,
+over all rows linearised at the point before, within a trust region. Where the samples' products
+curve the rows, a step is followed by others with the slopes of where it led, in the same region,
+before it is judged: without these second-order corrections regions would shrink and shrink. Near
+a vertex this converges quadratically. What comes back as attained is proved.
+
+References
+----------
+R. Fletcher, "Second order corrections for non-differentiable optimization", in: Numerical
+Analysis, Lecture Notes in Mathematics 912 (1982) 85-114.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 from typing import Any
 
@@ -19,7 +27,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .completion import affine, defined_unknowns, held_unknowns, polished
+from .completion import affine, defined_unknowns, held_unknowns, polished, redefined
 from .errors import SetidError
 from .existence import proved_point
 from .formulation import Formulation
@@ -29,7 +37,11 @@ __all__ = ["attained_ends", "checked", "coupled"]
 
 Reals = NDArray[np.float64]
 _STEPS = 20
-_TRUST = 0.25  # of the width of the box
+_TRUST = 0.25  # of the width of each bound
+_CORRECTIONS = 2
+_PENALTIES = 1e2, 1e4, 1e6  # of a miss by a row's largest coefficient; a width of the box costs 1
+_PROMISED = 1e-5  # widths: a step that promises less is the last; tolerances promise some, too
+_SETTLED = 1e-6  # change of the least noise level at rest
 _NEAR = 1e-4  # violations that steps of Newton repair
 _INSIDE = 1e-6  # of the width of each bound: what the last step keeps away from it
 
@@ -60,13 +72,13 @@ def attained_ends(
         Fewer than 2 p where a search or a proof failed.
     """
     search = _Search(formulation, problem)
-    inside = search.run(start, None)
+    inside = search.inside(start)
     if inside is None:
         return []
     found = [proved_point(formulation, problem, inside)]
     for place in range(len(formulation.parameters)):
         for sign in (1.0, -1.0):
-            end = search.run(inside, (place, sign))
+            end = search.end(inside, _Goal(place, sign))
             if end is not None:
                 found.append(proved_point(formulation, problem, end))
     return [point for point in found if point is not None]
@@ -90,6 +102,15 @@ def checked(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Resul
     return tuple(kept)
 
 
+@dataclass(frozen=True)
+class _Goal:
+    """The least (sign 1) or largest (-1) value of a parameter, and what missing rows cost."""
+
+    place: int
+    sign: float
+    penalty: float = _PENALTIES[0]
+
+
 @dataclass(eq=False)
 class _Search:
     """Sequential linear programs on one problem."""
@@ -97,62 +118,142 @@ class _Search:
     formulation: Formulation
     problem: sp.Problem
 
-    def run(self, start: Reals, goal: tuple[int, float] | None) -> Reals | None:
-        """From a vector to one at the end of a parameter, or well inside without a goal."""
-        p = len(self.formulation.parameters)
-        width = self.problem.upper[:p] - self.problem.lower[:p]
-        width = np.where(np.isfinite(width), width, 1.0 + np.abs(start[:p]))
+    @cached_property
+    def size(self) -> Reals:
+        """Largest coefficient of each row."""
+        found = np.full(self.problem.rows.size, 1e-300)
+        np.maximum.at(found, self.problem.rows.row, np.abs(self.problem.rows.coefficients))
+        return found
+
+    @cached_property
+    def ends(self) -> tuple[Reals, Reals]:
+        """Bounds with some room, but none that only follow from others.
+
+        Those would stop linearised squares at zero.
+        """
+        low, high = self.problem.lower, self.problem.upper
+        room = _INSIDE * np.where(np.isfinite(high - low), high - low, 0.0)
+        follow = defined_unknowns(self.formulation)
+        return np.where(follow, -inf, low + room), np.where(follow, inf, high - room)
+
+    def inside(self, start: Reals) -> Reals | None:
+        """A vector that needs little noise, parameters within trust regions."""
         x, trust, before = start.copy(), _TRUST, inf
-        off = self._violation(x)
+        off = self._off(x)
         for _ in range(_STEPS):
-            new = self._step(x, goal, trust * width)
-            if new is None:
-                trust *= 0.5
-                if trust < 1e-7:
-                    break
-                continue
-            value = 0.0 if goal is None else goal[1] * float(new[goal[0]])
-            worse = self._violation(new)
-            if worse > max(1e-7, 4.0 * off, 1e-2 * trust):
+            found = self._least_noise(x, trust)
+            worse = inf if found is None else self._off(found[0])
+            if found is None or worse > max(1e-7, 4.0 * off, 1e-2 * trust):
                 trust *= 0.25
                 if trust < 1e-7:
                     break
                 continue
-            x, off = new, worse
-            size = 1e-9 * float(width[goal[0]]) if goal is not None else 1e-9
-            if off <= 1e-9 and abs(before - value) <= size:
+            x, off = found[0], worse
+            if off <= 1e-9 and abs(before - found[1]) <= _SETTLED * found[1]:
                 break
-            before = value
+            before = found[1]
         return polished(self.formulation, x, np.arange(x.size)) if off <= _NEAR else None
 
-    def _violation(self, x: Reals) -> float:
-        rows = self.problem.rows.values(x)
-        equal = np.abs(rows[self.problem.equality])
+    def end(self, start: Reals, goal: _Goal) -> Reals | None:
+        """From a vector to one at the end of a parameter."""
+        x = redefined(self.formulation, start)
+        for penalty in _PENALTIES:
+            x = self._descended(x, replace(goal, penalty=penalty))
+            if self._off(x) <= _NEAR:
+                return polished(self.formulation, x, np.arange(x.size))
+        return None
+
+    def _descended(self, x: Reals, goal: _Goal) -> Reals:
+        """A local minimiser of the merit."""
+        merit, trust = self._merit(x, goal), _TRUST
+        for _ in range(_STEPS):
+            promised, new, value = self._trial(x, merit, goal, trust)
+            gained = merit - value
+            if gained > 0:
+                x, merit = new, value
+            if promised <= _PROMISED:
+                break
+            trust = min(1.0, 2.0 * trust) if gained > 0.5 * promised else 0.25 * trust
+            if trust < 1e-9:
+                break
+        return x
+
+    def _trial(
+        self, x: Reals, merit: float, goal: _Goal, trust: float
+    ) -> tuple[float, Reals, float]:
+        """Gain that one step promises, and where it leads with its corrections; the merit there."""
+        promised, new, value = 0.0, x, inf
+        region = self._region(x, trust, slice(None))
+        for number in range(1 + _CORRECTIONS):
+            found = self._step(new, goal, region)
+            if found is None:
+                break
+            promised = promised if number else merit - found[1]
+            trial = redefined(self.formulation, found[0])
+            there = self._merit(trial, goal)
+            if there >= value:
+                break
+            new, value = trial, there
+            if merit - value > 0.5 * promised:
+                break
+        return promised, new, value
+
+    def _off(self, x: Reals) -> float:
+        equal = np.abs(self.problem.rows.values(x)[self.problem.equality])
         return float(np.max(equal, initial=0.0))
 
-    def _step(self, x: Reals, goal: tuple[int, float] | None, trust: Reals) -> Reals | None:
-        """One linear program; without a goal the least noise level."""
-        problem, p = self.problem, trust.size
-        held = held_unknowns(self.formulation)
-        rows = affine(self.formulation, x, np.arange(x.size))
-        shrink = _INSIDE * np.where(
-            np.isfinite(problem.upper - problem.lower), problem.upper - problem.lower, 0.0
+    def _merit(self, x: Reals, goal: _Goal) -> float:
+        """The parameter in widths of its bounds, and the penalty."""
+        rows = self.problem.rows.values(x) / self.size
+        missed = np.where(self.problem.equality, np.abs(rows), np.maximum(-rows, 0.0))
+        return float(self._cost(goal) @ x + goal.penalty * missed.sum())
+
+    def _cost(self, goal: _Goal) -> Reals:
+        width = self.problem.upper[goal.place] - self.problem.lower[goal.place]
+        cost = np.zeros(self.problem.dimension)
+        cost[goal.place] = goal.sign / width if 0.0 < width < inf else goal.sign
+        return cost
+
+    def _region(self, x: Reals, trust: float, which: slice) -> tuple[Reals, Reals]:
+        """Bounds of all unknowns, those of some within a trust region around x."""
+        low, high = self.ends[0].copy(), self.ends[1].copy()
+        width = self.problem.upper - self.problem.lower
+        reach = trust * np.where(np.isfinite(width), width, 1.0 + np.abs(x))
+        reach = np.where(defined_unknowns(self.formulation), inf, reach)
+        low[which] = np.maximum(low, x - reach)[which]
+        high[which] = np.minimum(high, x + reach)[which]
+        return np.minimum(low, high), high
+
+    def _step(
+        self, x: Reals, goal: _Goal, region: tuple[Reals, Reals]
+    ) -> tuple[Reals, float] | None:
+        """One linear program with the slopes at x: its vector and the merit it expects there."""
+        rows, equal = affine(self.formulation, x, np.arange(x.size)), self.problem.equality
+        scale = sps.diags_array(1.0 / self.size)
+        slopes, constant = sps.csr_array(scale @ rows.matrix), rows.constant / self.size
+        m, twice = equal.size, int(equal.sum())
+        short = sps.eye_array(m, format="csr")  # what a row lacks
+        over = sps.csr_array(
+            (np.ones(twice), (np.flatnonzero(equal), np.arange(twice))), shape=(m, twice)
         )
-        low, high = problem.lower + shrink, problem.upper - shrink
-        # bounds that only follow from those of others would stop linearised squares at zero
-        follow = defined_unknowns(self.formulation)
-        low[follow], high[follow] = -inf, inf
-        low[:p] = np.maximum(low[:p], x[:p] - trust)
-        high[:p] = np.minimum(high[:p], x[:p] + trust)
-        if np.any(low > high):
-            return None
+        whole = sps.csr_array(sps.hstack([slopes, short, -over]))
+        cost = np.append(self._cost(goal), np.full(m + twice, goal.penalty))
+        bounds = (
+            np.append(region[0], np.zeros(m + twice)),
+            np.append(region[1], np.full(m + twice, inf)),
+        )
+        below = -whole[~equal], constant[~equal]
+        found = _solved(cost, below, (whole[equal], -constant[equal]), bounds)
+        return None if found is None else (found[: x.size], float(cost @ found))
+
+    def _least_noise(self, x: Reals, trust: float) -> tuple[Reals, float] | None:
+        """One linear program for the least noise level: its vector, and the level."""
+        problem = self.problem
+        rows = affine(self.formulation, x, np.arange(x.size))
+        low, high = self._region(x, trust, slice(len(self.formulation.parameters)))
         below = -rows.matrix[~rows.equality], rows.constant[~rows.equality]
         equal = rows.matrix[rows.equality], -rows.constant[rows.equality]
-        if goal is not None:
-            cost = np.zeros(x.size)
-            cost[goal[0]] = goal[1]
-            return _solved(cost, below, equal, (low, high))
-        noise = np.flatnonzero(held)
+        noise = np.flatnonzero(held_unknowns(self.formulation))
         bound = problem.upper[noise]
         pick = sps.csr_array(
             (np.ones(noise.size), (np.arange(noise.size), noise)), shape=(noise.size, x.size)
@@ -172,7 +273,7 @@ class _Search:
         cost = np.append(np.zeros(x.size), 1.0)
         ends = np.append(low, 0.0), np.append(high, inf)
         found = _solved(cost, (both, right), (tied, equal[1]), ends)
-        return None if found is None else found[:-1]
+        return None if found is None else (found[:-1], float(found[-1]))
 
 
 def _solved(

@@ -10,6 +10,7 @@ of a linear program from its rows, until they have been measured.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import comb
@@ -111,9 +112,12 @@ class Recipe:
 
     def fits(self, cliques: Families) -> bool:
         """Whether the relaxation is small enough to be built at all."""
-        largest = max((len(c) for c in cliques[self.joined].members), default=0)
+        members = [len(clique) for clique in cliques[self.joined].members]
         if self.shape == "full" and self.order is not None:
-            return comb(largest + self.order, self.order) <= _MOST_BASIS
+            return comb(max(members, default=0) + self.order, self.order) <= _MOST_BASIS
+        if self.shape == "mixed":  # 1, the variables, and products that are not counted here
+            sizes = Counter(1 + count for count in members)
+            return bool(np.isfinite(expected_seconds(dict(sizes), 0.0)))
         return True
 
 

@@ -13,7 +13,7 @@ from benchmarks.identification import THETA, task
 from sparsepop_py import Options, Problem
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import find_box
-from sparsepop_py.catalogue import Experience, families, progress
+from sparsepop_py.catalogue import Experience, Recipe, families, progress
 from sparsepop_py.certificate.box import Replay
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
@@ -42,6 +42,15 @@ def test_less_time_counts_at_once_and_more_time_slowly():
     assert seen.seconds["star"] == 0.7
     seen.learn("star", 1.0, 1.7)
     assert 0.7 < seen.seconds["star"] < 1.7
+
+
+@pytest.mark.parametrize(("variables", "expected"), [(50, True), (500, False)])
+def test_mixed_blocks_beyond_the_memory_are_not_built(variables, expected):
+    """A block of 500 variables has 125 751 entries, and the square of that is stored."""
+    x = sp.variables(variables)
+    problem = Problem(x[0], [sum(x) == 1], lower=-1, upper=1)
+    whole = families(problem, (problem.objective,), True, "min-degree")
+    assert Recipe("mixed", 0.8, "mixed").fits(whole) == expected
 
 
 def test_a_record_is_bounded_by_stars_alone():

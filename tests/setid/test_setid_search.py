@@ -43,6 +43,16 @@ def test_outputs_that_change_sign_stop_no_search(seed: int) -> None:
         assert least <= answer.lower + 3e-4 * width
 
 
+def test_searches_pass_noise_that_curves_the_rows() -> None:
+    """At 5 % squares of noise count: steps without correction end far inside; oracle SCIP."""
+    formulation, problem = stated(0.05, 20, 0, LURE, [-0.6, 0.5, 0.15])
+    start = first_point(formulation, problem)
+    assert start is not None
+    largest = max(float(point.x[2]) for point in attained_ends(formulation, problem, start))
+    answer = peers.scip(problem, objectives(formulation)[5], peers.Budget(20.0, 1e-5))
+    assert largest >= -answer.upper - 1e-4
+
+
 def test_estimates_that_need_too_much_noise_are_starts() -> None:
     formulation, problem = stated(0.01, 50, 0)
     start = first_point(formulation, problem)
