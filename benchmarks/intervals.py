@@ -26,8 +26,8 @@ import numpy as np
 
 import setid
 import sparsepop_py as sp
-from setid.boxed import ProvedBox, boxed, objectives
-from setid.identify import start_box
+from setid.boxed import ProvedBox, boxed, objectives, proved_box
+from setid.units import in_units
 
 from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row
@@ -100,7 +100,7 @@ class Experiment:
         truth = self.record()
         noise = self._noise(truth.u.ravel())
         known = setid.formulate(truth.data, PLANTS[self.order][0], noise, self.priors)
-        box = start_box(known)
+        box = proved_box(known)
         assert box is not None
         return RecordTask.on_box(known, truth, box)
 
@@ -122,11 +122,12 @@ class RecordTask(Task):
     def on_box(
         known: setid.Formulation, truth: setid.Simulated, box: ProvedBox | None
     ) -> RecordTask:
-        """The problem of a formulation on the box that data and priors prove, if they do."""
-        problem, p = boxed(known, box), len(known.parameters)
+        """The problem of a formulation, in units, on the box that data and priors prove."""
+        scaled, p = in_units(boxed(known, box), known), len(known.parameters)
+        problem = scaled.problem
         labels = [f"{sense} {name}" for name in known.parameters for sense in ("min", "max")]
         widths = tuple((problem.upper[:p] - problem.lower[:p]).tolist())
-        asked = tuple(objectives(known))
+        asked = tuple(scaled.asked(objective)[0] for objective in objectives(known))
         return RecordTask(problem, asked, tuple(labels), True, widths, known=known, truth=truth)
 
 

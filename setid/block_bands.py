@@ -24,6 +24,7 @@ from .members import members, nominal
 from .models.block import BlockStructured
 from .models.maps import StaticMap
 from .supports import Cover, cover_of, supports
+from .units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -222,9 +223,11 @@ def _narrowed(result: Identification, slopes: Reals, ends: Reals, seconds: float
     asked = [sign * form for form in forms for sign in (1.0, -1.0)]
     options = replace(result.options, time_limit=seconds, tol=1e-2).for_engine()
     known = [r.attained for r in result.results if r.attained is not None]
-    found = sp.solve_each(result.problem, asked, options, points=known)
-    low = np.array([r.lower_bound for r in found[0::2]])
-    high = -np.array([r.lower_bound for r in found[1::2]])
+    scaled = in_units(result.problem, result.formulation)
+    objectives, factors = zip(*map(scaled.asked, asked), strict=True)
+    found = sp.solve_each(scaled.problem, objectives, options, points=known)
+    bounds = np.array([r.lower_bound for r in found]) * factors
+    low, high = bounds[0::2], -bounds[1::2]
     return np.stack([np.maximum(low, ends[:, 0]), np.minimum(high, ends[:, 1])], axis=1)
 
 

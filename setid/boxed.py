@@ -1,20 +1,71 @@
-"""The problem that bounds are about: that of a formulation, with the parameters in a box."""
+"""The box of the parameters, and the problem that bounds are about: a formulation on it."""
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
+from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxes import ParameterBox
-from .cells import CellBox
-from .directions import DirectionBox
+from .boxes import ParameterBox, parameter_box
+from .cells import CellBox, cell_box
+from .directions import DirectionBox, direction_box
 from .formulation import Formulation
-from .lifted import LiftedBox
+from .lifted import LiftedBox, lifted_box, lifted_rows
 
-__all__ = ["ProvedBox", "boxed", "objectives"]
+__all__ = ["ProvedBox", "box_follows", "boxed", "driving_rows", "objectives", "proved_box"]
 
 ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, from the data
+
+
+def proved_box(formulation: Formulation, until: float = inf) -> ProvedBox | None:
+    """The box of the parameters that data and priors prove, None where no rows tell.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    until : float
+        Reading of ``time.monotonic`` at which all work ends.
+    """
+    start = _start(formulation)
+    if formulation.smoothed is not None:
+        first = parameter_box(formulation.smoothed, start, until)
+        endless = np.any(np.isinf([first.lower, first.upper])) and not first.empty
+        return (direction_box(formulation, first, until) if endless else None) or first
+    cells = cell_box(formulation, start, until)
+    if cells is not None:
+        return cells
+    rows = lifted_rows(formulation)
+    return None if rows is None else lifted_box(rows, start, until)
+
+
+def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
+    """Whether the box is proved by data and priors, without any solver."""
+    start = _start(formulation)
+    if isinstance(box, ParameterBox):
+        return formulation.smoothed is not None and box.verify(formulation.smoothed, start)
+    if isinstance(box, CellBox | DirectionBox):
+        return box.verify(formulation, start)
+    rows = lifted_rows(formulation)
+    return rows is not None and box.verify(rows, start)
+
+
+def driving_rows(box: ProvedBox | None, formulation: Formulation) -> tuple[tuple[int, int], ...]:
+    """(record, sample) of the rows that prove a box empty; none where cells do."""
+    if box is None or not box.empty or isinstance(box, CellBox):
+        return ()
+    if isinstance(box, LiftedBox):
+        rows = lifted_rows(formulation)
+        return () if rows is None else tuple(box.driving(rows))
+    return () if formulation.smoothed is None else tuple(box.driving(formulation.smoothed))
+
+
+def _start(formulation: Formulation) -> NDArray[np.float64]:
+    """The bounds of the parameters that priors give, (2, p)."""
+    p, problem = len(formulation.parameters), formulation.problem
+    return np.array([problem.lower[:p], problem.upper[:p]])
 
 
 def objectives(formulation: Formulation) -> list[sp.Polynomial]:

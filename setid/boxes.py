@@ -25,6 +25,7 @@ import sparsepop_py as sp
 
 from .bounds import Bounds, Box, gained
 from .checks import frozen
+from .linear import left_inverse
 from .regression import Regression
 
 __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows", "parameter_box"]
@@ -89,7 +90,7 @@ def _left_inverse(rows: Regression) -> LeftInverse | None:
     for power in (0.0, 0.5, 1.0):
         scale = weight**power
         with np.errstate(all="ignore"):
-            inverse = np.asarray(np.linalg.pinv(rows.regressors * scale[:, None])) * scale
+            inverse = left_inverse(rows.regressors * scale[:, None]) * scale
             centre = -inverse @ rows.target
             drive, coupling = _drive_and_coupling(rows, inverse, centre)
         if not np.all(np.isfinite(coupling)) or np.max(np.abs(np.linalg.eigvals(coupling))) > 0.999:
@@ -280,7 +281,8 @@ def _undecided(rows: Regression, box: Box) -> int | None:
         return None
     reach = np.where(open_, np.minimum(-low, high), 0.0)
     cost = np.where(open_, np.where(np.isinf(reach), 1e300, reach), -1.0)
-    return int(np.argmax(cost * np.maximum(rows.radii.max(axis=0), 1e-300)))
+    weight = rows.radii.max(axis=0)
+    return int(np.argmax(cost * np.maximum(weight / weight.max(), 1e-300)))
 
 
 def _replay(tree: SignTree, rows: Regression, box: Box) -> Box | None:

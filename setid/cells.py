@@ -13,8 +13,10 @@ Nothing here rests on a solver: every enclosure is computed with its rounding er
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +54,15 @@ class CellBox(Bounds):
         Their bounds.
     cells : int
         How many were left.
+    rounds : int
+        How often cells were halved.
     """
 
     unknowns: NDArray[np.int64]
     low: Reals
     high: Reals
     cells: int
+    rounds: int
 
     @property
     def open(self) -> tuple[str, ...]:
@@ -67,7 +72,7 @@ class CellBox(Bounds):
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Compute it again from the data; there is no solver in it."""
-        again = cell_box(formulation, start)
+        again = cell_box(formulation, start, rounds=self.rounds)
         return (
             again is not None
             and np.array_equal(again.unknowns, self.unknowns)
@@ -79,7 +84,9 @@ class CellBox(Bounds):
         return f"{self.cells} cells, {Bounds._text(self)}"
 
 
-def cell_box(formulation: Formulation, start: Reals) -> CellBox | None:
+def cell_box(
+    formulation: Formulation, start: Reals, until: float = inf, rounds: int = _ROUNDS
+) -> CellBox | None:
     """A box from cells, None where the structure is no G and N in a row.
 
     Parameters
@@ -87,6 +94,10 @@ def cell_box(formulation: Formulation, start: Reals) -> CellBox | None:
     formulation : Formulation
     start : (2, p) float
         Bounds of priors; finite for the denominator (:class:`Stable` or :class:`Box`).
+    until : float
+        Reading of ``time.monotonic`` from which on no cell is halved.
+    rounds : int
+        Most halvings.
     """
     parts = parts_of(formulation)
     if parts is None or parts.initial:
@@ -102,8 +113,8 @@ def cell_box(formulation: Formulation, start: Reals) -> CellBox | None:
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
     rows = np.flatnonzero(known)[:_PRUNING]
-    left, fit = _pruned(parts, formulation, cells, rows)
-    return _converted(parts, formulation, start, left, fit)
+    left, fit, used = _pruned(parts, formulation, cells, rows, until, rounds)
+    return _converted(parts, formulation, start, left, fit, used)
 
 
 # ---- cells --------------------------------------------------------------------------------
@@ -134,14 +145,20 @@ def _measured(parts: Parts, formulation: Formulation, cells: Reals, rows: NDArra
 
 
 def _pruned(
-    parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray
-) -> tuple[Reals, Fitted | None]:
-    """Cells that cannot be cut off, all fine, with what is known of z and gamma in them."""
+    parts: Parts,
+    formulation: Formulation,
+    cells: Reals,
+    rows: NDArray,
+    until: float,
+    rounds: int,
+) -> tuple[Reals, Fitted | None, int]:
+    """Cells that cannot be cut off, with what is known of gamma in them, and the rounds used."""
     noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
     done: list[Reals] = []
-    for _ in range(_ROUNDS):
+    for used in range(rounds + 1):
         cells = cells[_allowed(parts, formulation, cells)]
-        if not len(cells):
+        if used == rounds or not len(cells) or time.monotonic() >= until:
+            done.append(cells)
             break
         found, fit = _measured(parts, formulation, cells, rows)
         alive = ~fit.empty
@@ -150,17 +167,13 @@ def _pruned(
         fine = alive & fit.bounded & (worst.max(axis=1) <= _FINE)
         done.append(cells[fine])
         rest = np.flatnonzero(alive & ~fine)
-        if not rest.size:
-            cells = cells[:0]
-            break
         if 2 * rest.size + sum(map(len, done)) > _MOST:
             done.append(cells[rest])
+            used += 1  # so that this round is repeated when the box is computed again
             break
-        cells = _halves(cells[rest], effect[rest].argmax(axis=1))
-    else:
-        done.append(cells)
-    left = np.concatenate(done) if done else cells[:0]
-    return left, _measured(parts, formulation, left, rows)[1] if len(left) else None
+        cells = _halves(cells[rest], effect[rest].argmax(axis=1)) if rest.size else cells[:0]
+    left = np.concatenate(done)
+    return left, _measured(parts, formulation, left, rows)[1] if len(left) else None, used
 
 
 def _effects(
@@ -211,6 +224,7 @@ def _converted(
     start: Reals,
     cells: Reals,
     fit: Fitted | None,
+    rounds: int,
 ) -> CellBox:
     """The hull of all cells in the normalisation of the model."""
     names, p = formulation.parameters, start.shape[1]
@@ -250,6 +264,7 @@ def _converted(
         frozen(signal[0]),
         frozen(signal[1]),
         len(cells),
+        rounds,
     )
 
 

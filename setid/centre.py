@@ -17,6 +17,7 @@ from .existence import consistent
 from .formulation import Formulation
 from .members import ROUNDING, noise_level
 from .supports import outer_box, require_members
+from .units import in_units
 
 if TYPE_CHECKING:
     from .intervals import Identification
@@ -155,7 +156,9 @@ def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
     lower[:p] = upper[:p] = theta
     nothing = 0.0 * problem.objective
     fixed = sp.Problem(nothing, problem.constraints, lower, upper, problem.names)
-    found = sp.solve(fixed, sp.Options(effort="auto", time_limit=_SECONDS))
+    found = sp.solve(
+        in_units(fixed, formulation).problem, sp.Options(effort="auto", time_limit=_SECONDS)
+    )
     if found.attained is not None:
         return True
     return False if found.status is sp.Status.INFEASIBLE else None

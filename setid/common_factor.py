@@ -20,6 +20,7 @@ from .existence import consistent
 from .formulation import Formulation, formulate
 from .models.lti import TransferFunction
 from .starts import first_point
+from .units import in_units
 
 __all__ = ["unbounded_names"]
 
@@ -93,7 +94,9 @@ def _member(formulation: Formulation, seconds: float) -> NDArray[np.float64] | N
         return None
     problem = problem.with_objective(0.0 * problem.objective)
     options = sp.Options(effort="auto", time_limit=seconds)
-    found = sp.solve(problem, options, start=first_point(formulation, problem)).attained
-    if found is None or consistent(formulation, found.x[:p]) is None:
+    scaled, start = in_units(problem, formulation), first_point(formulation, problem)
+    begin = None if start is None else start / scaled.units
+    found = sp.solve(scaled.problem, options, start=begin).attained
+    if found is None or consistent(formulation, (found.x * scaled.units)[:p]) is None:
         return None
-    return found.x[:p]
+    return (found.x * scaled.units)[:p]

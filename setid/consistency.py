@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxes import ParameterBox, parameter_box
+from .boxed import ProvedBox, box_follows, driving_rows
+from .boxes import ParameterBox
 from .data import IOData
 from .errors import ModelError, NoiseError, SetidError
 from .estimators import least_squares, linf
@@ -25,16 +26,23 @@ from .formulation import Formulation, formulate, settled
 from .models.continuous import without_delta
 from .models.equations import Structure
 from .noise import Noise
-from .noise_factor import last_variable, linear_problem, problem_with_factor, scaled_noise
+from .noise_factor import (
+    last_variable,
+    least_factor,
+    linear_problem,
+    problem_with_factor,
+    refuted_factor,
+    rounding_factor,
+    scaled_noise,
+)
 from .options import Options
 from .printing import rounded
 from .priors.base import Prior
-from .regression import Regression, check_channels
+from .regression import check_channels
+from .units import in_units
 from .verification import Verification
 
 __all__ = ["Consistency", "consistency"]
-
-_STEPS = 12  # halvings of the interval of s by boxes alone
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -60,7 +68,7 @@ class Consistency:
         The exact optimum, where the problem is linear.
     result : sparsepop_py.Result or None
         What the engine proved, otherwise.
-    box : ParameterBox or None
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
         The box of the parameters with the factor at ``limit``.
     refuted : (float, ParameterBox) or None
         A factor at which the box from the data alone is proved empty.
@@ -87,7 +95,7 @@ class Consistency:
     problem: sp.Problem
     bound: sp.LinearBound | None
     result: sp.Result | None
-    box: ParameterBox | None
+    box: ProvedBox | None
     refuted: tuple[float, ParameterBox] | None
     noise: Noise
     assumptions: tuple[str, ...]
@@ -232,60 +240,53 @@ def _by_engine(
     until: float,
 ) -> Consistency:
     bounds = noise.bounds(data)
-    unit = formulate(data, model, scaled_noise(bounds, 1.0), priors)
-    limit, x = _explaining(data, unit)
-    formulation = formulate(data, model, scaled_noise(bounds, limit), priors)
-    box, refuted = None, None
-    if formulation.regression is not None:
-        box = _box(formulation, until)
-        refuted = _bisect(data, model, bounds, priors, limit, until)
-    problem = problem_with_factor(formulation, box)
-    low, high = (0.0, inf) if refuted is None else (refuted[0], inf)
-    result, theta, witness = None, None, None
-    p = len(formulation.parameters)
-    if np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
-        start = None if x is None else np.append(x, 1.0)
-        result = sp.solve(problem, settings.for_engine("absolute", until), start=start)
-        if np.isfinite(result.lower_bound):
-            low = max(low, float(np.nextafter(max(0.0, result.lower_bound) * limit, 0.0)))
+
+    def stated(factor: float) -> Formulation:
+        return formulate(data, model, scaled_noise(bounds, factor), priors)
+
+    limit, x = _explaining(data, stated(1.0))
+    rounding = rounding_factor(data, bounds)
+    limit = max(limit, rounding)
+    formulation, theta, witness, high = stated(limit), None, None, inf
+    if x is not None:
+        witness = consistent(formulation, x[: len(formulation.parameters)])
+    if witness is not None:
+        theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
+    refuted = refuted_factor(stated, limit, until)
+    low = 0.0 if refuted is None else refuted[0]
+    box, result = None, None
+    if limit > rounding:
+        formulation, limit, box, result = least_factor(stated, (low, limit), x, settings, until)
+    if result is not None:
+        low = max(low, float(np.nextafter(_share(result) * limit, 0.0)))
         if result.attained is not None:
-            high = result.attained.value * limit * (1.0 + 1e-15)
-            theta, witness = result.attained.x[:p], result.attained.x[:-1]
-    if witness is None and x is not None:
-        witness = consistent(formulation, x[:p])
-        if witness is not None:
-            high, theta = limit * (1.0 + 1e-15), witness[:p]
+            z = (
+                result.attained.x
+                * in_units(problem_with_factor(formulation, box), formulation).units
+            )
+            high, witness = result.attained.value * limit * (1.0 + 1e-15), z[:-1]
+            theta = witness[: len(formulation.parameters)]
     return Consistency(
         scale=(low, high),
         theta=theta,
         witness=witness,
         formulation=formulation,
         limit=limit,
-        problem=problem,
+        problem=problem_with_factor(formulation, box),
         bound=None,
         result=result,
         box=box,
         refuted=refuted,
         noise=noise,
         assumptions=_assumptions(formulation, noise),
-        samples=_held_up(formulation, refuted),
+        samples=driving_rows(refuted[1], formulation) if refuted is not None else (),
     )
 
 
-def _held_up(
-    formulation: Formulation, refuted: tuple[float, ParameterBox] | None
-) -> tuple[tuple[int, int], ...]:
-    """Samples in the proof at the largest factor that boxes refute."""
-    if refuted is None or formulation.smoothed is None:
-        return ()
-    return tuple(refuted[1].driving(formulation.smoothed))
-
-
-def _box(formulation: Formulation, until: float) -> ParameterBox:
-    assert formulation.smoothed is not None
-    p, problem = len(formulation.parameters), formulation.problem
-    start = np.array([problem.lower[:p], problem.upper[:p]])
-    return parameter_box(formulation.smoothed, start, until)
+def _share(result: sp.Result) -> float:
+    """The part of the limit below which the engine proves that nothing is consistent."""
+    proof = result.certificate
+    return 0.0 if proof is None else min(max(0.0, proof.bound), 1.0)
 
 
 def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
@@ -303,27 +304,7 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
             best, x = witness.level, witness.x
     if not np.isfinite(best):
         return 1.0, None
-    return max(best, 1e-12) * (1.0 + 1e-3), x
-
-
-def _bisect(
-    data: IOData,
-    model: Structure,
-    bounds: tuple[NDArray, ...],
-    priors: list[Any],
-    limit: float,
-    until: float,
-) -> tuple[float, ParameterBox] | None:
-    """The largest factor that was found at which no parameters pass the rows one by one."""
-    found, low, high = None, 0.0, limit
-    for _ in range(_STEPS):
-        factor = 0.5 * (low + high)
-        box = _box(formulate(data, model, scaled_noise(bounds, factor), priors), until)
-        if box.empty:
-            found, low = (factor, box), factor
-        else:
-            high = factor
-    return found
+    return best * (1.0 + 1e-3), x
 
 
 def _verify(found: Consistency) -> Verification:
@@ -335,19 +316,16 @@ def _verify(found: Consistency) -> Verification:
     proved = 0.0
     if found.refuted is not None:
         factor, box = found.refuted
-        rows, start = _again(found, factor)
-        if not box.empty or rows is None or not box.verify(rows, start):
+        if not box.empty or not box_follows(box, _stated(found, factor)):
             return Verification(False, "emptiness of the box does not follow")
         proved = factor
     if found.result is not None:
-        rows, start = _again(found, found.limit)
-        if found.box is not None and (rows is None or not found.box.verify(rows, start)):
+        if found.box is not None and not box_follows(found.box, _stated(found, found.limit)):
             return Verification(False, "the box does not follow from the data")
         reason = _result_fails(found)
         if reason:
             return Verification(False, reason)
-        if found.result.certificate is not None:
-            proved = max(proved, found.result.certificate.bound * found.limit)
+        proved = max(proved, _share(found.result) * found.limit)
     attained = found.result is not None and found.result.attained is not None
     if not attained and found.scale[1] < inf and not _explained(found):
         return Verification(False, "nothing attains the upper end")
@@ -362,22 +340,16 @@ def _stated(found: Consistency, factor: float) -> Formulation:
     return formulate(given.data, given.model, noise, given.priors)
 
 
-def _again(found: Consistency, factor: float) -> tuple[Regression | None, NDArray[np.float64]]:
-    """Rows and bounds of the parameters at one factor."""
-    fresh = _stated(found, factor)
-    p = len(fresh.parameters)
-    return fresh.smoothed, np.array([fresh.problem.lower[:p], fresh.problem.upper[:p]])
-
-
 def _explained(found: Consistency) -> bool:
     """Whether the parameters at the upper end are proved consistent, without the engine."""
-    if found.theta is None or found.limit > found.scale[1]:
+    if found.theta is None:
         return False
-    return consistent(_stated(found, found.limit), found.theta) is not None
+    return consistent(_stated(found, found.scale[1]), found.theta) is not None
 
 
 def _result_fails(found: Consistency) -> str:
-    result, problem = found.result, problem_with_factor(found.formulation, found.box)
+    result = found.result
+    problem = in_units(problem_with_factor(found.formulation, found.box), found.formulation).problem
     assert result is not None
     if result.certificate is not None:
         verdict = result.certificate.verify(problem)

@@ -27,6 +27,7 @@ from .boxes import ParameterBox, parameter_box
 from .checks import frozen
 from .formulation import Formulation
 from .regression import Regression
+from .units import InUnits, in_units
 
 __all__ = ["DirectionBox", "direction_box"]
 
@@ -34,7 +35,8 @@ Reals = NDArray[np.float64]
 _TINY = 1e-250
 _POWERS = 60  # of two, in units
 _LARGEST = 4.0  # s above this needs no proof: theta is small then
-_GAP = 0.25  # of s, at first
+_GAP = 0.06  # of s, as a fraction of the largest, at first
+_NONE = 2e-7  # of the largest: s that is attained below this is taken for zero
 _SIDE = 20.0  # seconds for one side of the cube
 _ALL = 120.0  # seconds for all of them, and half of the time that is left
 
@@ -81,9 +83,9 @@ class DirectionBox(Bounds):
             return False
         least = _LARGEST
         for side, certificate in zip(sides, self.certificates, strict=True):
-            if not certificate.verify(side).ok:
+            if not certificate.verify(side.problem).ok:
                 return False
-            least = min(least, certificate.bound)
+            least = min(least, certificate.bound * side.factor)
         if not least > 0 or not self.last.verify(rows, _within(self.first, self.scale, least)):
             return False
         return bool(np.all(self.last.lower >= self.lower) and np.all(self.last.upper <= self.upper))
@@ -141,7 +143,7 @@ def direction_box(
             if found is None:
                 return None
             certificates.append(found)
-            least = min(least, found.bound)
+            least = min(least, found.bound * side.factor)
     except KeyboardInterrupt:  # nothing follows from some of the sides
         return None
     last = parameter_box(rows, _within(first, scale, least), until)
@@ -195,7 +197,7 @@ def _within(first: ParameterBox, scale: Reals, least: float) -> Reals:
     return frozen(np.array([np.maximum(first.lower, -reach), np.minimum(first.upper, reach)]))
 
 
-def _sides(formulation: Formulation, first: ParameterBox, scale: Reals) -> Iterator[sp.Problem]:
+def _sides(formulation: Formulation, first: ParameterBox, scale: Reals) -> Iterator[InUnits]:
     """Minimise s over each side phi_i = +1, phi_i = -1 of the cube that signs leave."""
     known = formulation.problem
     p, n = scale.size, known.dimension
@@ -215,7 +217,7 @@ def _sides(formulation: Formulation, first: ParameterBox, scale: Reals) -> Itera
         for sign in (1.0, -1.0):
             low, high = lower.copy(), upper.copy()
             low[i] = high[i] = sign
-            yield sp.Problem(x[n], rows, low, high, names)
+            yield in_units(sp.Problem(x[n], rows, low, high, names), formulation)
 
 
 def _homogeneous(row: sp.Constraint, scale: Reals, n: int, names: tuple[str, ...]) -> sp.Constraint:
@@ -232,16 +234,16 @@ def _homogeneous(row: sp.Constraint, scale: Reals, n: int, names: tuple[str, ...
     return sp.Constraint(sp.Polynomial.from_words(longer, values, n + 1, names), row.kind)
 
 
-def _least(side: sp.Problem, end: float) -> sp.Certificate | None:
+def _least(side: InUnits, end: float) -> sp.Certificate | None:
     """A proof that s is positive; None where none was found, or where s = 0 is attained."""
     gap, end = _GAP, min(end, time.monotonic() + _SIDE)
     while (left := end - time.monotonic()) > 0:
         found = sp.solve(
-            side, sp.Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=left)
+            side.problem, sp.Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=left)
         )
         if found.certificate is not None and found.certificate.bound > 0:
             return found.certificate
-        if found.status is not sp.Status.OPTIMAL or not found.upper_bound > 1e-6 or gap < 1e-6:
+        if found.status is not sp.Status.OPTIMAL or not found.upper_bound > _NONE or gap < _NONE:
             return None  # out of time, interrupted, or s = 0 is attained
         gap = min(0.5 * found.upper_bound, 0.25 * gap)
     return None

@@ -8,6 +8,7 @@ well, and a result says where its bound does not cover it.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import inf
@@ -27,7 +28,7 @@ from .indirect import INDIRECT_WARNING
 from .models.continuous import ContinuousTransferFunction, without_delta
 from .models.equations import Structure
 from .noise import EstimatedBound, Noise
-from .noise_factor import problem_with_factor
+from .noise_factor import on_box, problem_with_factor
 from .options import Options
 from .priors.base import Prior, listed
 from .simulate import simulate
@@ -36,6 +37,7 @@ from .starts import candidates
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 
 _STEPS = 30  # halvings of the bound that an estimate needs
+_SECONDS = 30.0  # for an estimate
 
 
 def discretisation_error(
@@ -101,13 +103,19 @@ Priors = Iterable[Prior | sp.Constraint] | Prior | sp.Constraint
 
 
 def with_estimate(
-    data: IOData, model: Structure, noise: Noise, priors: Priors
+    data: IOData, model: Structure, noise: Noise, priors: Priors, until: float = inf
 ) -> tuple[Structure, Noise, list[Prior | sp.Constraint]]:
-    """Structure and noise after ``delta="estimate"`` is settled, and the priors as a list."""
+    """Structure and noise after ``delta="estimate"`` is settled, and the priors as a list.
+
+    Half of the time until ``until``, a reading of ``time.monotonic``, is for this at most.
+    """
     given = listed(priors)
     if not isinstance(model, ContinuousTransferFunction) or model.delta != "estimate":
         return model, noise, given
-    return without_delta(model), noise.covering(estimate_delta(data, model, noise, given)), given
+    left = max(0.5 * (until - time.monotonic()), 1e-3)
+    options = Options(time_limit=min(_SECONDS, left))
+    found = estimate_delta(data, model, noise, given, options)
+    return without_delta(model), noise.covering(found), given
 
 
 def estimate_delta(
@@ -170,10 +178,12 @@ def estimate_delta(
     def stated(delta: float) -> Formulation:
         return formulate(data, exact, noise.covering(delta), given)
 
-    limit, x = _explaining(data, stated)
+    settings = options or Options(time_limit=_SECONDS)
+    until = settings.deadline()
+    limit, x = _explaining(data, stated, until)
     low, value = 0.0, limit
     if limit > 0.0:
-        low, value = _least(stated(limit), limit, x, options or Options(time_limit=30.0))
+        low, value = _least(stated(limit), limit, x, settings, until)
     value = float(np.nextafter(value * factor, inf)) if value > 0.0 else 0.0
     text = (
         f"discretisation error: at most delta = {value:.6g}, the least one that was found "
@@ -185,7 +195,7 @@ def estimate_delta(
 
 
 def _explaining(
-    data: IOData, stated: Callable[[float], Formulation]
+    data: IOData, stated: Callable[[float], Formulation], until: float
 ) -> tuple[float, NDArray[np.float64] | None]:
     """A bound with which some estimate is consistent, with its unknowns; near its least one."""
     largest = 2.0 * float(np.nanmax(np.abs(data.y))) or 1.0
@@ -198,7 +208,7 @@ def _explaining(
         low, high = largest * 2.0**-_STEPS, largest
         if unit.witness(theta).level > 1.0:
             continue
-        while high > 1.05 * low:
+        while high > 1.05 * low and time.monotonic() < until:
             middle = float(np.sqrt(low * high))
             low, high = (
                 (low, middle) if stated(middle).witness(theta).level <= 1 else (middle, high)
@@ -209,17 +219,21 @@ def _explaining(
 
 
 def _least(
-    formulation: Formulation, limit: float, x: NDArray[np.float64] | None, settings: Options
+    formulation: Formulation,
+    limit: float,
+    x: NDArray[np.float64] | None,
+    settings: Options,
+    until: float,
 ) -> tuple[float, float]:
     """Proved lower end and attained value of the least bound up to the limit."""
     p, problem = len(formulation.parameters), formulation.problem
     start = np.array([problem.lower[:p], problem.upper[:p]])
-    box = None if formulation.smoothed is None else parameter_box(formulation.smoothed, start)
+    rows = formulation.smoothed
+    box = None if rows is None else parameter_box(rows, start, until)
     asked = problem_with_factor(formulation, box, limit)
-    if not np.all(np.isfinite(asked.lower[:p]) & np.isfinite(asked.upper[:p])):
+    result = on_box(formulation, asked, settings.for_engine("absolute", until), x)
+    if result is None:
         return 0.0, limit
-    point = None if x is None else np.append(x, 1.0)
-    result = sp.solve(asked, settings.for_engine("absolute"), start=point)
     low = max(0.0, result.lower_bound) * limit if np.isfinite(result.lower_bound) else 0.0
     value = limit if result.attained is None else min(1.0, result.attained.value) * limit
     return float(np.nextafter(low, 0.0)), value * (1.0 + 1e-9)

@@ -23,6 +23,7 @@ from .formulation import Formulation
 from .lifted import LiftedBox, lifted_box, lifted_rows
 from .monomials import MonomialRows
 from .regression import Regression
+from .units import in_units
 
 __all__ = ["driving_samples"]
 
@@ -91,7 +92,7 @@ def _proved_empty(
     keys = zip(formulation.rows.record.tolist(), formulation.rows.sample.tolist(), strict=True)
     rows = [row for row, key in zip(problem.constraints, keys, strict=True) if key in stays]
     part = sp.Problem(0.0 * problem.objective, rows, problem.lower, problem.upper, problem.names)
-    about = boxed(replace(formulation, problem=part), box)
+    about = in_units(boxed(replace(formulation, problem=part), box), formulation).problem
     return sp.solve(about, replace(options, time_limit=seconds)).status is sp.Status.INFEASIBLE
 
 

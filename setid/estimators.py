@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 from .checks import frozen, number
 from .data import IOData
 from .errors import DataError, SetidError
-from .linear import minimise
+from .linear import left_inverse, minimise
 from .models.equations import Structure
 from .regression import Regression, regression_of_data
 
@@ -86,7 +86,7 @@ def least_squares(data: IOData, model: Structure) -> Estimate:
     a1 = -0.5, b1 = 1
     """
     rows = regression_of_data(data, model)
-    theta = np.asarray(np.linalg.lstsq(-rows.regressors, rows.target, rcond=None)[0], float)
+    theta = -left_inverse(rows.regressors) @ rows.target
     residuals = _residuals(rows, theta)
     return _estimate(rows, theta, float(residuals @ residuals))
 

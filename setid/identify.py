@@ -23,20 +23,18 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .attained import inner_ends
-from .boxed import ProvedBox, boxed, objectives
-from .boxes import parameter_box
-from .cells import cell_box
+from .boxed import ProvedBox, boxed, driving_rows, objectives, proved_box
+from .checks import frozen
 from .common_factor import unbounded_names
 from .data import IOData
-from .directions import direction_box
 from .discretisation import remark, with_estimate
 from .driving import driving_samples
 from .equivalence import unidentifiable
 from .errors import SetidError
+from .existence import proved_point
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
 from .intervals import Identification, IntervalStatus, ParameterInterval
-from .lifted import lifted_box, lifted_rows
 from .models.block import BlockStructured
 from .models.equations import Structure
 from .models.lti import TransferFunction
@@ -47,9 +45,10 @@ from .progress import Progress
 from .results import empty_result, factor_text, free_text, result_of, unbounded_text
 from .search import attained_ends, checked, coupled
 from .starts import first_point, repair
+from .units import InUnits, in_units
 from .unnormalised import reference_model, refuse
 
-__all__ = ["identify", "start_box"]
+__all__ = ["identify"]
 
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
@@ -114,7 +113,7 @@ def identify(
         refuse(model)
     until, timings = settings.deadline(), dict[str, float]()
     model, noise, given = _timed(
-        timings, "delta", lambda: with_estimate(data, model, noise, priors)
+        timings, "delta", lambda: with_estimate(data, model, noise, priors, until)
     )
     formulation = _timed(timings, "formulate", lambda: formulate(data, model, noise, given))
     return _with_remarks(_settle(formulation, settings, timings, until))
@@ -187,42 +186,13 @@ def _identify(
     notes: tuple[str, ...],
 ) -> Identification:
     """Box first, then the engine on it, in one time."""
-    box, driving = _timed(timings, "box", lambda: _bounded(formulation, _start(formulation), until))
+    box = _timed(timings, "box", lambda: proved_box(formulation, until))
     if box is not None and box.empty:
+        driving = driving_rows(box, formulation)
         return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
     if box is not None and box.cut_short:
         notes = (*notes, "time ended in the search for a box from the data: give more time")
     return _engine(formulation, settings, timings, until, box, notes)
-
-
-def start_box(formulation: Formulation) -> ProvedBox | None:
-    """The box of the parameters that data and priors prove before the engine works."""
-    return _bounded(formulation, _start(formulation))[0]
-
-
-def _start(formulation: Formulation) -> NDArray[np.float64]:
-    """The bounds of the parameters that priors give, (2, p)."""
-    p, problem = len(formulation.parameters), formulation.problem
-    return np.array([problem.lower[:p], problem.upper[:p]])
-
-
-def _bounded(
-    formulation: Formulation, start: NDArray[np.float64], until: float = inf
-) -> tuple[ProvedBox | None, tuple[tuple[int, int], ...]]:
-    """The box of the parameters, and the samples that prove it empty if it is."""
-    if formulation.smoothed is not None:
-        first = parameter_box(formulation.smoothed, start, until)
-        endless = np.any(np.isinf([first.lower, first.upper])) and not first.empty
-        box = (direction_box(formulation, first, until) if endless else None) or first
-        return box, tuple(box.driving(formulation.smoothed)) if box.empty else ()
-    cells = cell_box(formulation, start)
-    if cells is not None:
-        return cells, ()
-    rows = lifted_rows(formulation)
-    if rows is None:
-        return None, ()
-    other = lifted_box(rows, start, until)
-    return other, tuple(other.driving(rows)) if other.empty else ()
 
 
 def _timed(timings: dict[str, float], stage: str, work: Callable[[], Any]) -> Any:
@@ -288,6 +258,7 @@ def _engine(
 ) -> Identification:
     problem = boxed(formulation, box)
     p = len(formulation.parameters)
+    scaled = in_units(problem, formulation)
     idle = np.array([i for i in range(p) if not np.any(problem.rows.words == i + 1)], int)
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     parts: dict[str, Any] = {"box": box, "problem": problem}
@@ -301,7 +272,9 @@ def _engine(
         open_ = (unbounded_text(formulation, loose), *factor_text(endless))
         parts["notes"] = (*notes, *(free_text(free) or open_))
     else:
-        results = _timed(timings, "engine", lambda: _solved(formulation, problem, settings, until))
+        results = _timed(
+            timings, "engine", lambda: _solved(formulation, problem, scaled, settings, until)
+        )
         told = (note for found in results for note in found.notes)
         parts["notes"] = tuple(dict.fromkeys([*notes, *told]))
         for found in results:
@@ -318,7 +291,7 @@ def _engine(
             lambda: driving_samples(formulation, settings.for_engine("absolute"), left),
         )
         return empty_result(formulation, settings, timings, box, **parts)
-    items = _intervals(formulation, problem, results, settings.tol, set(idle.tolist()))
+    items = _intervals(formulation, scaled, results, settings.tol, set(idle.tolist()))
     items = [_open(item, endless, free, alone) for item in items]
     return result_of(formulation, settings, timings, items, **parts)
 
@@ -337,42 +310,48 @@ def _open(
 
 
 def _solved(
-    formulation: Formulation, problem: sp.Problem, settings: Options, until: float
+    formulation: Formulation,
+    problem: sp.Problem,
+    scaled: InUnits,
+    settings: Options,
+    until: float,
 ) -> tuple[sp.Result, ...]:
-    """All ends over one feasible set."""
+    """All ends over one feasible set, in units."""
     progress = Progress(formulation.parameters, settings.tol, settings.progress)
     start = first_point(formulation, problem)
     points: list[sp.ProvedPoint] = []
     branch_on = None
     if coupled(formulation):
         branch_on = range(len(formulation.parameters))
-        points = [] if start is None else attained_ends(formulation, problem, start)
+        ends = [] if start is None else attained_ends(formulation, problem, start)
+        again = (proved_point(formulation, scaled.problem, end.x / scaled.units) for end in ends)
+        points = [point for point in again if point is not None]
     engine = settings.for_engine(until=until)
     engine = replace(engine, refine="none") if points else engine
     try:
         found = sp.solve_each(
-            problem,
-            objectives(formulation),
+            scaled.problem,
+            [scaled.asked(objective)[0] for objective in objectives(formulation)],
             engine,
-            start=start,
-            repair=repair(formulation, problem),
+            start=None if start is None else start / scaled.units,
+            repair=repair(formulation, problem, scaled.units),
             points=points,
             branch_on=branch_on,
             on_progress=progress.told,
         )
-        return checked(problem, found) if points else tuple(found)
+        return checked(scaled.problem, found) if points else tuple(found)
     finally:
         progress.close()
 
 
 def _intervals(
     formulation: Formulation,
-    problem: sp.Problem,
+    scaled: InUnits,
     results: Sequence[sp.Result],
     tol: float,
     idle: set[int],
 ) -> list[ParameterInterval]:
-    attained = [r.attained for r in results if r.attained is not None]
+    problem, attained = scaled.problem, [r.attained for r in results if r.attained is not None]
     items = []
     for place, name in enumerate(formulation.parameters):
         low, high = float(problem.lower[place]), float(problem.upper[place])
@@ -391,8 +370,22 @@ def _intervals(
             inner = (low, high)  # whatever point is attained has this value
         item = ParameterInterval(name, (low, high), inner, IntervalStatus.PARTIAL, witnesses)
         if item.gap <= tol * (1.0 + 1e-9) or inner == item.outer:
-            item = ParameterInterval(
-                name, item.outer, inner, IntervalStatus.CERTIFIED, item.witnesses
-            )
-        items.append(item)
+            item = replace(item, status=IntervalStatus.CERTIFIED)
+        items.append(_restored(item, float(scaled.units[place]), scaled.units))
     return items
+
+
+def _restored(
+    item: ParameterInterval, unit: float, units: NDArray[np.float64]
+) -> ParameterInterval:
+    """An interval in z as one in x: powers of two round nothing."""
+    low, high = item.witnesses
+    return replace(
+        item,
+        outer=(item.outer[0] * unit, item.outer[1] * unit),
+        inner=None if item.inner is None else (item.inner[0] * unit, item.inner[1] * unit),
+        witnesses=(
+            None if low is None else frozen(low * units),
+            None if high is None else frozen(high * units),
+        ),
+    )

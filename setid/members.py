@@ -12,7 +12,9 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .checks import natural
+import sparsepop_py as sp
+
+from .checks import frozen, natural
 from .completion import Witness
 from .errors import ModelError, SetidError
 from .linear import minimise
@@ -47,8 +49,9 @@ def noise_level(formulation: Formulation, theta: Reals) -> float:
         return inf
     p = theta.size
     problem = formulation.problem
-    inside = np.all(theta >= problem.lower[:p] - _tiny(theta))
-    inside &= np.all(theta <= problem.upper[:p] + _tiny(theta))
+    ends = np.array([problem.lower[:p], problem.upper[:p]])
+    tiny = ROUNDING * (np.abs(theta) + np.abs(np.where(np.isfinite(ends), ends, 0.0)).max(axis=0))
+    inside = np.all(theta >= ends[0] - tiny) and np.all(theta <= ends[1] + tiny)
     return witness.level if inside and _priors_hold(formulation, witness.x) else inf
 
 
@@ -57,16 +60,13 @@ def is_member(formulation: Formulation, theta: Reals) -> bool:
     return noise_level(formulation, theta) <= 1.0 + ROUNDING
 
 
-def _tiny(values: Reals) -> Reals:
-    return np.asarray(ROUNDING * (1.0 + np.abs(values)), np.float64)
-
-
 def _priors_hold(formulation: Formulation, x: Reals) -> bool:
     """Rows of priors, which the least-noise program takes for granted or leaves out."""
     for row, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True):
         if origin != "model":
-            value = row.polynomial(x)
-            size = np.abs(row.polynomial.coefficients).sum() * ROUNDING
+            p = row.polynomial
+            sizes = sp.Polynomial(p.words, frozen(np.abs(p.coefficients)), p.dimension)
+            value, size = p(x), sizes(np.abs(x)) * ROUNDING
             if value < -size or (row.kind.name == "ZERO" and value > size):
                 return False
     return True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from math import inf
 
 import numpy as np
@@ -9,11 +11,30 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxes import ParameterBox
+from .boxed import ProvedBox, proved_box
+from .boxes import ParameterBox, parameter_box
+from .data import IOData
 from .formulation import Formulation
 from .noise import Noise
+from .options import Options
+from .units import in_units
 
-__all__ = ["last_variable", "linear_problem", "problem_with_factor", "scaled_noise"]
+__all__ = [
+    "last_variable",
+    "least_factor",
+    "linear_problem",
+    "on_box",
+    "problem_with_factor",
+    "refuted_factor",
+    "rounding_factor",
+    "scaled_noise",
+]
+
+_STEPS = 12  # halvings of the interval of s by boxes alone
+_PART = 0.25  # of the time, for these
+_TRIES = 6  # factors at which a finite box is looked for
+_LEAST = 2.0**-6  # of a factor without a finite box: what is tried next is its geometric mean
+_DIGITS = 2.0**-46  # of the readings: noise that rounding alone explains
 
 
 def scaled_noise(bounds: tuple[NDArray, ...], factor: float) -> Noise:
@@ -56,14 +77,14 @@ def last_variable(problem: sp.Problem) -> sp.Polynomial:
 
 
 def problem_with_factor(
-    formulation: Formulation, box: ParameterBox | None, scaled: float | None = None
+    formulation: Formulation, box: ProvedBox | None, scaled: float | None = None
 ) -> sp.Problem:
     """The problem with one more unknown in [0, 1] that multiplies all noise bounds.
 
     Parameters
     ----------
     formulation : Formulation
-    box : ParameterBox or None
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
     scaled : float, optional
         The part of each output noise bound that it multiplies, and nothing else.
     """
@@ -93,3 +114,78 @@ def problem_with_factor(
     if box is not None and not box.empty:
         lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
     return sp.Problem(s, lines, lower, upper)
+
+
+def rounding_factor(data: IOData, bounds: tuple[NDArray, ...]) -> float:
+    """The factor with which noise is as small as the rounding of readings; less means nothing."""
+    sizes = np.nanmax(np.abs(data.y)), np.nanmax(np.abs(data.u)), np.nanmax(np.abs(data.y))
+    parts = [size / b[b > 0].max() for size, b in zip(sizes, bounds, strict=True) if np.any(b > 0)]
+    return float(min(parts)) * _DIGITS
+
+
+def refuted_factor(
+    stated: Callable[[float], Formulation], limit: float, until: float
+) -> tuple[float, ParameterBox] | None:
+    """The largest factor that was found at which no parameters pass the rows one by one."""
+    found, low, high = None, 0.0, limit
+    end = until if until == inf else time.monotonic() + _PART * (until - time.monotonic())
+    for _ in range(_STEPS):
+        factor = 0.5 * (low + high)
+        formulation = stated(factor)
+        if formulation.smoothed is None or time.monotonic() >= end:
+            break
+        p, problem = len(formulation.parameters), formulation.problem
+        start = np.array([problem.lower[:p], problem.upper[:p]])
+        box = parameter_box(formulation.smoothed, start, end)
+        if box.empty:
+            found, low = (factor, box), factor
+        else:
+            high = factor
+    return found
+
+
+def on_box(
+    formulation: Formulation,
+    problem: sp.Problem,
+    options: sp.Options,
+    x: NDArray[np.float64] | None,
+) -> sp.Result | None:
+    """The least factor in units, from unknowns with a factor of one; None without a finite box."""
+    p = len(formulation.parameters)
+    if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
+        return None
+    scaled = in_units(problem, formulation)
+    start = None if x is None else np.append(x, 1.0) / scaled.units
+    return sp.solve(scaled.problem, options, start=start)
+
+
+def least_factor(
+    stated: Callable[[float], Formulation],
+    ends: tuple[float, float],
+    x: NDArray[np.float64] | None,
+    settings: Options,
+    until: float,
+) -> tuple[Formulation, float, ProvedBox | None, sp.Result | None]:
+    """The engine's least factor up to a limit with which the parameters have a finite box.
+
+    With the noise of an estimate they may have none. Then less noise is tried: below the least
+    factor the engine proves that, above it, it finds parameters.
+    """
+    low, limit = ends
+    formulation, kept = stated(limit), None
+    for _ in range(_TRIES):
+        box = proved_box(formulation, until)
+        options = settings.for_engine("absolute", until)
+        result = on_box(formulation, problem_with_factor(formulation, box), options, x)
+        if result is not None:
+            kept = formulation, limit, box, result
+            if result.attained is not None or result.status is not sp.Status.INFEASIBLE:
+                return kept
+            low = limit
+        else:
+            ends = low, limit
+        if time.monotonic() >= until:
+            break
+        limit = float(np.sqrt(max(low, _LEAST * ends[1]) * ends[1]))
+        formulation, x = stated(limit), None
+    return kept or (formulation, limit, None, None)

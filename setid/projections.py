@@ -22,6 +22,7 @@ from .errors import SetidError
 from .linear import minimise
 from .members import attained_members
 from .supports import Cover, cover_of, supports
+from .units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -157,10 +158,13 @@ def _solved(
     """Proved heights from relaxations that all directions share, and attained pairs."""
     formulation = result.formulation
     x, y = (formulation.layout.polynomial(number) for number in pair)
-    objectives = [x * (-a) + y * (-b) for a, b in normals.tolist()]
-    found = sp.solve_each(result.problem, objectives, options or sp.Options(order=1))
-    attained = [r.attained.x[pair] for r in found if r.attained is not None]
-    return -np.array([r.lower_bound for r in found]), np.reshape(attained, (-1, 2))
+    scaled = in_units(result.problem, formulation)
+    asked = [scaled.asked(x * (-a) + y * (-b)) for a, b in normals.tolist()]
+    objectives, factors = zip(*asked, strict=True)
+    found = sp.solve_each(scaled.problem, objectives, options or sp.Options(order=1))
+    attained = [(r.attained.x * scaled.units)[pair] for r in found if r.attained is not None]
+    heights = -np.array([r.lower_bound for r in found]) * factors
+    return heights, np.reshape(attained, (-1, 2))
 
 
 # ---- polygons ---------------------------------------------------------------------------

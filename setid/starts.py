@@ -12,6 +12,7 @@ import sparsepop_py as sp
 
 from .errors import ModelError
 from .formulation import Formulation
+from .linear import left_inverse
 
 __all__ = ["candidates", "first_point", "repair"]
 
@@ -24,7 +25,7 @@ def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np
         middle = 0.5 * problem.lower[:p] + 0.5 * problem.upper[:p]
     rows = formulation.smoothed
     if rows is not None:
-        fit = np.linalg.lstsq(rows.regressors, -rows.target, rcond=None)[0]
+        fit = -left_inverse(rows.regressors) @ rows.target
         found.append(np.clip(fit, problem.lower[:p], problem.upper[:p]))
     found.append(middle)
     return [theta for theta in found if np.all(np.isfinite(theta))]
@@ -44,17 +45,17 @@ def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.flo
 
 
 def repair(
-    formulation: Formulation, problem: sp.Problem
+    formulation: Formulation, problem: sp.Problem, units: NDArray[np.float64]
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """From a vector to one with the same parameters and the least noise they need."""
+    """From a vector in units to one with the same parameters and the least noise they need."""
     p = len(formulation.parameters)
 
-    def repaired(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        theta = np.clip(x[:p], problem.lower[:p], problem.upper[:p])
+    def repaired(z: NDArray[np.float64]) -> NDArray[np.float64]:
+        theta = np.clip(z[:p] * units[:p], problem.lower[:p], problem.upper[:p])
         try:
             witness = formulation.witness(theta)
         except ModelError:
-            return x
-        return witness.x if witness.level <= 1.0 else x
+            return z
+        return witness.x / units if witness.level <= 1.0 else z
 
     return repaired

@@ -7,21 +7,17 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import ProvedBox, boxed, objectives
-from .boxes import ParameterBox
-from .cells import CellBox
+from .boxed import box_follows, boxed, objectives
 from .common_factor import unbounded_names
 from .data import IOData
-from .directions import DirectionBox
 from .equivalence import unidentifiable
 from .formulation import Formulation, formulate
 from .idle import idle_parameters
-from .lifted import lifted_rows
 from .models.block import BlockStructured
+from .units import InUnits, in_units
 from .unnormalised import reference_model
 
 if TYPE_CHECKING:
@@ -56,10 +52,8 @@ def verify(result: Identification, data: IOData | None = None) -> Verification:
         return Verification(False, "the result belongs to other data")
     if result.reference is not None:
         return _verify_reference(result, result.reference, again)
-    p = len(given.parameters)
     if result.box is not None:
-        start = np.array([again.problem.lower[:p], again.problem.upper[:p]])
-        if not _box_follows(result.box, again, start):
+        if not box_follows(result.box, again):
             return Verification(False, "the box does not follow from the data")
         if result.box.empty:
             return Verification(True)
@@ -68,7 +62,7 @@ def verify(result: Identification, data: IOData | None = None) -> Verification:
     problem = boxed(again, result.box)
     if problem.fingerprint != result.problem.fingerprint:
         return Verification(False, "the problem is not that of the box")
-    return _verify_results(result, again, problem)
+    return _verify_results(result, again, in_units(problem, again))
 
 
 def _verify_reference(
@@ -91,15 +85,6 @@ def _verify_reference(
     return verify(found, again.data)
 
 
-def _box_follows(box: ProvedBox, again: Formulation, start: NDArray[np.float64]) -> bool:
-    if isinstance(box, ParameterBox):
-        return again.smoothed is not None and box.verify(again.smoothed, start)
-    if isinstance(box, CellBox | DirectionBox):
-        return box.verify(again, start)
-    rows = lifted_rows(again)
-    return rows is not None and box.verify(rows, start)
-
-
 def _verify_linear(result: Identification, again: Formulation) -> Verification:
     proved = []
     for bound, objective in zip(result.bounds, objectives(again), strict=True):
@@ -115,18 +100,16 @@ def _verify_linear(result: Identification, again: Formulation) -> Verification:
     return _ends_follow(result, proved)
 
 
-def _verify_results(
-    result: Identification, again: Formulation, problem: sp.Problem
-) -> Verification:
+def _verify_results(result: Identification, again: Formulation, scaled: InUnits) -> Verification:
     endless = {n for n, item in result.intervals.items() if str(item.status) == "unbounded"}
     if not endless <= set(unbounded_names(again) if endless else ()):
         return Verification(False, f"it is not proved that {', '.join(endless)} are unbounded")
-    known: dict[int, Any] = {}
+    problem, known = scaled.problem, dict[int, Any]()
     count = 2 * len(again.parameters)
     ends = [(problem_low(problem, number), inf) for number in range(count)]
     asked, points = objectives(again), list[sp.ProvedPoint]()
     for number, found in enumerate(result.results):
-        about = problem.with_objective(asked[number])
+        about = problem.with_objective(scaled.asked(asked[number])[0])
         lower, upper = problem_low(problem, number), inf
         if found.certificate is not None:
             verdict = found.certificate.verify(about, known)
@@ -141,7 +124,9 @@ def _verify_results(
             points.append(point)
         ends[number] = lower, upper
     for number, (lower, upper) in enumerate(ends):
-        ends[number] = lower, min([upper, *(_reached(problem, p, number) for p in points)])
+        unit = float(scaled.units[number // 2])
+        upper = min([upper, *(_reached(problem, p, number) for p in points)])
+        ends[number] = lower * unit, upper * unit
     return _ends_follow(result, ends) if result.empty else _with_idle(result, again, ends, points)
 
 

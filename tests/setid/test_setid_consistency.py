@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from identification_cases import laboratory_two_first, laboratory_two_second
 
 import setid
+from setid.noise_factor import least_factor
 
 FIRST = setid.TransferFunction(1, 1)
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -106,3 +108,40 @@ def test_printed_factors_are_as_proved_and_as_attained_as_the_numbers() -> None:
     wide = replace(found, scale=(0.12345678, 0.12345678))
     assert "0.123456 (proved) to 0.123457 (attained)" in wide.summary()
     assert repr(wide) == "<Consistency: factor 0.123456 (proved) to 0.123457>"
+
+
+@pytest.mark.parametrize("bound", [1e-6, 1e-2, 1.0])
+def test_a_record_that_is_explained_exactly_has_a_finite_bracket(bound: float) -> None:
+    """Noise of 0.01 u makes y = (0.01 + 0.995 q^-1) / (1 - 0.5 q^-1) u, a plant of more terms."""
+    u = np.random.default_rng(0).uniform(-1, 1, 20)
+    plant = setid.TransferFunction(1, 1, 1)
+    data = setid.simulate_record(plant, (-0.5, 1.0), u, setid.Noise(output=0.01), 0).data
+    model, noise = setid.TransferFunction(1, 2), setid.Noise(output=bound)
+    found = setid.consistency(data, model, noise, options=QUICK)
+    assert found.theta is not None and bool(found.verify())
+    assert np.allclose(found.theta, [-0.5, 0.01, 0.995], atol=1e-9)
+    low, high = found.scale
+    assert 0.0 <= low <= high and high * bound <= 2.0**-40  # of readings of size one
+    assert (
+        setid.identify(data, model, setid.Noise(output=1e-6), options=QUICK).status == "certified"
+    )
+
+
+def test_noise_with_which_parameters_have_no_box_still_ends_in_a_closed_bracket() -> None:
+    """Beginning from far too much noise: the engine's factor is that of the estimate's."""
+    u = np.random.default_rng(5).uniform(-1, 1, 24)
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05, input=0.02)
+    data = setid.simulate_record(model, (-0.5, 1.0), u, noise, 5).data
+    usual = setid.consistency(data, model, noise, options=QUICK)
+    low, high = usual.scale
+    assert high - low <= 2e-3 * high and high <= 1.0
+
+    def stated(factor: float) -> setid.Formulation:
+        return setid.formulate(data, model, setid.Noise(output=0.05 * factor, input=0.02 * factor))
+
+    until = time.monotonic() + 60.0
+    _, limit, box, result = least_factor(stated, (0.0, 40.0), None, QUICK, until)
+    assert box is not None and result is not None and result.attained is not None
+    assert limit < 40.0 and low <= result.attained.value * limit * (1 + 1e-9)
+    assert result.lower_bound * limit <= high
+    assert result.attained.value - result.lower_bound <= 2e-3

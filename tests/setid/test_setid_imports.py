@@ -22,7 +22,7 @@ models.general models.block models.continuous models.narx
 layout noise signals compiler regression smoothing interval_arithmetic monomials
 priors priors.base priors.stability priors.hurwitz priors.coefficients priors.transfer
 priors.normalisation
-missing printing assembly linear completion formulation
+missing printing assembly linear completion formulation units
 estimators simulate equivalence responses supports enclosures members bands exchange indirect
 projections
 residuals block_bands validation

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import setid
+import sparsepop_py as sp
+from setid.units import in_units
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 FIRST, SECOND = setid.TransferFunction(1, 1), setid.TransferFunction(2, 2, 1)
@@ -78,3 +85,89 @@ def test_errors_in_variables_of_order_two_scale_with_their_units() -> None:
             unit = factor if mine is large else 1.0 / factor
             assert mine.outer[0] <= theirs[0] * unit and theirs[1] * unit <= mine.outer[1]
         assert large.status == other.status == "certified"
+
+
+@pytest.mark.parametrize(
+    ("y_unit", "u_unit"), [(1e-9, 1.0), (1e12, 1.0), (1.0, 1e6), (1e12, 1e-9), (1e-10, 1e-10)]
+)
+def test_units_of_a_record_change_nothing_but_the_units_of_the_intervals(
+    y_unit: float, u_unit: float
+) -> None:
+    """What is proved in one unit holds what is attained in the other."""
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05, input=0.03)
+    u = np.random.default_rng(3).uniform(-1.0, 1.0, 25)
+    plain = setid.simulate_record(model, (-0.5, 1.0), u, noise, 7).data
+    other = setid.IOData(plain.u * u_unit, plain.y * y_unit)
+    strange = setid.Noise(output=0.05 * y_unit, input=0.03 * u_unit)
+    mine = setid.identify(plain, model, noise, options=QUICK)
+    theirs = setid.identify(other, model, strange, options=QUICK)
+    assert mine.status == theirs.status == "certified"
+    assert bool(theirs.verify(other))
+    for name, factor in (("a1", 1.0), ("b1", y_unit / u_unit)):
+        one, two = mine.intervals[name], theirs.intervals[name]
+        spare = 1e-9 * one.width  # units that are no powers of two round the readings
+        assert one.inner is not None and two.inner is not None
+        assert one.outer[0] - spare <= two.inner[0] / factor
+        assert two.inner[1] / factor <= one.outer[1] + spare
+        assert two.outer[0] / factor <= one.inner[0] + spare
+        assert one.inner[1] - spare <= two.outer[1] / factor
+        for end, witness in enumerate(two.witnesses):
+            assert witness is not None and witness[{"a1": 0, "b1": 1}[name]] == pytest.approx(
+                two.inner[end], rel=1e-9
+            )
+            assert theirs.formulation.witness(witness[:2]).level <= 1.0 + 1e-6
+
+
+def test_estimates_scale_with_their_units() -> None:
+    u = np.random.default_rng(3).uniform(-1.0, 1.0, 60)
+    noise = setid.Noise(output=0.05)
+    plain = setid.simulate_record(SECOND, (-1.2, 0.4, 1.0, 0.5), u, noise, 7).data
+    for y_unit, u_unit in ((1e-12, 1e-12), (1e12, 1e-9), (1e-30, 1e20)):
+        other = setid.IOData(plain.u * u_unit, plain.y * y_unit)
+        scale = np.array([1.0, 1.0, u_unit / y_unit, u_unit / y_unit])
+        for estimate in (setid.linf, setid.l1, setid.least_squares):
+            found, known = estimate(other, SECOND).theta * scale, estimate(plain, SECOND).theta
+            assert np.allclose(found, known, rtol=1e-6)
+        known = setid.formulate(other, SECOND, setid.Noise(output=0.05 * y_unit))
+        level = known.witness(estimate(other, SECOND).theta).level
+        first = setid.formulate(plain, SECOND, noise).witness(estimate(plain, SECOND).theta).level
+        assert abs(level - first) <= 1e-6 * first
+        assert 0.1 < level  # not zero: the tolerance of a solver is no noise
+
+
+@given(st.integers(-120, 120), st.integers(-120, 120), st.integers(0, 5))
+@settings(max_examples=25, deadline=None)
+def test_a_problem_in_units_has_the_same_feasible_points(y: int, u: int, seed: int) -> None:
+    """In rationals: rows at units * z are powers of two times the rows in z."""
+    rng = np.random.default_rng(seed)
+    data = setid.IOData(np.ldexp(rng.uniform(-1, 1, 6), u), np.ldexp(rng.uniform(-1, 1, 6), y))
+    noise = setid.Noise(output=np.ldexp(0.1, y), input=np.ldexp(0.2, u))
+    known = setid.formulate(data, setid.TransferFunction(1, 1), noise, [setid.Stable()])
+    scaled = in_units(known.problem, known)
+    assert np.all(np.frexp(scaled.units)[0] == 0.5)
+    assert np.array_equal(scaled.problem.lower * scaled.units, known.problem.lower)
+    assert np.array_equal(scaled.problem.upper * scaled.units, known.problem.upper)
+    z = [Fraction(int(v)) / 16 for v in rng.integers(-16, 17, scaled.units.size)]
+    x = [a * Fraction(float(b)) for a, b in zip(z, scaled.units, strict=True)]
+    for mine, theirs in zip(known.problem.constraints, scaled.problem.constraints, strict=True):
+        assert mine.kind is theirs.kind
+        ratio = Fraction(float(mine.polynomial.coefficients[0])) / Fraction(
+            float(theirs.polynomial.coefficients[0])
+        )
+        for letter in mine.polynomial.words[0].tolist():
+            ratio *= Fraction(float(scaled.units[letter - 1])) if letter else 1
+        one, two = exactly(mine.polynomial, x), exactly(theirs.polynomial, z)
+        assert ratio > 0 and one == two * ratio
+        assert (ratio.numerator & (ratio.numerator - 1)) == 0  # a power of two
+        assert (ratio.denominator & (ratio.denominator - 1)) == 0
+
+
+def exactly(polynomial: sp.Polynomial, x: list[Fraction]) -> Fraction:
+    """The value of a polynomial in rationals."""
+    total = Fraction(0)
+    for word, c in zip(polynomial.words.tolist(), polynomial.coefficients.tolist(), strict=True):
+        term = Fraction(c)
+        for letter in word:
+            term *= x[letter - 1] if letter else 1
+        total += term
+    return total

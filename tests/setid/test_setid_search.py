@@ -8,9 +8,8 @@ import pytest
 import setid
 import sparsepop_py as sp
 from benchmarks import peers
-from setid.boxed import boxed, objectives
+from setid.boxed import boxed, objectives, proved_box
 from setid.formulation import Formulation
-from setid.identify import start_box
 from setid.search import attained_ends
 from setid.starts import first_point
 
@@ -26,7 +25,7 @@ def stated(
     noise = setid.Noise(output=share * np.abs(setid.simulate(model, theta, u)).max())
     truth = setid.simulate_record(model, theta, u, noise, seed=seed + 1)
     formulation = setid.formulate(truth.data, model, noise)
-    return formulation, boxed(formulation, start_box(formulation))
+    return formulation, boxed(formulation, proved_box(formulation))
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -88,7 +87,7 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     noise = setid.Noise(output=size, input=0.003)
     truth = setid.simulate_record(model, theta, u, noise, seed=1)
     formulation = setid.formulate(truth.data, model, noise)
-    problem = boxed(formulation, start_box(formulation))
+    problem = boxed(formulation, proved_box(formulation))
     start = first_point(formulation, problem)
     assert start is not None
     found = attained_ends(formulation, problem, start)
