@@ -7,6 +7,9 @@ lower one. Coefficients that change with c take values of any size.
 
 from __future__ import annotations
 
+import time
+from math import inf
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,15 +27,18 @@ from .units import in_units
 
 __all__ = ["unbounded_names"]
 
+_SECONDS = 5.0  # for the engine to find a consistent vector of lower order
 
-def unbounded_names(formulation: Formulation, seconds: float = 5.0) -> tuple[str, ...]:
+
+def unbounded_names(formulation: Formulation, until: float = inf) -> tuple[str, ...]:
     """Parameters that are proved to take consistent values of any size.
 
     Parameters
     ----------
     formulation : Formulation
-    seconds : float
-        For the engine to find a consistent vector of lower order.
+    until : float
+        Reading of ``time.monotonic`` at which the search for a consistent vector of lower order
+        ends; it takes no longer than five seconds.
 
     Returns
     -------
@@ -50,7 +56,7 @@ def unbounded_names(formulation: Formulation, seconds: float = 5.0) -> tuple[str
     ('a1', 'b1')
     """
     lower = _one_order_less(formulation)
-    theta = None if lower is None else _member(lower, seconds)
+    theta = None if lower is None else _member(lower, min(until, time.monotonic() + _SECONDS))
     if lower is None or theta is None:
         return ()
     assert isinstance(lower.model, TransferFunction)
@@ -75,7 +81,7 @@ def _one_order_less(formulation: Formulation) -> Formulation | None:
     return formulate(data, less, formulation.noise)
 
 
-def _member(formulation: Formulation, seconds: float) -> NDArray[np.float64] | None:
+def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | None:
     """A parameter vector that is proved consistent: an estimate, or what the engine finds."""
     p = len(formulation.parameters)
     for estimate in (linf, least_squares):
@@ -86,14 +92,15 @@ def _member(formulation: Formulation, seconds: float) -> NDArray[np.float64] | N
         if consistent(formulation, theta) is not None:
             return theta
     assert formulation.regression is not None
-    box = parameter_box(formulation.regression)
-    if box.empty:
+    box = parameter_box(formulation.regression, None, until)
+    left = until - time.monotonic()
+    if box.empty or left <= 0:
         return None
     problem = boxed(formulation, box)
     if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
         return None
     problem = problem.with_objective(0.0 * problem.objective)
-    options = sp.Options(effort="auto", time_limit=seconds)
+    options = sp.Options(effort="auto", time_limit=left)
     scaled, start = in_units(problem, formulation), first_point(formulation, problem)
     begin = None if start is None else start / scaled.units
     found = sp.solve(scaled.problem, options, start=begin).attained

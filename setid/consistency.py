@@ -170,7 +170,8 @@ def consistency(
     Notes
     -----
     For equation errors this is a linear program and settled exactly. Otherwise emptiness of
-    boxes gives a first bound, and the factor is an unknown that the engine minimises.
+    boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
+    small as the rounding of the readings is not resolved further.
     A discretisation error bound of a continuous-time model counts as output noise.
     """
     settings = options or Options(time_limit=60.0)

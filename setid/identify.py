@@ -268,7 +268,7 @@ def _engine(
     blocks = isinstance(formulation.model, BlockStructured)
     if loose.size and (box is not None or blocks):
         if not free:
-            endless = _timed(timings, "common factor", lambda: unbounded_names(formulation))
+            endless = _timed(timings, "common factor", lambda: unbounded_names(formulation, until))
         open_ = (unbounded_text(formulation, loose), *factor_text(endless))
         parts["notes"] = (*notes, *(free_text(free) or open_))
     else:

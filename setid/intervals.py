@@ -160,7 +160,8 @@ class Identification:
     bounds : tuple of sparsepop_py.LinearBound
         For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
     results : tuple of sparsepop_py.Result
-        Otherwise: what the engine proved and attained of theta_1, -theta_1, theta_2, ...
+        Otherwise: what the engine proved and attained of theta_1, -theta_1, theta_2, ..., in
+        the units of :func:`setid.units.in_units`, powers of two.
     active : mapping of str to bool
         For each prior (as it describes itself), whether it holds with equality at some
         attained end of an interval.

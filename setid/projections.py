@@ -92,7 +92,7 @@ def project(
         Support directions, at least 4; for equation errors as many as there are edges.
     options : sparsepop_py.Options, optional
         For :func:`sparsepop_py.solve_each`, which is asked for all directions at once
-        where the set is no polytope; ``Options(order=1)`` when left out.
+        where the set is no polytope; order 1 and the time limit of ``result`` when left out.
 
     Returns
     -------
@@ -159,9 +159,10 @@ def _solved(
     formulation = result.formulation
     x, y = (formulation.layout.polynomial(number) for number in pair)
     scaled = in_units(result.problem, formulation)
+    settings = options or sp.Options(order=1, time_limit=result.options.time_limit)
     asked = [scaled.asked(x * (-a) + y * (-b)) for a, b in normals.tolist()]
     objectives, factors = zip(*asked, strict=True)
-    found = sp.solve_each(scaled.problem, objectives, options or sp.Options(order=1))
+    found = sp.solve_each(scaled.problem, objectives, settings)
     attained = [(r.attained.x * scaled.units)[pair] for r in found if r.attained is not None]
     heights = -np.array([r.lower_bound for r in found]) * factors
     return heights, np.reshape(attained, (-1, 2))

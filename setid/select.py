@@ -8,8 +8,11 @@ settled: a gap as wide as the attained interval tells nothing.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -31,6 +34,7 @@ from .priors.base import Prior
 __all__ = ["Selection", "SelectionStep", "select"]
 
 Family = Callable[[int, int], Structure]
+_LEAST = 1e-3  # seconds for a structure when the time is over
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -118,7 +122,7 @@ def select(
         In the order to try; degrees are raised first.
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
-        For each identification.
+        For each identification; ``time_limit`` is for all of them together.
 
     Returns
     -------
@@ -145,14 +149,17 @@ def select(
     tops = _naturals(degrees, "degrees", 1)
     if not sizes or not tops:
         raise SetidError("orders, degrees: found none, expected at least one of each")
-    known = list(priors)
-    steps: list[SelectionStep] = []
-    for order in sizes:
-        for degree in tops:
-            step = _try(make, order, degree, (data, noise, known, options))
-            steps.append(step)
-            if step.decision == "kept":
-                return Selection(tuple(steps), step, _coefficients(step.result))
+    known, settings = list(priors), options or Options()
+    until, steps = settings.deadline(), list[SelectionStep]()
+    tried = list(product(sizes, tops))
+    for place, (order, degree) in enumerate(tried):
+        if until < inf:  # a structure that is soon refuted leaves its share to the others
+            share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
+            settings = replace(settings, time_limit=share)
+        step = _try(make, order, degree, (data, noise, known, settings))
+        steps.append(step)
+        if step.decision == "kept":
+            return Selection(tuple(steps), step, _coefficients(step.result))
     return Selection(tuple(steps), None, {})
 
 
