@@ -15,6 +15,8 @@ __all__ = ["left_inverse", "minimise"]
 _TRIES = (("highs", True), ("highs-ipm", True), ("highs", False))
 _NUMERICAL = 4
 _BALANCING = 10  # passes
+# the least that HiGHS takes: boxes may be far wider than what is asked of them
+_TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
 def minimise(
@@ -62,7 +64,7 @@ def minimise(
             b_eq=right[split:] if right.size > split else None,
             bounds=np.stack([low / units, high / units], axis=1),
             method=method,
-            options={"presolve": presolve},
+            options={"presolve": presolve, **_TOLERANCES},
         )
         if result.status != _NUMERICAL:
             break
