@@ -33,7 +33,7 @@ def test_a_disturbed_dual_is_repaired_inside_the_cone(solved):
     rng = np.random.default_rng(0)
     noise = numbers.C @ rng.normal(size=numbers.q.size)
     disturbed = replace(point, z=point.z + 1e-9 * noise, w=point.w + 1e-6)
-    repaired = Repair(numbers)(disturbed)
+    repaired = Repair(numbers, numbers.factor())(disturbed)
     assert residual(numbers, repaired) < 1e-3 * residual(numbers, disturbed)
     assert safe_value(numbers, repaired) > safe_value(numbers, disturbed)
     numbers.cone.inverse_factor(repaired.z)  # raises outside
@@ -44,7 +44,7 @@ def test_the_result_is_better_and_inside_or_the_same_point(solved, size):
     numbers, point = solved
     rng = np.random.default_rng(1)
     moved = replace(point, w=point.w + size * rng.normal(size=point.w.size))
-    repaired = Repair(numbers)(moved)
+    repaired = Repair(numbers, numbers.factor())(moved)
     if repaired is not moved:
         assert safe_value(numbers, repaired) > safe_value(numbers, moved)
         numbers.cone.inverse_factor(repaired.z)
@@ -53,10 +53,10 @@ def test_the_result_is_better_and_inside_or_the_same_point(solved, size):
 def test_what_would_leave_the_cone_stays_as_it_was(solved):
     numbers, point = solved
     outside = replace(point, z=point.z - 1e3 * (numbers.C @ np.ones(numbers.q.size)) ** 2)
-    assert Repair(numbers)(outside) is outside
+    assert Repair(numbers, numbers.factor())(outside) is outside
 
 
 def test_the_clock_is_kept(solved):
     numbers, point = solved
     with pytest.raises(OutOfTime):
-        Repair(numbers, deadline=0.0)(point)
+        Repair(numbers, numbers.factor(), deadline=0.0)(point)

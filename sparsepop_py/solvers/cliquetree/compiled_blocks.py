@@ -11,13 +11,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from .machine import LANES, WORD, filled, inline, jit, load, routine, spread, store
+from .compiled_lanczos import ritz
+from .machine import (
+    LANES,
+    WORD,
+    filled,
+    index,
+    inline,
+    jit,
+    load,
+    number,
+    put,
+    routine,
+    spread,
+    store,
+)
 
 __all__ = ["inverse_factors", "inverses", "largest_step", "pair_sums", "sandwich"]
 
 _dpotrf = routine("lapack", "dpotrf", 5)
 _dtrtri = routine("lapack", "dtrtri", 6)
-_dsyev = routine("lapack", "dsyev", 9)
 
 _SMALL = 16  # size up to which calls of LAPACK cost more than they gain
 _CLOSE = 0.999  # part of the longest step that is taken for it
@@ -224,22 +237,31 @@ def _moved(T, s, width, limit, result):
     return square
 
 
+@inline
+def _definite(x, s):
+    """Whether a matrix, by its lower triangle, has a Cholesky factor, which takes its place."""
+    if s <= _SMALL:
+        return _factorized(x, 0, s, s)
+    n, info = np.array([s], np.int32), np.zeros(1, np.int32)
+    n_at, upper = n.ctypes.data, _LETTERS.ctypes.data
+    _dpotrf(upper, n_at, x.ctypes.data, n_at, info.ctypes.data)
+    return n[0] == s and info[0] == 0  # which also keeps n alive
+
+
 @jit
 def largest_step(inverse, direction, start, size, low, high, limit):
     """The largest a <= limit that keeps all L L' + a D semidefinite, by inverse factors.
 
-    With T = L^-1 D L^-T this is -1 / (its least eigenvalue), which is computed where I + a T has
-    no Cholesky factor. What is returned is a little less, lest a chain of almost equal blocks
-    make every second one fail.
+    T = L^-1 D L^-T has eigenvalues above minus its Frobenius norm, and I + a T has a Cholesky
+    factor up to the step that is sought. An estimate of the least eigenvalue is usually confirmed
+    at once, otherwise bisection goes on. What is returned is a little less than the longest step,
+    lest a chain of almost equal blocks make every second one fail.
     """
     room = _room(size[low:high])
     largest = size[low:high].max() if high > low else 1
-    work = np.zeros(4 * room)
+    work, moved = np.zeros(4 * room), np.empty(largest**2)
     T = work[3 * room :]
-    moved, values, more = np.empty(largest**2), np.empty(largest), np.empty(8 * largest)
-    n, info = np.empty(2, np.int32), np.zeros(1, np.int32)
-    upper, general = _LETTERS.ctypes.data, _LETTERS.ctypes.data + 1
-    n_at, failed = n.ctypes.data, info.ctypes.data
+    vectors, diagonal, beside = np.zeros((3, largest + LANES)), np.empty(largest), np.empty(largest)
     for k in range(low, high):
         s, b = size[k], start[k]
         if s == 1:
@@ -249,51 +271,63 @@ def largest_step(inverse, direction, start, size, low, high, limit):
             continue
         width = _width(s)
         _scaled(inverse, direction, b, s, width, room, work)
-        if _moved(T, s, width, limit, moved) < 1.0:
+        square = _moved(T, s, width, limit, moved)
+        if square < 1.0 or _definite(moved, s):
             continue
-        n[0], n[1] = s, more.size
-        at, found, lwork = moved.ctypes.data, values.ctypes.data, n_at + 4
-        if s <= _SMALL:
-            if _factorized(moved, 0, s, s):
-                continue
-        else:
-            _dpotrf(upper, n_at, at, n_at, failed)
-            if info[0] == 0:
-                continue
-        _moved(T, s, width, 1.0, moved)
-        _dsyev(general, upper, n_at, at, n_at, found, more.ctypes.data, lwork, failed)
-        least = values[0] - 1.0
-        if least * limit < -1.0:
-            limit = -_CLOSE / least
+        good, bad = limit / np.sqrt(square), limit
+        guess = ritz(T, s, width, vectors, diagonal, beside) * bad
+        middle = bad * _CLOSE / -guess if guess < -1.0 else np.sqrt(good * bad)
+        while good < _CLOSE * bad:
+            _moved(T, s, width, middle, moved)
+            if _definite(moved, s):
+                good = middle
+                if guess < -1.0:
+                    break
+            else:
+                bad, guess = middle, 0.0
+            middle = np.sqrt(good * bad)
+        limit = good
     return limit
 
 
 @inline
 def _symmetric(out, at, row, column, weights, step, begin, end):
-    """Two rows of eight entries of P A Z + Z A P, A by the nonzeros of its lower triangle.
+    """Four rows of eight entries of P A Z + Z A P, A by the nonzeros of its lower triangle.
 
     ``at`` has the first row of P and of Z from the first of the rows on, and from the first of the
     entries on.
     """
-    one, two = filled(0.0), filled(0.0)
+    one, two, three, four = filled(0.0), filled(0.0), filled(0.0), filled(0.0)
     p_left, z_left, p_right, z_right = at
     for nonzero in range(begin, end):
         i, j = np.int64(row[nonzero]) * step, np.int64(column[nonzero]) * step
         weight = spread(weights + nonzero * WORD)
-        vector = weight * load(z_right + j)
-        one = one + spread(p_left + i) * vector
-        two = two + spread(p_left + i + WORD) * vector
-        vector = weight * load(p_right + j)
-        one = one + spread(z_left + i) * vector
-        two = two + spread(z_left + i + WORD) * vector
-        vector = weight * load(z_right + i)
-        one = one + spread(p_left + j) * vector
-        two = two + spread(p_left + j + WORD) * vector
-        vector = weight * load(p_right + i)
-        one = one + spread(z_left + j) * vector
-        two = two + spread(z_left + j + WORD) * vector
+        p_i, p_j = weight * load(p_right + i), weight * load(p_right + j)
+        z_i, z_j = weight * load(z_right + i), weight * load(z_right + j)
+        left = p_left + i
+        one = one + spread(left) * z_j
+        two = two + spread(left + WORD) * z_j
+        three = three + spread(left + 2 * WORD) * z_j
+        four = four + spread(left + 3 * WORD) * z_j
+        left = z_left + i
+        one = one + spread(left) * p_j
+        two = two + spread(left + WORD) * p_j
+        three = three + spread(left + 2 * WORD) * p_j
+        four = four + spread(left + 3 * WORD) * p_j
+        left = p_left + j
+        one = one + spread(left) * z_i
+        two = two + spread(left + WORD) * z_i
+        three = three + spread(left + 2 * WORD) * z_i
+        four = four + spread(left + 3 * WORD) * z_i
+        left = z_left + j
+        one = one + spread(left) * p_i
+        two = two + spread(left + WORD) * p_i
+        three = three + spread(left + 2 * WORD) * p_i
+        four = four + spread(left + 3 * WORD) * p_i
     store(out, one)
     store(out + step, two)
+    store(out + 2 * step, three)
+    store(out + 3 * step, four)
 
 
 @jit
@@ -306,15 +340,12 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
     """
     room = _room(size[low:high])
     work = np.zeros(3 * room)
-    V = work[2 * room :]
-    p_at = work.ctypes.data
+    p_at, weights, out = work.ctypes.data, weight.ctypes.data, result.ctypes.data
     z_at, v_at = p_at + room * WORD, p_at + 2 * room * WORD
-    weights = weight.ctypes.data
     most = np.int64(0)
     for k in range(low, high):
         most = max(most, first[member[k + 1]] - first[member[k]])
-    flat = np.empty(most, np.uint32)
-    target = 0
+    place = np.empty(most, np.int64)  # of the entries of V that belong to the nonzeros
     for k in range(low, high):
         s = size[k]
         width = _width(s)
@@ -323,17 +354,21 @@ def pair_sums(inverse, dual, start, size, member, first, row, column, weight, lo
         _pad(dual, start[k], s, width, work, room)
         origin = first[member[k]]
         for nonzero in range(origin, first[member[k + 1]]):
-            flat[nonzero - origin] = row[nonzero] * width + column[nonzero]
+            place[nonzero - origin] = v_at + row[nonzero] * step + column[nonzero] * WORD
         for q in range(member[k], member[k + 1]):
             begin, end = first[q], first[q + 1]
-            for i in range(0, s, 2):
-                for t in range(0, (i + 2) * WORD, LANES * WORD):
+            for i in range(0, s, 4):
+                for t in range(0, min(i + 4, s) * WORD, LANES * WORD):
                     at = p_at + i * WORD, z_at + i * WORD, p_at + t, z_at + t
                     _symmetric(v_at + i * step + t, at, row, column, weights, step, begin, end)
+            entry, factor = place.ctypes.data, weights + origin * WORD
             for p in range(member[k], q + 1):
-                nonzero = first[p]
-                total = weight[nonzero] * V[flat[nonzero - origin]]
-                for nonzero in range(first[p] + 1, first[p + 1]):
-                    total += weight[nonzero] * V[flat[nonzero - origin]]
-                result[target] = total
-                target += 1
+                total = number(factor) * number(index(entry))
+                for _ in range(first[p] + 1, first[p + 1]):
+                    entry += WORD
+                    factor += WORD
+                    total += number(factor) * number(index(entry))
+                entry += WORD
+                factor += WORD
+                put(out, total)
+                out += WORD

@@ -41,6 +41,8 @@ _EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
 _CORRECTORS = 4  # where a factorization costs so many times what a direction costs:
 _DEAR = 20.0
+# Step of the predictor below which its second-order term is weakened, and by how much at most:
+_TRUSTED, _LEAST_TRUST = 0.3, 0.1  # where no moments satisfy the rows, steps depend on it
 _LONG = 0.9  # part of the whole step that no further corrector is to lengthen
 
 
@@ -83,32 +85,34 @@ class _Newton:
             fixed = fixed - correction
         right = self.residuals.dual - n.Ct @ fixed
         accuracy = np.inf if correction is None else self._needed(right)
-        dy, dw, image = self._solve(right, self.residuals.equal, accuracy)
-        return Iterate(dy, self.residuals.cone - n.C @ dy, fixed + image, dw)
+        dy, dw, change, image = self._solve(right, self.residuals.equal, accuracy)
+        return Iterate(dy, self.residuals.cone - change, fixed + image, dw)
 
     def _needed(self, right: Reals) -> float:
         """The accuracy that leaves a dual residual well below the gap that is left."""
         allowed = _SPARED * self.mu * self.numbers.cone.degree / max(right.size, 1)
         return float(min(_ROUGH, max(_EXACT, allowed / np.abs(right).max(initial=1e-300))))
 
-    def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, Reals, Reals]:
-        """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy, and D(C dy)."""
+    def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, ...]:
+        """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy; C dy, D(C dy)."""
         n, delta = self.numbers, self.settings.penalty
         first, second = h, equal
         size, before = np.abs(h).max(initial=1e-300), np.inf
-        best = np.zeros_like(h), np.zeros_like(equal), np.zeros_like(self.z)
+        best: tuple[Reals, ...]
+        best = np.zeros_like(h), np.zeros_like(equal), np.zeros_like(self.z), np.zeros_like(self.z)
         for _ in range(self.settings.refinements + 1):
             step = self.factor.solve(first + n.rows_turned(second / delta))
             dy, dw = best[0] + step, best[1] + (n.rows(step) - second) / delta
-            image = n.cone.sandwich(self.inverse, n.C @ dy, self.z)
+            change = n.C @ dy
+            image = n.cone.sandwich(self.inverse, change, self.z)
             if np.isinf(accuracy):
-                return dy, dw, image
+                return dy, dw, change, image
             first = h - n.Ct @ image - n.rows_turned(dw)
             second = equal - n.rows(dy)
             error = np.abs(first).max(initial=0.0) / size + np.abs(second).max(initial=0.0)
             if not error < 0.5 * before:
                 break
-            best, before = (dy, dw, image), error
+            best, before = (dy, dw, change, image), error
             if error < accuracy:
                 break
         return best
@@ -142,7 +146,7 @@ def minimise(
     best, early = point, None
     step = (1.0, 0.0, 0.0)
     factor = numbers.factor()
-    repair = Repair(numbers, deadline)
+    repair = Repair(numbers, factor, deadline)
     while True:
         residuals = _residuals(numbers, point)
         log.append(_measure(numbers, point, residuals, step))
@@ -285,15 +289,16 @@ def _advance(
     shorter = min(first, second)
     centring = min(1.0, max(1e-4, (1.0 - shorter) ** 2 * ratio))
     part = settings.boundary + settings.stretch * shorter
+    weight = min(1.0, max(_LEAST_TRUST, (shorter / _TRUSTED) ** 2))
     corrector, first, second = predictor, 0.0, 0.0
     for _ in range(_correctors(newton.numbers)):
         correction = cone.sandwich(newton.inverse, corrector.s, corrector.z)
-        other = newton.direction(centring, correction)
+        other = newton.direction(centring, weight * correction)
         clock.charge("solves")
         longer = lengths(other, part, False)
         if min(longer) < min(first, second):
             break
-        corrector, (first, second) = other, longer
+        corrector, (first, second), weight = other, longer, 1.0
         if min(longer) > _LONG:
             break
     after = Iterate(

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from ...conic import Cones
 
-__all__ = ["BlockStack", "Layout", "lay_out"]
+__all__ = ["LANES", "BlockStack", "Layout", "lay_out"]
 
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
+LANES = 8  # blocks that compiled kernels take side by side, doubles of a vector
 _LANED = 12  # rows up to which blocks are taken several at a time
 
 
@@ -101,15 +102,15 @@ class Layout:
     indptr: Indices
 
 
-def lay_out(cones: Cones, row: Indices, column: Indices, lanes: int = 1) -> Layout:
+def lay_out(cones: Cones, row: Indices, column: Indices, compiled: bool = False) -> Layout:
     """The layout of a program whose nonzeros stand in these rows and columns.
 
     Parameters
     ----------
     cones : Cones
     row, column : (nnz,) int
-    lanes : int
-        How many small blocks of one pattern to take at a time.
+    compiled : bool
+        Whether to put small blocks of one pattern side by side.
     """
     sizes = np.array(cones.psd, np.int64)
     head = cones.zero + cones.nonnegative
@@ -119,14 +120,14 @@ def lay_out(cones: Cones, row: Indices, column: Indices, lanes: int = 1) -> Layo
     block[head:] = head + np.repeat(np.arange(sizes.size), np.diff(begin))
     order = np.lexsort((column, row))
     row, column = row[order], column[order]  # by rows
-    alike = _alike(sizes, begin, block, row, column, lanes) if lanes > 1 else []
+    alike = _alike(sizes, begin, block, row, column) if compiled else []
     alone = np.ones(sizes.size, bool)
     for which in alike:
         alone[which] = False
     single = [np.flatnonzero(alone & (sizes == size)) for size in np.unique(sizes[alone])]
     stacks: list[BlockStack] = []
     start = 0
-    for which, side in [*((w, 1) for w in single), *((w, lanes) for w in alike)]:
+    for which, side in [*((w, 1) for w in single), *((w, LANES) for w in alike)]:
         size = int(sizes[which[0]])
         j, i = np.tril_indices(size)
         rows = begin[which][:, None] + np.arange(i.size)
@@ -157,7 +158,7 @@ def lay_out(cones: Cones, row: Indices, column: Indices, lanes: int = 1) -> Layo
 
 
 def _alike(
-    sizes: Indices, begin: Indices, block: Indices, row: Indices, column: Indices, lanes: int
+    sizes: Indices, begin: Indices, block: Indices, row: Indices, column: Indices
 ) -> list[Indices]:
     """Small blocks whose nonzeros differ by their moments only, as many as fill groups.
 
@@ -173,5 +174,5 @@ def _alike(
         low, high = at[number], at[number + 1]
         pattern = shape[:, low:high] - np.array([[begin[number]], [low]])
         found.setdefault((int(sizes[number]), pattern.tobytes()), []).append(number)
-    full = [np.array(which[: len(which) // lanes * lanes], np.int64) for which in found.values()]
+    full = [np.array(which[: len(which) // LANES * LANES], np.int64) for which in found.values()]
     return [which for which in full if which.size]

@@ -134,6 +134,38 @@ def spread(typing, address):
 
 
 @_intrinsic
+def number(typing, address):
+    """The number at an address."""
+
+    def build(context, builder, signature, arguments):
+        return builder.load(builder.inttoptr(arguments[0], _REAL.as_pointer()), align=WORD)
+
+    return types.float64(_ADDRESS), build
+
+
+@_intrinsic
+def index(typing, address):
+    """The integer at an address."""
+
+    def build(context, builder, signature, arguments):
+        pointer = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
+        return builder.load(pointer, align=WORD)
+
+    return types.int64(_ADDRESS), build
+
+
+@_intrinsic
+def put(typing, address, number):
+    """Put a number to an address."""
+
+    def build(context, builder, signature, arguments):
+        builder.store(arguments[1], builder.inttoptr(arguments[0], _REAL.as_pointer()), align=WORD)
+        return context.get_dummy_value()
+
+    return types.void(_ADDRESS, types.float64), build
+
+
+@_intrinsic
 def filled(typing, number):
     """A vector of a number."""
 

@@ -29,19 +29,23 @@ _SOFT = 1e-9  # multiple of the unit matrix that is added to Z in the weights
 
 
 class Repair:
-    """What repairs the points of one solve; it keeps the memory of its factorization.
+    """What repairs the points of one solve.
 
     Parameters
     ----------
     numbers : Numbers
+    factor : Factor or FrontFactor
+        Memory for a factorization; what is in it is lost.
     deadline : float, optional
         CPU time after which to give up.
     """
 
-    def __init__(self, numbers: Numbers, deadline: float | None = None) -> None:
+    def __init__(
+        self, numbers: Numbers, factor: Factor | FrontFactor, deadline: float | None = None
+    ) -> None:
         self._numbers = numbers
+        self._factor = factor
         self._deadline = deadline
-        self._factor: Factor | FrontFactor | None = None
 
     def __call__(self, at: Iterate) -> Iterate:
         """The point with repaired multipliers, or as it was where that gains nothing.
@@ -54,9 +58,9 @@ class Repair:
         n, z, w = self._numbers, at.z, at.w
         soft = z + _SOFT * n.cone.identity()
         try:
-            factor = self._factorized(soft)
+            self._factorize(soft)
             for _ in range(_PASSES):
-                x = factor.solve(-n.q - n.Ct @ z - n.rows_turned(w))
+                x = self._factor.solve(-n.q - n.Ct @ z - n.rows_turned(w))
                 z, w = z + n.cone.sandwich(soft, n.C @ x, soft), w + _WEIGHT * n.rows(x)
             n.cone.inverse_factor(z)
         except np.linalg.LinAlgError:
@@ -64,14 +68,11 @@ class Repair:
         new = replace(at, z=z, w=w)
         return new if safe_value(n, new) > safe_value(n, at) else at
 
-    def _factorized(self, soft: Reals) -> Factor | FrontFactor:
+    def _factorize(self, soft: Reals) -> None:
         n = self._numbers
-        if self._factor is None:
-            self._factor = n.factor()
         np.copyto(self._factor.entries, n.fixed_entries(_WEIGHT))
         n.add_newton(self._factor.entries, soft, soft, self._deadline)
         self._factor.refactor(1e-13, self._deadline)
-        return self._factor
 
 
 def safe_value(numbers: Numbers, at: Iterate) -> float:

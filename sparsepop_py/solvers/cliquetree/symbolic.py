@@ -28,7 +28,6 @@ from .tree import Tree, plant
 __all__ = ["Symbolic", "analyse", "numpy_seconds", "pattern_key"]
 
 Indices = NDArray[np.int64]
-_LANES = 8  # blocks that compiled kernels take side by side
 _SHALLOW, _LEAN = 2.0, 1.5  # slack of elimination orders for stacks and for single fronts
 _ITERATIONS = 20  # of a usual solve
 
@@ -93,7 +92,7 @@ def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
     moments = program.q.size
     row = program.A.indices.astype(np.int64)
     column = np.repeat(np.arange(moments), np.diff(program.A.indptr))
-    layout = lay_out(program.cones, row, column, _LANES if compiled else 1)
+    layout = lay_out(program.cones, row, column, compiled)
     keys, local = np.unique(layout.block[row] * max(moments, 1) + column, return_inverse=True)
     owner, member = np.divmod(keys, max(moments, 1))
     first = np.searchsorted(owner, np.arange(int(layout.block.max(initial=-1)) + 2))
@@ -101,7 +100,7 @@ def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
     spot = tree.locate(owner, member, first)
     assemblies: tuple[Assembly | BlockPairs, ...]
     if isinstance(tree, Fronts):
-        order = np.lexsort((_rank(layout, row, column, local, owner, spot), owner))
+        order = np.lexsort((_rank(row, column, local), owner))
         turned = np.empty(order.size, np.int64)
         turned[order] = np.arange(order.size)
         spot, local = spot[order], turned[local] - first[layout.block[row]]
@@ -113,20 +112,17 @@ def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
     return Symbolic(pattern_key(program), moments, layout, assemblies, *lines, tree)
 
 
-def _rank(
-    layout: Layout, row: Indices, column: Indices, key: Indices, owner: Indices, spot: Indices
-) -> Indices:
-    """How to sort the moments of each block or row: by elimination, or by their first nonzeros.
+def _rank(row: Indices, column: Indices, key: Indices) -> Indices:
+    """How to sort the moments of each block: by the number of nonzeros, then by the first one.
 
-    The second is for blocks that are taken side by side, whose moments correspond.
+    So moments of blocks side by side correspond, and loops over nonzeros are of equal length.
     """
     by_rows = np.lexsort((column, row))
-    rank = np.empty(owner.size, np.int64)
-    rank[key[by_rows[::-1]]] = np.arange(by_rows.size)[::-1]  # the first one is written last
-    beside = np.zeros(int(layout.block.max(initial=-1)) + 1, bool)
-    for stack in layout.stacks:
-        beside[layout.head + stack.blocks] = stack.lanes > 1
-    return np.where(beside[owner], rank, spot)
+    first = np.empty(int(key.max(initial=-1)) + 1, np.int64)
+    first[key[by_rows[::-1]]] = np.arange(by_rows.size)[::-1]  # the first one is written last
+    rank = np.empty_like(first)
+    rank[np.lexsort((first, np.bincount(key)))] = np.arange(first.size)
+    return rank
 
 
 def _tree(member: Indices, first: Indices, moments: int, compiled: bool) -> Tree | Fronts:
