@@ -92,8 +92,7 @@ def test_both_factorizations_solve_the_same_system(compiled, make, lanes):
         assert {s.lanes for s in numbers.cone.stacks} == (lanes if flag else {1})
         P, Z = (scattered(numbers.cone, seed) for seed in (1, 2))
         factor = kind(numbers.symbolic.tree)
-        np.copyto(factor.entries, numbers.fixed_entries(10.0))
-        numbers.add_newton(factor.entries, P, Z)
+        numbers.fill(factor.entries, numbers.fixed_entries(10.0), P, Z)
         factor.refactor(0.0)
         solutions.append(factor.solve(right))
         residual = numbers.Ct @ numbers.cone.sandwich(P, numbers.C @ solutions[-1], Z)
@@ -132,7 +131,7 @@ def test_the_clock_is_looked_at_inside_an_iteration(flag):
     inside = numbers.cone.identity()
     factor = (FrontFactor if flag else Factor)(numbers.symbolic.tree)
     with pytest.raises(kernels.OutOfTime):
-        numbers.add_newton(factor.entries, inside, inside, deadline=0.0)
+        numbers.fill(factor.entries, numbers.fixed_entries(1.0), inside, inside, deadline=0.0)
     with pytest.raises(kernels.OutOfTime):
         factor.refactor(0.0, deadline=0.0)
 

@@ -26,6 +26,7 @@ solvers.base solvers.clarabel_ solvers.cvxpy_
 solvers.cliquetree.elimination solvers.cliquetree.kernels solvers.cliquetree.tree
 solvers.cliquetree.machine solvers.cliquetree.compiled_lanczos
 solvers.cliquetree.compiled_blocks solvers.cliquetree.compiled_lanes
+solvers.cliquetree.compiled_pairs
 solvers.cliquetree.compiled solvers.cliquetree.fronts solvers.cliquetree.layout
 solvers.cliquetree.assembly solvers.cliquetree.symbolic solvers.cliquetree.cone
 solvers.cliquetree.numbers

@@ -165,7 +165,7 @@ class PairProduct:
     def add(self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None) -> None:
         """Add A_p' (P x Z) A_q of all blocks to the entries of all fronts."""
         b, compiled = self.pattern, compiled_kernels()
-        kernel = compiled.lanes.pair_sums if b.lanes > 1 else compiled.blocks.pair_sums
+        kernel = (compiled.lanes if b.lanes > 1 else compiled.pairs).pair_sums
         numbers = inverse, dual, b.start, b.size, b.member, b.first, b.row, b.column, self.weight
 
         def sums(part: tuple[tuple[int, int], Reals]) -> None:

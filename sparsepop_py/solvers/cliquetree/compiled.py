@@ -15,9 +15,10 @@ import numpy as np
 
 from . import compiled_blocks as blocks
 from . import compiled_lanes as lanes
+from . import compiled_pairs as pairs
 from .machine import LANES, WORD, filled, inline, jit, load, routine, spread, store, total
 
-__all__ = ["blocks", "factorize", "lanes", "scatter", "solve"]
+__all__ = ["blocks", "factorize", "lanes", "pairs", "scatter", "solve"]
 
 _dpotrf = routine("lapack", "dpotrf", 5)
 _dlacpy = routine("lapack", "dlacpy", 7)

@@ -16,18 +16,15 @@ from .machine import (
     LANES,
     WORD,
     filled,
-    index,
     inline,
     jit,
     load,
-    number,
-    put,
     routine,
     spread,
     store,
 )
 
-__all__ = ["inverse_factors", "inverses", "largest_step", "pair_sums", "sandwich"]
+__all__ = ["inverse_factors", "inverses", "largest_step", "pad", "room_of", "sandwich", "width_of"]
 
 _dpotrf = routine("lapack", "dpotrf", 5)
 _dtrtri = routine("lapack", "dtrtri", 6)
@@ -38,14 +35,15 @@ _LETTERS = np.frombuffer(b"UN", np.uint8)
 
 
 @inline
-def _width(size):
+def width_of(size):
     """Size rounded up to whole vectors, and at least two rows."""
     return (size + LANES - 1) // LANES * LANES
 
 
 @inline
-def _room(size):
-    width = _width(size.max()) if size.size else LANES
+def room_of(size):
+    """Doubles of the largest of so many blocks, padded."""
+    width = width_of(size.max()) if size.size else LANES
     return width * width
 
 
@@ -65,7 +63,8 @@ def _two_rows(out, stride, a, row, step, x, width, low, high):
 
 
 @inline
-def _pad(x, begin, s, width, result, place):
+def pad(x, begin, s, width, result, place):
+    """Copy a block to rows of whole vectors."""
     for i in range(s):
         for j in range(s):
             result[place + i * width + j] = x[begin + i * s + j]
@@ -87,7 +86,7 @@ def _row(r, s):
 @jit
 def sandwich(left, middle, right, start, size, low, high, result):
     """The symmetric part of P D Z of the blocks from low to high - 1."""
-    room = _room(size[low:high])
+    room = room_of(size[low:high])
     work = np.zeros(3 * room)
     z_at = work.ctypes.data
     t_at, r_at = z_at + room * WORD, z_at + 2 * room * WORD
@@ -96,9 +95,9 @@ def sandwich(left, middle, right, start, size, low, high, result):
         if s == 1:
             result[b] = left[b] * middle[b] * right[b]
             continue
-        width = _width(s)
+        width = width_of(s)
         row, step = s * WORD, width * WORD
-        _pad(right, b, s, width, work, 0)
+        pad(right, b, s, width, work, 0)
         p_at = left.ctypes.data + b * WORD
         d_at = middle.ctypes.data + b * WORD
         for t in range(0, step, LANES * WORD):
@@ -183,7 +182,7 @@ def inverse_factors(x, start, size, low, high, result):
 @jit
 def inverses(factor, start, size, low, high, result):
     """F' F of the lower triangular blocks F from low to high - 1."""
-    room = _room(size[low:high])
+    room = room_of(size[low:high])
     work = np.zeros(2 * room)
     f_at = work.ctypes.data
     r_at = f_at + room * WORD
@@ -192,9 +191,9 @@ def inverses(factor, start, size, low, high, result):
         if s == 1:
             result[b] = factor[b] * factor[b]
             continue
-        width = _width(s)
+        width = width_of(s)
         step = width * WORD
-        _pad(factor, b, s, width, work, 0)
+        pad(factor, b, s, width, work, 0)
         for r in range(0, s, 2):
             i = _row(r, s)
             for t in range(0, step, LANES * WORD):
@@ -211,7 +210,7 @@ def _scaled(inverse, direction, b, s, width, room, work):
     f_at = work.ctypes.data
     d_at, x_at, t_at = f_at + room * WORD, f_at + 2 * room * WORD, f_at + 3 * room * WORD
     row, step = s * WORD, width * WORD
-    _pad(direction, b, s, width, work, room)
+    pad(direction, b, s, width, work, room)
     _pad_turned(inverse, b, s, width, work, 0)
     a_at = inverse.ctypes.data + b * WORD
     for r in range(0, s, 2):
@@ -257,7 +256,7 @@ def largest_step(inverse, direction, start, size, low, high, limit):
     at once, otherwise bisection goes on. What is returned is a little less than the longest step,
     lest a chain of almost equal blocks make every second one fail.
     """
-    room = _room(size[low:high])
+    room = room_of(size[low:high])
     largest = size[low:high].max() if high > low else 1
     work, moved = np.zeros(4 * room), np.empty(largest**2)
     T = work[3 * room :]
@@ -269,7 +268,7 @@ def largest_step(inverse, direction, start, size, low, high, limit):
             if ratio * limit < -1.0:
                 limit = -1.0 / ratio
             continue
-        width = _width(s)
+        width = width_of(s)
         _scaled(inverse, direction, b, s, width, room, work)
         square = _moved(T, s, width, limit, moved)
         if square < 1.0 or _definite(moved, s):
@@ -288,87 +287,3 @@ def largest_step(inverse, direction, start, size, low, high, limit):
             middle = np.sqrt(good * bad)
         limit = good
     return limit
-
-
-@inline
-def _symmetric(out, at, row, column, weights, step, begin, end):
-    """Four rows of eight entries of P A Z + Z A P, A by the nonzeros of its lower triangle.
-
-    ``at`` has the first row of P and of Z from the first of the rows on, and from the first of the
-    entries on.
-    """
-    one, two, three, four = filled(0.0), filled(0.0), filled(0.0), filled(0.0)
-    p_left, z_left, p_right, z_right = at
-    for nonzero in range(begin, end):
-        i, j = np.int64(row[nonzero]) * step, np.int64(column[nonzero]) * step
-        weight = spread(weights + nonzero * WORD)
-        p_i, p_j = weight * load(p_right + i), weight * load(p_right + j)
-        z_i, z_j = weight * load(z_right + i), weight * load(z_right + j)
-        left = p_left + i
-        one = one + spread(left) * z_j
-        two = two + spread(left + WORD) * z_j
-        three = three + spread(left + 2 * WORD) * z_j
-        four = four + spread(left + 3 * WORD) * z_j
-        left = z_left + i
-        one = one + spread(left) * p_j
-        two = two + spread(left + WORD) * p_j
-        three = three + spread(left + 2 * WORD) * p_j
-        four = four + spread(left + 3 * WORD) * p_j
-        left = p_left + j
-        one = one + spread(left) * z_i
-        two = two + spread(left + WORD) * z_i
-        three = three + spread(left + 2 * WORD) * z_i
-        four = four + spread(left + 3 * WORD) * z_i
-        left = z_left + j
-        one = one + spread(left) * p_i
-        two = two + spread(left + WORD) * p_i
-        three = three + spread(left + 2 * WORD) * p_i
-        four = four + spread(left + 3 * WORD) * p_i
-    store(out, one)
-    store(out + step, two)
-    store(out + 2 * step, three)
-    store(out + 3 * step, four)
-
-
-@jit
-def pair_sums(inverse, dual, start, size, member, first, row, column, weight, low, high, result):
-    """<A_p, P A_q Z> of the blocks from low to high - 1 and all pairs p <= q of their moments.
-
-    Block k has the moments member[k] to member[k + 1]; moment p has the nonzeros first[p] to
-    first[p + 1] of the lower triangle, weights of the diagonal halved. With V = P A_q Z + Z A_q P
-    the result is the sum of weight V over the nonzeros of p; those of one q follow each other.
-    """
-    room = _room(size[low:high])
-    work = np.zeros(3 * room)
-    p_at, weights, out = work.ctypes.data, weight.ctypes.data, result.ctypes.data
-    z_at, v_at = p_at + room * WORD, p_at + 2 * room * WORD
-    most = np.int64(0)
-    for k in range(low, high):
-        most = max(most, first[member[k + 1]] - first[member[k]])
-    place = np.empty(most, np.int64)  # of the entries of V that belong to the nonzeros
-    for k in range(low, high):
-        s = size[k]
-        width = _width(s)
-        step = width * WORD
-        _pad(inverse, start[k], s, width, work, 0)
-        _pad(dual, start[k], s, width, work, room)
-        origin = first[member[k]]
-        for nonzero in range(origin, first[member[k + 1]]):
-            place[nonzero - origin] = v_at + row[nonzero] * step + column[nonzero] * WORD
-        for q in range(member[k], member[k + 1]):
-            begin, end = first[q], first[q + 1]
-            for i in range(0, s, 4):
-                for t in range(0, min(i + 4, s) * WORD, LANES * WORD):
-                    at = p_at + i * WORD, z_at + i * WORD, p_at + t, z_at + t
-                    _symmetric(v_at + i * step + t, at, row, column, weights, step, begin, end)
-            entry, factor = place.ctypes.data, weights + origin * WORD
-            for p in range(member[k], q + 1):
-                total = number(factor) * number(index(entry))
-                for _ in range(first[p] + 1, first[p + 1]):
-                    entry += WORD
-                    factor += WORD
-                    total += number(factor) * number(index(entry))
-                entry += WORD
-                factor += WORD
-                put(out, total)
-                out += WORD

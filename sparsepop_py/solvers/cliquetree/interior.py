@@ -205,7 +205,7 @@ def _repaired(
 def _factorize(
     numbers: Numbers,
     factor: Factor | FrontFactor,
-    fixed: Reals,
+    fixed: tuple[NDArray[np.int64], Reals],
     inverse: Reals,
     z: Reals,
     settings: Settings,
@@ -214,8 +214,7 @@ def _factorize(
 ) -> None:
     """Assemble and factorize, with larger regularisation where a pivot fails."""
     for attempt in range(_ATTEMPTS):
-        np.copyto(factor.entries, fixed)
-        numbers.add_newton(factor.entries, inverse, z, deadline)
+        numbers.fill(factor.entries, fixed, inverse, z, deadline)
         clock.charge("assembly")
         try:
             factor.refactor(settings.regularisation * 1e3**attempt, deadline)

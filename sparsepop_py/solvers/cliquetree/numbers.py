@@ -121,29 +121,40 @@ class Numbers:
         """E'w."""
         return self.Et @ w if self.e.size else np.zeros_like(self.q)
 
-    def fixed_entries(self, weight: float) -> Reals:
-        """Entries of all fronts with weight * E'E in place."""
-        entries = np.zeros(self.symbolic.tree.entries)
+    def fixed_entries(self, weight: float) -> tuple[NDArray[np.int64], Reals]:
+        """The entries of all fronts that weight * E'E changes, and by what."""
         pairs = self.symbolic.zero
-        np.add.at(entries, pairs.place, weight * self.data[pairs.left] * self.data[pairs.right])
-        return entries
+        if not pairs.place.size:
+            return pairs.place, np.zeros(0)
+        values = weight * self.data[pairs.left] * self.data[pairs.right]
+        sums: Reals = np.bincount(pairs.place, values).astype(np.float64)
+        place = np.flatnonzero(sums)
+        return place, sums[place]
 
-    def add_newton(
-        self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None = None
+    def fill(
+        self,
+        entries: Reals,
+        fixed: tuple[NDArray[np.int64], Reals],
+        inverse: Reals,
+        dual: Reals,
+        deadline: float | None = None,
     ) -> None:
-        """Add the sum of C_p' (S^-1 x Z) C_q over all blocks and rows to the fronts.
+        """Put ``fixed`` and the sum of C_p' (S^-1 x Z) C_q of all blocks and rows to the fronts.
 
         Raises
         ------
         OutOfTime
             If the CPU time ``deadline`` passes.
         """
+        entries.fill(0.0)
+        entries[fixed[0]] = fixed[1]
         for product in self.products:
             product.add(entries, inverse, dual, deadline)
         pairs = self.symbolic.linear
-        place = self.symbolic.layout.place[pairs.row]
-        weight = inverse[place] * dual[place]
-        np.add.at(entries, pairs.place, weight * self.data[pairs.left] * self.data[pairs.right])
+        if pairs.place.size:
+            place = self.symbolic.layout.place[pairs.row]
+            weight = inverse[place] * dual[place] * self.data[pairs.left] * self.data[pairs.right]
+            np.add.at(entries, pairs.place, weight)
 
     def multipliers(self, z: Reals, free: Reals) -> Reals:
         """The program's multipliers from cone entries and multipliers of equalities."""

@@ -70,8 +70,8 @@ class Repair:
 
     def _factorize(self, soft: Reals) -> None:
         n = self._numbers
-        np.copyto(self._factor.entries, n.fixed_entries(_WEIGHT))
-        n.add_newton(self._factor.entries, soft, soft, self._deadline)
+        fixed = n.fixed_entries(_WEIGHT)
+        n.fill(self._factor.entries, fixed, soft, soft, self._deadline)
         self._factor.refactor(1e-13, self._deadline)
 
 
