@@ -85,21 +85,28 @@ def attained_ends(
 
 
 def checked(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
-    """Results whose certificates hold when they are walked once more; others prove nothing.
+    """Results with what their certificates prove when they are walked once more.
 
     Trees are made at several cut-offs and walked at the last of them: should rounding make a box
-    larger than its argument allows, the refusal costs the bound here and not at the user's.
+    larger than its argument allows, that part keeps what its box proves, here and not at the
+    user's.
     """
     known: dict[int, Any] = {}
-    kept = []
-    for found in results:
-        proof = found.certificate
-        about = problem.with_objective(found.problem.objective)
-        if proof is not None and not proof.verify(about, known).ok:
-            unproved = sp.Status.UNPROVED
-            found = replace(found, certificate=None, lower_bound=-inf, status=unproved)
-        kept.append(found)
-    return tuple(kept)
+    return tuple(_walked(problem, found, known) for found in results)
+
+
+def _walked(problem: sp.Problem, found: sp.Result, known: dict[int, Any]) -> sp.Result:
+    proof = found.certificate
+    if proof is None:
+        return found
+    about = problem.with_objective(found.problem.objective)
+    verdict = proof.verify(about, known)
+    if verdict.ok:
+        return found
+    weaker, bounded = replace(proof, bound=verdict.bound), sp.Status.BOUNDED
+    if np.isfinite(verdict.bound) and weaker.verify(about, known).ok:
+        return replace(found, certificate=weaker, lower_bound=verdict.bound, status=bounded)
+    return replace(found, certificate=None, lower_bound=-inf, status=sp.Status.UNPROVED)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ _OPTIONS: dict[str, bool | int | float | str] = {
     "primal_feasibility_tolerance": 1e-9,
     "dual_feasibility_tolerance": 1e-9,
 }
+_DUAL, _PRIMAL = 1, 4  # HiGHS' numbers of the simplex methods
 _STATUS = {
     highspy.HighsModelStatus.kOptimal: "solved",
     highspy.HighsModelStatus.kInfeasible: "infeasible",
@@ -71,6 +72,7 @@ class LinearModel:
             self._highs.setOptionValue(name, value)
         self._shape: tuple[int, int] | None = None
         self._basis: Any = None
+        self._feasible = False
         self.load(matrix, rows, columns)
 
     def load(
@@ -94,9 +96,11 @@ class LinearModel:
         if self._basis is not None and self._shape == (m, n):
             self._highs.setBasis(self._basis)
         self._shape = (m, n)
+        self._feasible = False
 
     def bound(self, columns: NDArray, lower: NDArray, upper: NDArray) -> None:
         """Other bounds for some columns."""
+        self._feasible = False
         self._highs.changeColsBounds(columns.size, columns.astype(np.int32), lower, upper)
 
     def solve(self, cost: NDArray[np.float64], time_limit: float | None = None) -> LinearSolution:
@@ -107,8 +111,11 @@ class LinearModel:
         highs.changeColsCost(n, np.arange(n, dtype=np.int32), np.asarray(cost, float))
         end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
         highs.setOptionValue("time_limit", end)
+        # where only the cost is new, the last basis stays feasible
+        highs.setOptionValue("simplex_strategy", _PRIMAL if self._feasible else _DUAL)
         highs.run()
         status = _STATUS.get(highs.getModelStatus(), "failed")
+        self._feasible = status == "solved"
         if status == "solved":
             found = highs.getSolution()
             self._basis = highs.getBasis()

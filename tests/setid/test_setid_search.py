@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ import sparsepop_py as sp
 from benchmarks import peers
 from setid.boxed import boxed, objectives, proved_box
 from setid.formulation import Formulation
-from setid.search import attained_ends
+from setid.search import attained_ends, checked
 from setid.starts import first_point
 
 LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")
@@ -93,3 +95,19 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     found = attained_ends(formulation, problem, start)
     assert len(found) >= 7  # of an inner point and eight ends
     assert all(problem.violation(point.x) < 1e-9 for point in found)
+
+
+def test_certificates_that_claim_too_much_keep_what_they_prove() -> None:
+    """The least product on the unit disc is -1/2."""
+    x = sp.variables(2)
+    problem = sp.Problem(x[0] * x[1], [x[0] ** 2 + x[1] ** 2 <= 1], lower=-1, upper=1)
+    honest = sp.solve(problem)
+    assert honest.certificate is not None
+    assert checked(problem, [honest])[0] is honest
+    too_much = replace(honest.certificate, bound=-0.25)
+    found = checked(problem, [replace(honest, certificate=too_much, lower_bound=-0.25)])[0]
+    assert -0.5 - 1e-6 <= found.lower_bound <= -0.5
+    assert found.status is sp.Status.BOUNDED
+    assert found.certificate is not None and found.certificate.verify(problem).ok
+    elsewhere = sp.Problem(x[0] * x[1], [x[0] ** 2 + x[1] ** 2 <= 2], lower=-1, upper=1)
+    assert checked(elsewhere, [honest])[0].lower_bound == -np.inf
