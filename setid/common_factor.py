@@ -1,13 +1,23 @@
-"""Sets that are unbounded since fewer poles and zeros explain the data as well.
+"""Sets that are unbounded since a simpler structure explains the data as well.
 
-If (A', B') of one order less is consistent, then so is (A' (1 + c q^-1), B' (1 + c q^-1)) for
-every c, with the same noise: row k of the higher order is row k plus c times row k - 1 of the
-lower one. Coefficients that change with c take values of any size.
+**A common factor.** If (A', B') of one order less is consistent, then so is
+(A' (1 + c q^-1), B' (1 + c q^-1)) for every c, with the same noise: row k of the higher order is
+row k plus c times row k - 1 of the lower one.
+
+**A delay less.** Let (A', B') with one pole less, and an input that acts one sample sooner, hold
+for true outputs w with noise strictly inside its bounds (the last output of each record left out).
+Then (1 + c q^-1 A', c q^-1 B') is consistent for every large |c|: its rows are
+w_k + c (A' w - B' u)_{k-1} = 0, and hold for w + d if (A' d)_{k-1} = -(w_k + d_k) / c. From d = 0
+before, that is a contraction of rate g / |c|, g the sum of the impulse response of 1 / A' over the
+record, with |d| <= g max |w| / (|c| - g): less than what the noise has to spare once |c| is large.
+
+Coefficients that change with c take values of any size and both signs.
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -15,35 +25,68 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import boxed
-from .boxes import parameter_box
+from .checks import frozen
+from .directions import units_of_rows
 from .errors import ModelError
 from .estimators import least_squares, linf
 from .existence import consistent
 from .formulation import Formulation, formulate
 from .models.lti import TransferFunction
+from .noise import Noise
+from .noise_factor import problem_with_factor, scaled_noise
 from .starts import first_point
 from .units import in_units
 
-__all__ = ["unbounded_names"]
+__all__ = ["Endless", "endless_by"]
 
-_SECONDS = 5.0  # for the engine to find a consistent vector of lower order
+_SECONDS = 5.0  # for the engine to find a consistent vector of each simpler structure
+_WIDE = 2.0  # times the noise bounds: where the engine begins
+_GAP = 0.01  # of the least noise
+_REACH = 4.0  # of parameters whose terms are of the size of the others
+_INSIDE = 1.0 - 2.0**-6  # of the noise bounds: strictly inside
 
 
-def unbounded_names(formulation: Formulation, until: float = inf) -> tuple[str, ...]:
-    """Parameters that are proved to take consistent values of any size.
+@dataclass(frozen=True, slots=True, eq=False)
+class Endless:
+    """A simpler structure that explains the data, and the parameters that it makes unbounded.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters that take consistent values of any size and both signs.
+    model : TransferFunction
+        The simpler structure.
+    theta : (p - 1,) or (p,) float
+        Its parameters.
+    """
+
+    names: tuple[str, ...]
+    model: TransferFunction
+    theta: NDArray[np.float64]
+
+    def verify(self, formulation: Formulation) -> bool:
+        """Whether the simpler structure is one of the two, and proved consistent."""
+        for lower in _simpler(formulation):
+            if lower.model == self.model and self.theta.shape == (len(lower.parameters),):
+                named = _moved(formulation, self.model, self.theta)
+                return self.names == named and consistent(lower, self.theta) is not None
+        return False
+
+
+def endless_by(formulation: Formulation, until: float = inf) -> Endless | None:
+    """What proves that some parameters take consistent values of any size.
 
     Parameters
     ----------
     formulation : Formulation
     until : float
-        Reading of ``time.monotonic`` at which the search for a consistent vector of lower order
-        ends; it takes no longer than five seconds.
+        Reading of ``time.monotonic`` at which the search ends; it takes no longer than five
+        seconds for each simpler structure.
 
     Returns
     -------
-    tuple of str
-        Empty where nothing was proved. Only transfer functions of one input and one output
+    Endless or None
+        None where nothing was proved. Only transfer functions of one input and one output
         with free initial conditions, without equation errors, missing samples, noise
         constraints or priors are looked at.
 
@@ -52,33 +95,50 @@ def unbounded_names(formulation: Formulation, until: float = inf) -> tuple[str, 
     >>> import setid
     >>> data = setid.IOData([1, 0, -1, 1, 0, 1], [2.1, 0, -1.9, 2, 0.1, 2])
     >>> model = setid.TransferFunction(na=1, nb=2)
-    >>> unbounded_names(setid.formulate(data, model, setid.Noise(output=0.2)))
+    >>> endless_by(setid.formulate(data, model, setid.Noise(output=0.2))).names
     ('a1', 'b1')
     """
-    lower = _one_order_less(formulation)
-    theta = None if lower is None else _member(lower, min(until, time.monotonic() + _SECONDS))
-    if lower is None or theta is None:
-        return ()
-    assert isinstance(lower.model, TransferFunction)
-    na = lower.model.na[0][0]
-    slope = np.concatenate([[1.0], theta[:na], [0.0], theta[na:]])
+    for lower in _simpler(formulation):
+        theta = _member(lower, min(until, time.monotonic() + _SECONDS))
+        if theta is not None:
+            assert isinstance(lower.model, TransferFunction)
+            names = _moved(formulation, lower.model, theta)
+            return Endless(names, lower.model, frozen(np.array(theta)))
+    return None
+
+
+def _moved(
+    formulation: Formulation, model: TransferFunction, theta: NDArray[np.float64]
+) -> tuple[str, ...]:
+    """The parameters that change with c."""
+    na = model.na[0][0]
+    sooner = isinstance(formulation.model, TransferFunction) and model.nk != formulation.model.nk
+    numerator = theta[na:] if sooner else np.append(0.0, theta[na:])
+    slope = np.concatenate([[1.0], theta[:na], numerator])
     return tuple(n for n, c in zip(formulation.parameters, slope, strict=True) if c != 0.0)
 
 
-def _one_order_less(formulation: Formulation) -> Formulation | None:
-    """The same data with a pole and a zero less, where the argument above holds."""
+def _simpler(formulation: Formulation) -> list[Formulation]:
+    """The structures of the arguments above, with the data and noise that they are about."""
     model, data = formulation.model, formulation.data
     if not isinstance(model, TransferFunction) or (model.inputs, model.outputs) != (1, 1):
-        return None
-    na, nb = model.na[0][0], model.nb[0][0]
-    plain = model.initial == "free" and not model.offset and na >= 1 and nb >= 2
+        return []
+    na, nb, nk = model.na[0][0], model.nb[0][0], model.nk[0][0]
+    plain = model.initial == "free" and not model.offset and na >= 1
     known = not (np.isnan(data.y).any() or np.isnan(data.u).any())
-    exact = not np.any(formulation.noise.bounds(data)[2] > 0)
+    output, input, equation = formulation.noise.bounds(data)
     free = not formulation.priors and not formulation.noise.constraints
-    if not (plain and known and exact and free):
-        return None
-    less = TransferFunction(na - 1, nb - 1, model.nk)
-    return formulate(data, less, formulation.noise)
+    if not (plain and known and free) or np.any(equation > 0):
+        return []
+    found = []
+    if nk >= 1 and np.all(output > 0) and data.records == 1 and data.samples > na + 1:
+        last = data.samples - 1
+        inside = Noise(output=_INSIDE * output[:last], input=_INSIDE * input[:last])
+        sooner = TransferFunction(na - 1, nb, nk - 1)
+        found.append(formulate(data.split(last)[0], sooner, inside))
+    if nb >= 2:
+        found.append(formulate(data, TransferFunction(na - 1, nb - 1, nk), formulation.noise))
+    return found
 
 
 def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | None:
@@ -91,19 +151,26 @@ def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | Non
             continue
         if consistent(formulation, theta) is not None:
             return theta
-    assert formulation.regression is not None
-    box = parameter_box(formulation.regression, None, until)
+    noise = scaled_noise(formulation.noise.bounds(formulation.data), _WIDE)
+    wide = formulate(formulation.data, formulation.model, noise)
+    scaled = in_units(_near(wide), wide)
+    start = first_point(wide, wide.problem)
+    begin = None if start is None else np.append(start, 1.0) / scaled.units
     left = until - time.monotonic()
-    if box.empty or left <= 0:
+    if left <= 0:
         return None
-    problem = boxed(formulation, box)
-    if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
-        return None
-    problem = problem.with_objective(0.0 * problem.objective)
-    options = sp.Options(effort="auto", time_limit=left)
-    scaled, start = in_units(problem, formulation), first_point(formulation, problem)
-    begin = None if start is None else start / scaled.units
+    options = sp.Options(effort="auto", gap=_GAP, gap_kind="absolute", time_limit=left)
     found = sp.solve(scaled.problem, options, start=begin).attained
     if found is None or consistent(formulation, (found.x * scaled.units)[:p]) is None:
         return None
     return (found.x * scaled.units)[:p]
+
+
+def _near(formulation: Formulation) -> sp.Problem:
+    """The least noise where parameters are not huge: whatever is found there is good."""
+    problem, p = problem_with_factor(formulation, None), len(formulation.parameters)
+    assert formulation.smoothed is not None
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    upper[:p] = _REACH * units_of_rows(formulation.smoothed)
+    lower[:p] = -upper[:p]
+    return sp.Problem(problem.objective, problem.constraints, lower, upper)

@@ -29,7 +29,7 @@ from .formulation import Formulation
 from .regression import Regression
 from .units import InUnits, in_units
 
-__all__ = ["DirectionBox", "direction_box"]
+__all__ = ["DirectionBox", "direction_box", "units_of_rows"]
 
 Reals = NDArray[np.float64]
 _TINY = 1e-250
@@ -135,7 +135,7 @@ def direction_box(
         return None
     begun = time.monotonic()
     end = min(begun + _ALL, begun + 0.5 * (until - begun))
-    scale = _units(rows)
+    scale = units_of_rows(rows)
     certificates, least = [], _LARGEST
     try:
         for side in _sides(formulation, first, scale):
@@ -174,7 +174,7 @@ def _data_rows(formulation: Formulation) -> list[sp.Constraint]:
     return [row for row, sample in pairs if sample > 0]
 
 
-def _units(rows: Regression) -> Reals:
+def units_of_rows(rows: Regression) -> Reals:
     """Powers of two with which all terms of a row are of one size."""
     size = np.abs(rows.regressors).max(axis=0, initial=0.0)
     whole = max(float(np.abs(rows.target).max(initial=0.0)), 1e-300)

@@ -25,7 +25,7 @@ import sparsepop_py as sp
 from .attained import inner_ends
 from .boxed import ProvedBox, boxed, driving_rows, objectives, proved_box
 from .checks import frozen
-from .common_factor import unbounded_names
+from .common_factor import Endless, endless_by
 from .data import IOData
 from .discretisation import remark, with_estimate
 from .driving import driving_samples
@@ -42,7 +42,7 @@ from .noise import Noise
 from .options import Options
 from .priors.base import Prior
 from .progress import Progress
-from .results import empty_result, factor_text, free_text, result_of, unbounded_text
+from .results import empty_result, endless_text, free_text, result_of, unbounded_text
 from .search import attained_ends, checked, coupled
 from .starts import first_point, repair
 from .units import InUnits, in_units
@@ -263,14 +263,15 @@ def _engine(
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     parts: dict[str, Any] = {"box": box, "problem": problem}
     results: tuple[sp.Result, ...] = ()
-    endless: tuple[str, ...] = ()
+    endless: Endless | None = None
     free, alone = idle_parameters(formulation) if loose.size else ((), None)
     blocks = isinstance(formulation.model, BlockStructured)
     if loose.size and (box is not None or blocks):
         if not free:
-            endless = _timed(timings, "common factor", lambda: unbounded_names(formulation, until))
-        open_ = (unbounded_text(formulation, loose), *factor_text(endless))
-        parts["notes"] = (*notes, *(free_text(free) or open_))
+            endless = _timed(timings, "common factor", lambda: endless_by(formulation, until))
+            parts["endless"] = endless
+        why = (unbounded_text(formulation, loose),) if endless is None else endless_text(endless)
+        parts["notes"] = (*notes, *(free_text(free) or why))
     else:
         results = _timed(
             timings, "engine", lambda: _solved(formulation, problem, scaled, settings, until)
@@ -298,7 +299,7 @@ def _engine(
 
 def _open(
     item: ParameterInterval,
-    endless: tuple[str, ...],
+    endless: Endless | None,
     free: tuple[str, ...],
     witness: NDArray[np.float64] | None,
 ) -> ParameterInterval:
@@ -306,7 +307,8 @@ def _open(
     if item.name in free:
         ends, status = (-inf, inf), IntervalStatus.UNIDENTIFIABLE
         return ParameterInterval(item.name, ends, ends, status, (witness, witness))
-    return replace(item, status=IntervalStatus.UNBOUNDED) if item.name in endless else item
+    proved = endless is not None and item.name in endless.names
+    return replace(item, status=IntervalStatus.UNBOUNDED) if proved else item
 
 
 def _solved(

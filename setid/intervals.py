@@ -21,6 +21,7 @@ import sparsepop_py as sp
 from .bands import Kind, frequency_band, step_band
 from .boxed import ProvedBox
 from .centre import Central, central, worst_case_error
+from .common_factor import Endless
 from .data import IOData
 from .exchange import ControlModels, to_control
 from .existence import consistent
@@ -171,6 +172,8 @@ class Identification:
         CPU seconds of each stage.
     notes : tuple of str
         What was observed on the way.
+    endless : Endless, optional
+        What proves that parameters are unbounded.
     reference : Identification, optional
         For a structure without a normalisation: the result with the one that was used.
 
@@ -198,6 +201,7 @@ class Identification:
     samples: tuple[tuple[int, int], ...] = ()
     timings: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    endless: Endless | None = None
     reference: Identification | None = None
 
     @property

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bounds import Bounds
+from .common_factor import Endless
 from .formulation import Formulation
 from .intervals import Identification, IntervalStatus, ParameterInterval
 from .models.block import BlockStructured, HammersteinWiener, Wiener
 from .options import Options
 from .reports import active_priors
 
-__all__ = ["empty_result", "factor_text", "free_text", "result_of", "unbounded_text"]
+__all__ = ["empty_result", "endless_text", "free_text", "result_of", "unbounded_text"]
 
 
 def result_of(
@@ -97,11 +98,11 @@ def free_text(free: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def factor_text(endless: tuple[str, ...]) -> tuple[str, ...]:
-    """What is said where a common factor makes parameters unbounded."""
-    if not endless:
-        return ()
+def endless_text(endless: Endless) -> tuple[str, ...]:
+    """What is said where a simpler structure makes parameters unbounded."""
+    simpler = endless.model
     return (
-        "a model with one pole and one zero less is proved to explain the data: multiplied by a "
-        f"common factor 1 + c q^-1 it makes {', '.join(endless)} unbounded; take the lower order",
+        f"the data give no finite bounds of {', '.join(endless.names)}, proved: {simpler!r} with a "
+        "pole less explains the data as well, and nothing limits the pole that is added to it; "
+        "take the lower order, less noise, more excitation, or a prior such as Stable",
     )

@@ -11,7 +11,6 @@ import numpy as np
 import sparsepop_py as sp
 
 from .boxed import box_follows, boxed, objectives
-from .common_factor import unbounded_names
 from .data import IOData
 from .equivalence import unidentifiable
 from .formulation import Formulation, formulate
@@ -102,7 +101,9 @@ def _verify_linear(result: Identification, again: Formulation) -> Verification:
 
 def _verify_results(result: Identification, again: Formulation, scaled: InUnits) -> Verification:
     endless = {n for n, item in result.intervals.items() if str(item.status) == "unbounded"}
-    if not endless <= set(unbounded_names(again) if endless else ()):
+    why = result.endless if endless else None
+    known_endless = why.names if why is not None and why.verify(again) else ()
+    if not endless <= set(known_endless):
         return Verification(False, f"it is not proved that {', '.join(endless)} are unbounded")
     problem, known = scaled.problem, dict[int, Any]()
     count = 2 * len(again.parameters)

@@ -27,8 +27,8 @@ estimators simulate equivalence responses supports enclosures members bands exch
 projections
 residuals block_bands validation
 options bounds attained boxes directions lifted cell_structure cell_arithmetic cells
-boxed reports existence starts idle common_factor unnormalised verification centre intervals
-progress driving noise_factor discretisation search results identify consistency select
+boxed reports existence starts idle noise_factor common_factor unnormalised verification
+centre intervals progress driving discretisation search results identify consistency select
 plots block_plots cli_structure cli
 """.split()
 
