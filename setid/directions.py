@@ -37,6 +37,7 @@ _POWERS = 60  # of two, in units
 _LARGEST = 4.0  # s above this needs no proof: theta is small then
 _GAP = 0.06  # of s, as a fraction of the largest, at first
 _NONE = 2e-7  # of the largest: s that is attained below this is taken for zero
+_SLICE = 2.0  # seconds, twice as many each time: any positive s will do
 _SIDE = 20.0  # seconds for one side of the cube
 _ALL = 120.0  # seconds for all of them, and half of the time that is left
 
@@ -236,14 +237,18 @@ def _homogeneous(row: sp.Constraint, scale: Reals, n: int, names: tuple[str, ...
 
 def _least(side: InUnits, end: float) -> sp.Certificate | None:
     """A proof that s is positive; None where none was found, or where s = 0 is attained."""
-    gap, end = _GAP, min(end, time.monotonic() + _SIDE)
+    gap, end, slice_ = _GAP, min(end, time.monotonic() + _SIDE), _SLICE
     while (left := end - time.monotonic()) > 0:
-        found = sp.solve(
-            side.problem, sp.Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=left)
+        options = sp.Options(
+            effort="auto", gap=gap, gap_kind="absolute", time_limit=min(left, slice_)
         )
+        found = sp.solve(side.problem, options)
         if found.certificate is not None and found.certificate.bound > 0:
             return found.certificate
-        if found.status is not sp.Status.OPTIMAL or not found.upper_bound > _NONE or gap < _NONE:
-            return None  # out of time, interrupted, or s = 0 is attained
-        gap = min(0.5 * found.upper_bound, 0.25 * gap)
+        if found.status is sp.Status.LIMIT:
+            slice_ *= 2.0
+        elif found.status is not sp.Status.OPTIMAL or not found.upper_bound > _NONE or gap < _NONE:
+            return None  # interrupted, or s = 0 is attained
+        else:
+            gap = min(0.5 * found.upper_bound, 0.25 * gap)
     return None
