@@ -132,9 +132,8 @@ class ParameterBox(Bounds):
 
     Parameters
     ----------
-    names : tuple of str
-    lower, upper : (p,) float
-        Infinite where nothing is proved; lower > upper where no parameter is consistent.
+    names, lower, upper
+        As of :class:`setid.bounds.Bounds`.
     start : (2, p) float
         The box that the priors give.
     steps : tuple of LeftInverse and SignTree

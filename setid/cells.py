@@ -45,9 +45,8 @@ class CellBox(Bounds):
 
     Parameters
     ----------
-    names : tuple of str
-    lower, upper : (p,) float
-        Infinite where nothing is proved; lower > upper where no parameter is consistent.
+    names, lower, upper
+        As of :class:`setid.bounds.Bounds`.
     unknowns : (K,) int
         Numbers of the samples of the internal signal.
     low, high : (K,) float

@@ -16,7 +16,7 @@ from .errors import SetidError
 from .existence import consistent
 from .formulation import Formulation
 from .members import ROUNDING, noise_level
-from .supports import outer_box, require_members
+from .supports import middle, outer_box, require_members
 from .units import in_units
 
 if TYPE_CHECKING:
@@ -100,16 +100,14 @@ def central(result: Identification) -> Central:
     (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
     """
     require_members(result)
-    low, high = outer_box(result)
-    theta = low / 2 + high / 2
-    error = worst_case_error(result, theta)
-    if not np.all(np.isfinite(error)):
+    theta = middle(result)
+    if theta is None:
         wide = [n for n, v in result.intervals.items() if not np.isfinite(v.width)]
         raise SetidError(
             f"result: found no finite interval of {', '.join(wide)}, expected all finite; "
             "give priors such as Box, or a record with more excitation"
         )
-    formulation = result.formulation
+    formulation, error = result.formulation, worst_case_error(result, theta)
     level = noise_level(formulation, theta)
     member = is_consistent(formulation, theta)
     return Central(formulation.parameters, frozen(theta), frozen(error), level, member)

@@ -48,8 +48,8 @@ class DirectionBox(Bounds):
 
     Parameters
     ----------
-    names : tuple of str
-    lower, upper : (p,) float
+    names, lower, upper
+        As of :class:`setid.bounds.Bounds`.
     first : ParameterBox
         What rows one by one give, infinite somewhere.
     scale : (p,) float

@@ -18,7 +18,7 @@ from .checks import frozen, natural
 from .completion import Witness
 from .errors import ModelError, SetidError
 from .linear import minimise
-from .supports import outer_box, require_members
+from .supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:
     from .formulation import Formulation
@@ -135,11 +135,8 @@ def members(result: Identification, count: int = 100, seed: int = 0) -> Reals:
 
 def _least_level(result: Identification) -> Reals | None:
     """The centre where it is a member, shape (1, p)."""
-    low, high = outer_box(result)
-    if not np.all(np.isfinite([low, high])):
-        return None
-    theta = low / 2 + high / 2
-    return theta[None, :] if is_member(result.formulation, theta) else None
+    theta = middle(result)
+    return None if theta is None or not is_member(result.formulation, theta) else theta[None, :]
 
 
 def feasible(result: Identification) -> Reals:
@@ -207,10 +204,9 @@ def projection_estimate(result: Identification) -> Reals:
 def nominal(result: Identification) -> Reals:
     """The centre where it is consistent, else a consistent vector, else the centre anyway."""
     require_members(result)
-    if not np.all(np.isfinite(outer_box(result))):
+    centre = middle(result)
+    if centre is None:
         return feasible(result)
-    low, high = outer_box(result)
-    centre = low / 2 + high / 2
     level = noise_level(result.formulation, centre)
     if level <= 1.0 + ROUNDING or (np.isnan(level) and not len(attained_members(result))):
         return np.asarray(centre, np.float64)

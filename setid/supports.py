@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .formulation import Formulation
     from .intervals import Identification
 
-__all__ = ["Cover", "box_ranges", "cover_of", "outer_box", "require_members", "supports"]
+__all__ = ["Cover", "box_ranges", "cover_of", "middle", "outer_box", "require_members", "supports"]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
@@ -92,6 +92,12 @@ def outer_box(result: Identification) -> tuple[Reals, Reals]:
     """Lower and upper ends of the outer intervals, each (p,)."""
     ends = np.array([result.intervals[name].outer for name in result.formulation.parameters])
     return ends[:, 0], ends[:, 1]
+
+
+def middle(result: Identification) -> Reals | None:
+    """The centre of the outer box (p,), None where the box is not finite."""
+    low, high = outer_box(result)
+    return low / 2 + high / 2 if np.all(np.isfinite([low, high])) else None
 
 
 def cover_of(result: Identification) -> Cover:
