@@ -206,7 +206,7 @@ def test_strong_noise_without_priors_names_what_is_missing() -> None:
     truth = record(30, noise, 0)
     result = setid.identify(truth.data, SECOND, noise, options=QUICK)
     assert result.status == "unbounded" and "finite bounds of a1" in result.notes[0]
-    assert "take the lower order" in result.notes[1]  # the noise hides a pole
+    assert "take the lower order" in result.notes[0]  # the noise hides a pole
     assert all(v in result.intervals[n] for n, v in truth.theta.items())
     assert bool(result.verify())
 
