@@ -24,6 +24,7 @@ from .problem import Problem
 from .relaxation import least_order, relax
 from .rounding import Interval
 from .solvers import solve_conic
+from .sizing import affordable, worth_building
 from .sparsity import Cliques, find_cliques
 
 __all__ = ["finite", "find_box", "shrinks"]
@@ -153,7 +154,11 @@ def _sublevel_on(
     least = least_order(scaled.problem)
     solver = "clarabel" if options.solver == "auto" else options.solver  # endless moments
     for order in (least, least + 1):
+        if not worth_building(cliques, order):
+            break
         relaxation = relax(scaled.problem, order, cliques=cliques)
+        if not affordable(relaxation):
+            break
         if order > least and max(relaxation.block_sizes) > _LARGEST_BLOCK:
             break
         program = assemble(relaxation, margin(relaxation) * -1.0)

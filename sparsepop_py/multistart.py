@@ -38,7 +38,8 @@ def starting_points(
     """The middle of the box (0 or a bound where it is endless) and random points.
 
     Where the box is endless the points spread over three scales: 2, 10 and 50. In very many
-    variables random points lead to poor minima; there the vectors of all 1 and all -1 follow.
+    variables, and of many squares, random points lead to poor minima; there the vectors of all 1
+    and all -1 come before them.
     """
     rng = np.random.default_rng(seed)
     points = []
@@ -50,8 +51,9 @@ def starting_points(
         high = np.where(np.isfinite(box.hi), box.hi, from_low)
         low, high = 0.5 * low, 0.5 * high  # widths may be beyond all doubles
         points.append(2.0 * rng.uniform(low, high) if number else low + high)
-    if problem.dimension > DENSE_LIMIT and not problem.constraints:
-        points += [np.clip(np.full(problem.dimension, v), box.lo, box.hi) for v in (1.0, -1.0)]
+    if (problem.dimension > DENSE_LIMIT or problem.squares) and not problem.constraints:
+        both = (np.full(problem.dimension, v) for v in (1.0, -1.0))
+        points[1:1] = [np.clip(x, box.lo, box.hi) for x in both]
     return points
 
 

@@ -23,7 +23,7 @@ from .relaxation import Relaxation, least_order, relax
 from .sparsity import Cliques
 from .waki import plain_relaxation
 
-__all__ = ["fitting_relaxations", "solver_bytes"]
+__all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 
 _OPERATIONS = 1.5e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form is as good as free
@@ -38,6 +38,16 @@ _NOTHING: Fitting = ((), ())
 def solver_bytes(relaxation: Relaxation) -> float:
     """About how much memory an interior-point solver needs for the blocks."""
     return float(sum(12.0 * _entries(s) ** 2 * k for s, k in relaxation.block_sizes.items()))
+
+
+def worth_building(cliques: Cliques, order: int) -> bool:
+    """Whether the basis of the largest clique is small enough to look at the relaxation at all."""
+    return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
+
+
+def affordable(relaxation: Relaxation) -> bool:
+    """Whether a solver has the memory for a relaxation, and the time for a step."""
+    return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= _BYTES
 
 
 def _entries(size: int) -> float:
@@ -144,9 +154,9 @@ def _largest_that_fits(
 def _worthwhile(full: Relaxation, lean: Relaxation) -> Fitting:
     """The lean form where it is much cheaper, and the full one where it can be afforded."""
     cheap, dear = _operations(lean), _operations(full)
-    if dear <= _OPERATIONS and solver_bytes(full) <= _BYTES:
+    if affordable(full):
         return ((lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)), ()
-    if cheap > _OPERATIONS or solver_bytes(lean) > _BYTES:
+    if not affordable(lean):
         return _NOTHING
     return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
 

@@ -142,6 +142,7 @@ def _unsolved(problem: Problem, options: Options) -> Result:
         model = Model(*find_box(problem, None, options))
     with stages.stage("relax"):
         model = relaxed(problem, (problem.objective,), model, options)
+    built = "SDPsolverSW = 0: the SDP was built and not solved" if model.relaxations else None
     stages.close()
     return Result(
         problem=problem,
@@ -157,7 +158,7 @@ def _unsolved(problem: Problem, options: Options) -> Result:
         solution=None,
         solver_value=np.nan,
         timings=stages.seconds,
-        notes=(*model.notes, "SDPsolverSW = 0: the SDP was built and not solved"),
+        notes=(*model.notes, built) if built else model.notes,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+import inspect
 import os
 import re
 import time
@@ -110,7 +111,23 @@ def _function(text: str) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         tree = ast.literal_eval(f"({found['given']},)") if (found["given"] or "").strip() else ()
     except (ValueError, SyntaxError, TypeError):
         raise ProblemError(f"objPoly: found the string {text!r}, expected {expected}") from None
+    _check_arguments(text, function, tuple(tree))
     return function, tuple(tree)
+
+
+def _check_arguments(text: str, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+    try:
+        accepted = inspect.signature(function)
+    except ValueError:
+        return  # it does not say what it takes
+    try:
+        accepted.bind(*arguments)
+    except TypeError as error:
+        names = ", ".join(accepted.parameters)
+        raise ProblemError(
+            f"objPoly: found the string {text!r} ({error}), expected arguments as in "
+            f"{function.__name__}({names})"
+        ) from None
 
 
 def with_tolerance(problem: Problem, tolerance: float, scaled: bool) -> Problem:

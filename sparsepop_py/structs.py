@@ -236,7 +236,8 @@ def _array(value: Any, label: str) -> NDArray[np.float64]:
             raise TypeError
         return array.astype(float)
     except (TypeError, ValueError):
-        raise ProblemError(f"{label}: found {_kind(value)}, expected real numbers") from None
+        found = "complex numbers" if np.iscomplexobj(dense) else _kind(value)
+        raise ProblemError(f"{label}: found {found}, expected real numbers") from None
 
 
 # ---- polynomials ------------------------------------------------------------------------

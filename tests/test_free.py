@@ -132,3 +132,20 @@ def test_constants_above_squares_agree_with_rationals(values, thirds):
     if found is not None:
         assert Fraction(found) <= constant
         assert abs(found - constant) <= 1e-15 * (1 + abs(constant))
+
+
+@pytest.mark.parametrize("n", [30, 50])
+def test_banded_squares_end_at_their_zero(n):
+    """Broyden (1971): a zero near -1; from most other points searches end at 3.07 and more."""
+    result = sp.solve(problems.broyden_banded(n))
+    assert result.lower_bound == 0.0 and 0.0 <= result.upper_bound <= 1e-8
+
+
+def test_what_no_memory_holds_is_not_tried_for_a_box_either():
+    """Blocks of 120 in 23 cliques: some 15 GB."""
+    result = sp.solve(sp.Problem(problems.broyden_banded(30).objective))
+    assert result.status is sp.Status.UNPROVED
+    assert "needs more than 5 GB" in result.notes[0]
+    output = sp.sparsePOP("BroydenBand(30)", {"printLevel": 0, "tighten": 0, "SDPsolverSW": 0})
+    assert output.SDPinfo.rowSizeA == 0
+    assert not any("was built" in note for note in output.POP.result.notes)

@@ -192,7 +192,7 @@ def bounds(lbd: Any, ubd: Any) -> tuple[Any, Any, Any, Any]:
         (change(coef=np.ones((3, 2))), "ineqPolySys[1].coef: found 3 x 2 values, expected 3"),
         (change(coef=[1, np.nan, 2]), "ineqPolySys[1].coef: found nan, expected finite"),
         (change(coef=[1, np.inf, 2]), "ineqPolySys[1].coef: found inf, expected finite"),
-        (change(coef=[1, 2j, 2]), "ineqPolySys[1].coef: found list, expected real numbers"),
+        (change(coef=[1, 2j, 2]), "ineqPolySys[1].coef: found complex numbers, expected"),
         (change(coef="abc"), "ineqPolySys[1].coef: found str, expected real numbers"),
         (
             change(supports=np.array([[1, 0], [0, 1], [1, 0]])),

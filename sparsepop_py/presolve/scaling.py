@@ -83,8 +83,8 @@ class Scaling:
         """
         boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
         fixed = box.lo == box.hi
-        size = np.where(boxed, np.maximum(np.abs(box.lo), np.abs(box.hi)), 1.0)
-        size = np.maximum(size * _SLACK, _NARROW)
+        size = np.where(boxed, np.maximum(np.abs(box.lo), np.abs(box.hi)) * _SLACK, 1.0)
+        size = np.maximum(size, _NARROW)
         low, high = box.lo / size, box.hi / size
         grown = 2.0 * (_SLACK - 1.0)  # outwards by more than rounding, and 0 stays
         low = low - np.where(np.isfinite(low), grown * np.abs(low), 0.0)

@@ -99,6 +99,7 @@ def least_squares(
 
 def check_size(n: int, least: int, multiple: int = 1, field: str = "n") -> None:
     """Raise a ProblemError unless n is a multiple of a number and large enough."""
-    if n < least or n % multiple:
+    whole = isinstance(n, (int, np.integer)) and not isinstance(n, bool)
+    if not whole or n < least or n % multiple:
         kind = "an integer" if multiple == 1 else f"a multiple of {multiple}"
-        raise ProblemError(f"{field}: found {n}, expected {kind}, at least {least}")
+        raise ProblemError(f"{field}: found {n!r}, expected {kind}, at least {least}")
