@@ -39,7 +39,7 @@ __all__ = [
 
 Families = dict[Joined, Cliques]
 
-_CLOSED = 0.7  # what closing a gap is worth, against coming near it
+_CLOSED = 0.9  # what closing a gap is worth, against coming near it
 _TIGHTER = 0.02  # share that a tightened box adds
 _SELDOM = 4  # a rung that makes a share s of the progress closes the gap about s**4 of the time
 _HOPE = 0.77  # ... of a rung that was not tried yet: it closes two gaps of three

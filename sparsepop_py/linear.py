@@ -24,7 +24,11 @@ _OPTIONS: dict[str, bool | int | float | str] = {
     "primal_feasibility_tolerance": 1e-9,
     "dual_feasibility_tolerance": 1e-9,
 }
-_DUAL, _PRIMAL = 1, 4  # HiGHS' numbers of the simplex methods
+_PRIMAL: dict[str, int | float] = {
+    "simplex_strategy": 4,
+    "primal_simplex_bound_perturbation_multiplier": 0.0,  # it cannot cycle for ever:
+    "simplex_iteration_limit": 20_000,
+}
 _STATUS = {
     highspy.HighsModelStatus.kOptimal: "solved",
     highspy.HighsModelStatus.kInfeasible: "infeasible",
@@ -70,6 +74,7 @@ class LinearModel:
         self._highs = highspy.Highs()
         for name, value in _OPTIONS.items():
             self._highs.setOptionValue(name, value)
+        self._usual = {name: self._highs.getOptionValue(name)[1] for name in _PRIMAL}
         self._shape: tuple[int, int] | None = None
         self._basis: Any = None
         self._feasible = False
@@ -104,15 +109,28 @@ class LinearModel:
         self._highs.changeColsBounds(columns.size, columns.astype(np.int32), lower, upper)
 
     def solve(self, cost: NDArray[np.float64], time_limit: float | None = None) -> LinearSolution:
-        """Minimise another cost (n,), starting from the last basis."""
+        """Minimise another cost (n,), starting from the last basis.
+
+        Where nothing but the cost has changed that basis is feasible, and the primal simplex
+        method is faster; otherwise the dual one, whose rays are clean.
+        """
+        if self._feasible:
+            for name, value in _PRIMAL.items():
+                self._highs.setOptionValue(name, value)
+            found = self._solve(cost, time_limit)
+            for name in _PRIMAL:
+                self._highs.setOptionValue(name, self._usual[name])
+            if found.status != "failed":
+                return found
+        return self._solve(cost, time_limit)
+
+    def _solve(self, cost: NDArray[np.float64], time_limit: float | None) -> LinearSolution:
         assert self._shape is not None
         m, n = self._shape
         highs = self._highs
         highs.changeColsCost(n, np.arange(n, dtype=np.int32), np.asarray(cost, float))
         end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
         highs.setOptionValue("time_limit", end)
-        # where only the cost is new, the last basis stays feasible
-        highs.setOptionValue("simplex_strategy", _PRIMAL if self._feasible else _DUAL)
         highs.run()
         status = _STATUS.get(highs.getModelStatus(), "failed")
         self._feasible = status == "solved"

@@ -130,7 +130,7 @@ def _tries(
     if not first and (small or (failed and not (bilinear and large))):
         yield local_search(problem, start, method, end)
     if small and bilinear and method is None:
-        yield sequential_search(problem.sharpened, start)  # nothing held
+        yield sequential_search(problem.sharpened, start, end=end)  # nothing held
 
 
 @dataclass(frozen=True)

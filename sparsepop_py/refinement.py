@@ -53,7 +53,8 @@ def local_search(
         if method == "ipopt":
             return _ipopt(problem, start)
         if method == "sequential":
-            return sequential_search(problem, start, Products.of(problem).complicating)
+            held = Products.of(problem).complicating
+            return sequential_search(problem, start, held, end=end)
         try:
             if not problem.constraints:
                 start = zeros_of_squares(problem, start, end)
@@ -61,7 +62,7 @@ def local_search(
             free = np.count_nonzero(problem.lower < problem.upper)
             inequalities = not np.all(problem.equality | problem.bound_rows)
             if inequalities and np.count_nonzero(problem.equality) >= free:
-                return sequential_search(problem, start)  # SLSQP is not made for that
+                return sequential_search(problem, start, end=end)  # SLSQP is not made for that
             if problem.dimension <= DENSE_LIMIT:
                 return _by_slsqp(problem, start, end)
             return _by_trust_region(problem, start, end)

@@ -4,7 +4,9 @@ Each step minimises the linearised objective plus a penalty on the linearised vi
 
     f'd + nu sum s,   h + h'd = s+ - s-,   g + g'd >= -s,
 
-within a trust region. In problems whose products are covered by few complicating
+within a trust region. Where the rows are so curved that little of what a step promised is
+gained, a second step within the same region is linearised at its end; without it searches
+creep along curved rows. In problems whose products are covered by few complicating
 variables only these are held near: with them fixed everything is linear, so a second
 program with these fixed restores the rows after each step. Minima of such problems are
 mostly vertices, where the method converges quadratically; sparse programs of thousands of
@@ -18,6 +20,7 @@ successive linear programming, Math. Programming 43, 1989.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -31,9 +34,22 @@ from .problem import Problem
 __all__ = ["restored", "sequential_search", "violated_rows"]
 
 _VIOLATED = 1e-7  # of a row's largest coefficient
-_STEPS = 40
+_STEPS = 150
 _PENALTY = 1e2
 _MOST = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where a search stands: x, the value of its objective there, and the violation."""
+
+    x: NDArray[np.float64]
+    value: float
+    off: float
+
+    def merit(self, penalty: float) -> float:
+        """Value and penalised violation: what each step is to reduce."""
+        return self.value + penalty * self.off
 
 
 @dataclass(eq=False)
@@ -42,6 +58,8 @@ class _Search:
 
     problem: Problem
     held: NDArray[np.int64]
+    end: float = np.inf
+    scale: float = 1.0
 
     @cached_property
     def size(self) -> NDArray[np.float64]:
@@ -99,10 +117,36 @@ class _Search:
             self._model = LinearModel(matrix, (right, top), columns)
         else:
             self._model.load(matrix, (right, top), columns)
-        found = self._model.solve(np.append(gradient, slack))
+        left = self.end - time.monotonic()
+        found = self._model.solve(np.append(gradient, slack), left if np.isfinite(left) else None)
         if found.status != "solved":
             return None
         return np.clip(x + found.x[: x.size], low, high), found.value
+
+    def place(self, x: NDArray[np.float64]) -> _Place:
+        """Where a vector is, its other variables chosen anew where some are held."""
+        x = _restored(self, x) if self.held.size else x
+        return _Place(x, self.problem.objective(x) / self.scale, self.violation(x))
+
+    def within(
+        self, x: NDArray[np.float64], reach: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Bounds that keep the held variables (all of them, where none are) near x."""
+        near = self.held if self.held.size else np.arange(x.size)
+        low, high = self.problem.lower.copy(), self.problem.upper.copy()
+        low[near] = np.maximum(low[near], x[near] - reach[near])
+        high[near] = np.minimum(high[near], x[near] + reach[near])
+        return low, high
+
+    def ahead(
+        self, at: _Place, penalty: float, bounds: tuple[NDArray, NDArray]
+    ) -> tuple[float, _Place | None]:
+        """What rows and objective linearised at a place promise within bounds, and come to."""
+        gradient = self.problem.objective_row.gradient(at.x) / self.scale
+        found = self.step(at.x, gradient, penalty, *bounds)
+        if found is None:
+            return 0.0, None
+        return penalty * at.off - found[1], self.place(found[0])
 
 
 def restored(problem: Problem, x: NDArray, held: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -136,6 +180,7 @@ def sequential_search(
     start: NDArray[np.float64],
     held: tuple[int, ...] = (),
     trust: float = 0.1,
+    end: float = np.inf,
 ) -> NDArray[np.float64]:
     """A local minimiser from ``start``, nearly feasible at best.
 
@@ -148,41 +193,37 @@ def sequential_search(
         there are no such; then all variables stay within the trust region.
     trust : float
         First trust region, relative to the width of each variable's bounds.
+    end : float
+        When to stop, on the monotonic clock.
     """
-    search = _Search(problem, np.array(held, np.int64))
-    near = search.held if held else np.arange(problem.dimension)
+    search = _Search(problem, np.array(held, np.int64), end)
     width = problem.upper - problem.lower
     unit = np.where(np.isfinite(width), width, 1.0 + np.abs(start))
-    objective = problem.objective_row
     x = np.clip(start, problem.lower, problem.upper)
-    x = _restored(search, x) if held else x
-    scale = max(1e-300, float(np.abs(objective.gradient(x) * unit).max()))
-    value, off, penalty = problem.objective(x) / scale, search.violation(x), _PENALTY
-    small = 0
+    search.scale = max(1e-300, float(np.abs(problem.objective_row.gradient(x) * unit).max()))
+    here, penalty, small = search.place(x), _PENALTY, 0
     for _ in range(_STEPS):
-        low, high = problem.lower.copy(), problem.upper.copy()
-        low[near] = np.maximum(low[near], x[near] - trust * unit[near])
-        high[near] = np.minimum(high[near], x[near] + trust * unit[near])
-        found = search.step(x, objective.gradient(x) / scale, penalty, low, high)
-        if found is None:
+        bounds = search.within(here.x, trust * unit)
+        promised, trial = search.ahead(here, penalty, bounds)
+        if trial is None or time.monotonic() >= end:
             break
-        promised = penalty * off - found[1]
-        if promised <= 1e-11 * (1.0 + abs(value)):
-            if off <= 1e-7 or penalty >= _MOST:
+        if promised <= 1e-11 * (1.0 + abs(here.value)):
+            if here.off <= 1e-7 or penalty >= _MOST:
                 break
             penalty *= 10.0
             continue
-        trial = _restored(search, found[0]) if held else found[0]
-        new_value, new_off = problem.objective(trial) / scale, search.violation(trial)
-        gained = value + penalty * off - new_value - penalty * new_off
-        if gained > 0.05 * promised:
-            small = small + 1 if gained < 1e-9 * (1.0 + abs(value)) else 0
-            x, value, off = trial, new_value, new_off
-            trust = min(1.0, 2.0 * trust) if gained > 0.5 * promised else trust
-            if small > 1:
-                break
-        else:
+        if here.merit(penalty) - trial.merit(penalty) <= 0.5 * promised:  # rows are curved there
+            _, again = search.ahead(trial, penalty, bounds)
+            trial = min(trial, again or trial, key=lambda each: each.merit(penalty))
+        gained = here.merit(penalty) - trial.merit(penalty)
+        if gained <= 0.05 * promised:
             trust *= 0.25
             if trust < 1e-10:
                 break
-    return x
+            continue
+        small = small + 1 if gained < 1e-9 * (1.0 + abs(here.value)) else 0
+        here = trial
+        trust = min(1.0, 2.0 * trust) if gained > 0.5 * promised else trust
+        if small > 1:
+            break
+    return here.x
