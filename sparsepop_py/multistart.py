@@ -217,7 +217,7 @@ def best_attained(
         reached.append(min((value for value, _ in ends), default=np.inf))
         best_value = min(reached)
         if reached[-1] <= aim.enough or (aim.any and ends):
-            best = _best_proved(problem, ends, best, aim)
+            best = _best_proved(problem, ends, best, aim, end)
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
         near = best_value + 1e-5 * (1.0 + abs(best_value))
@@ -226,22 +226,29 @@ def best_attained(
             break
     found.sort(key=lambda entry: entry[0])
     if best is None or not (aim.any or best.value <= aim.enough):
-        best = _best_proved(problem, found[:_PROOFS], best, aim)
+        best = _best_proved(problem, found[:_PROOFS], best, aim, end)
     if best is not None and best.value > aim.enough > -np.inf and method is None:
         if _SMALL < problem.dimension <= _FEW and time.monotonic() < end:
             last = _rated(rows, [local_search(rows.problem, rows.start(best.x), None, end)], aim)
             found = last + found
-            best = _best_proved(problem, last, best, aim)
+            best = _best_proved(problem, last, best, aim, end)
     return best, [x for _, x in found]
 
 
 def _best_proved(
-    problem: Problem, found: list[tuple[float, NDArray]], best: ProvedPoint | None, aim: Aim
+    problem: Problem,
+    found: list[tuple[float, NDArray]],
+    best: ProvedPoint | None,
+    aim: Aim,
+    end: float,
 ) -> ProvedPoint | None:
-    """The best proved point that is nearest to one of the vectors, or the one known before."""
-    for value, x in sorted(found, key=lambda entry: entry[0]):
+    """The best proved point that is nearest to one of the vectors, or the one known before.
+
+    When time is over one proof is still tried: without any point no gap is known.
+    """
+    for number, (value, x) in enumerate(sorted(found, key=lambda entry: entry[0])):
         known = aim.known if best is None else min(best.value, aim.known)
-        if value >= known - aim.gain:
+        if value >= known - aim.gain or (number and time.monotonic() >= end):
             break
         proved = prove_feasible(problem, x)
         if proved is not None and (best is None or proved.value < best.value):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py import multistart
 from sparsepop_py.multistart import starting_points
 from sparsepop_py.refinement import local_search
 from sparsepop_py.rounding import Interval
@@ -41,3 +42,14 @@ def test_starting_points_lie_in_the_box_and_repeat():
     assert all(np.all((box.lo <= p) & (p <= box.hi)) for p in points)
     again = starting_points(problem, box, 9, seed=3)
     assert all(np.array_equal(p, q) for p, q in zip(points, again, strict=True))
+
+
+@pytest.mark.parametrize("end, count", [(np.inf, 3), (0.0, 1)])
+def test_one_proof_of_existence_is_tried_when_time_is_over(end, count, monkeypatch):
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x, lower=-1.0, upper=1.0)
+    tried = []
+    monkeypatch.setattr(multistart, "prove_feasible", lambda *given: tried.append(given))
+    found = [(value, np.array([value])) for value in (0.1, 0.2, 0.3)]
+    multistart._best_proved(problem, found, None, multistart.Aim(1e-6), end)
+    assert len(tried) == count

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -78,3 +80,19 @@ def test_an_endless_direction_ends():
     found = sequential_search(problem, np.array([1.0, 1.0]))
     assert np.all(np.isfinite(found))
     assert problem.objective(found) <= -1.0
+
+
+@pytest.mark.parametrize("curvature", [1.0, 50.0])
+def test_searches_follow_curved_rows_to_their_end(curvature):
+    # the parabola y = c x^2 within its bounds ends at x = 2; steps of one linearisation creep
+    x, y = sp.variables(2)
+    problem = Problem(-x, [y == curvature * x**2], [-3.0, 0.0], [2.0, 9.0 * curvature])
+    found = sequential_search(problem, np.array([-2.0, 4.0 * curvature]))
+    assert found == pytest.approx([2.0, 4.0 * curvature])
+
+
+def test_a_search_without_time_ends_at_once():
+    x, y = sp.variables(2)
+    problem = Problem(-x, [y == 50 * x**2], [-3.0, 0.0], [2.0, 450.0])
+    found = sequential_search(problem, np.array([-2.0, 200.0]), end=time.monotonic())
+    assert found == pytest.approx([-2.0, 200.0])  # with time it comes to x = 2, see above
