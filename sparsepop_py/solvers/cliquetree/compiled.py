@@ -145,7 +145,8 @@ def factorize(
     for f in range(low, high):
         e, u, b = pivots[f], updates[f], base[f]
         for i in range(u):
-            work[i * u : i * u + i + 1] = 0.0
+            for j in range(i * u, i * u + i + 1):
+                work[j] = 0.0
         for number in range(child[f], child[f + 1]):
             c = children[number]
             to = slots[slot[c] : slot[c + 1]]
@@ -161,8 +162,8 @@ def factorize(
             n[0], n[1] = e, u
             _dsyrk(upper, transpose, n2, n1, minus, below, n1, plus, work.ctypes.data, n2)
             for i in range(u):
-                to_row = home[f] + i * u
-                stack[to_row : to_row + i + 1] = work[i * u : i * u + i + 1]
+                for j in range(i * u, i * u + i + 1):
+                    stack[home[f] + j] = work[j]
     return -1
 
 

@@ -116,7 +116,7 @@ def sandwich(left, middle, right, start, size, low, high, result):
                 result[b + j * s + i] = mean
 
 
-@inline
+@jit
 def _factorized(x, begin, s, width):
     """Lower Cholesky factor in place, diagonal inverted; whether there is one."""
     for j in range(s):
@@ -223,7 +223,7 @@ def _scaled(inverse, direction, b, s, width, room, work):
             _two_rows(out, step, a, step, WORD, f_at + t, step, 0, i + 2)
 
 
-@inline
+@jit
 def _moved(T, s, width, limit, result):
     """The lower triangle of I + limit T, and the squares of all entries of limit T."""
     square = 0.0
@@ -236,7 +236,7 @@ def _moved(T, s, width, limit, result):
     return square
 
 
-@inline
+@jit
 def _definite(x, s):
     """Whether a matrix, by its lower triangle, has a Cholesky factor, which takes its place."""
     if s <= _SMALL:

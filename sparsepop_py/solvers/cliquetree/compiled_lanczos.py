@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .machine import LANES, WORD, filled, inline, load, spread, store
+from .machine import LANES, WORD, filled, inline, jit, load, spread, store
 
 __all__ = ["ritz"]
 
@@ -32,15 +32,17 @@ def _multiplied(T, x, s, width, y):
         store(y.ctypes.data + t, one + two)
 
 
-@inline
+@jit
 def ritz(T, s, width, vectors, diagonal, beside):
     """The least eigenvalue of T from above, by a few steps of Lanczos (1950)."""
     x, y, before = vectors[0], vectors[1], vectors[2]
+    square = 0.0
     for i in range(s):
         for j in range(i):
             T[j * width + i] = T[i * width + j]
         x[i], before[i] = 1.0 + i / s, 0.0
-    size, last, count = np.sqrt(np.sum(x[:s] * x[:s])), 0.0, 0
+        square += x[i] * x[i]
+    size, last, count = np.sqrt(square), 0.0, 0
     for i in range(s):
         x[i] /= size
     for k in range(min(s, _LANCZOS)):

@@ -79,7 +79,7 @@ def sandwich(left, middle, right, start, size, low, high, result):
                 store(r_at + j * row + i * _STEP, total)
 
 
-@inline
+@jit
 def _factorized(x, s):
     """Lower Cholesky factors in place, diagonals inverted; whether all eight have one."""
     row, good = s * _STEP, True
@@ -147,7 +147,7 @@ def _scaled(f_at, d_at, s, x_at, t_at):
             store(t_at + i * row + j * _STEP, total)
 
 
-@inline
+@jit
 def _inside(t_at, s, limit, moved):
     """Whether all eight I + limit T are positive definite."""
     row, factor = s * _STEP, filled(limit)
