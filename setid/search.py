@@ -42,6 +42,7 @@ _CORRECTIONS = 2
 _PENALTIES = 1e2, 1e4, 1e6  # of a miss by a row's largest coefficient; a width of the box costs 1
 _PROMISED = 1e-5  # widths: a step that promises less is the last; tolerances promise some, too
 _SETTLED = 1e-6  # change of the least noise level at rest
+_MET = 1e-7  # violations that no larger penalty makes smaller
 _NEAR = 1e-4  # violations that steps of Newton repair
 _INSIDE = 1e-6  # of the width of each bound: what the last step keeps away from it
 
@@ -166,9 +167,9 @@ class _Search:
         x = redefined(self.formulation, start)
         for penalty in _PENALTIES:
             x = self._descended(x, replace(goal, penalty=penalty))
-            if self._off(x) <= _NEAR:
-                return polished(self.formulation, x, np.arange(x.size))
-        return None
+            if self._off(x) <= _MET:
+                break
+        return polished(self.formulation, x, np.arange(x.size)) if self._off(x) <= _NEAR else None
 
     def _descended(self, x: Reals, goal: _Goal) -> Reals:
         """A local minimiser of the merit."""
@@ -238,16 +239,16 @@ class _Search:
         rows, equal = affine(self.formulation, x, np.arange(x.size)), self.problem.equality
         scale = sps.diags_array(1.0 / self.size)
         slopes, constant = sps.csr_array(scale @ rows.matrix), rows.constant / self.size
-        m, twice = equal.size, int(equal.sum())
-        short = sps.eye_array(m, format="csr")  # what a row lacks
-        over = sps.csr_array(
-            (np.ones(twice), (np.flatnonzero(equal), np.arange(twice))), shape=(m, twice)
-        )
+        names, groups = self.formulation.rows.equation, self.formulation.layout.groups
+        loose = np.array([name not in groups for name in names], bool)  # the others define
+        unit = sps.eye_array(equal.size, format="csc")
+        short, over = unit[:, loose], unit[:, loose & equal]  # what a row lacks, or has too much
         whole = sps.csr_array(sps.hstack([slopes, short, -over]))
-        cost = np.append(self._cost(goal), np.full(m + twice, goal.penalty))
+        missed = whole.shape[1] - x.size
+        cost = np.append(self._cost(goal), np.full(missed, goal.penalty))
         bounds = (
-            np.append(region[0], np.zeros(m + twice)),
-            np.append(region[1], np.full(m + twice, inf)),
+            np.append(region[0], np.zeros(missed)),
+            np.append(region[1], np.full(missed, inf)),
         )
         below = -whole[~equal], constant[~equal]
         found = _solved(cost, below, (whole[equal], -constant[equal]), bounds)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
-from .boxes import shrinks
+from .boxes import room_of, shrinks
 from .branch import Plan, Search, first_moments
 from .catalogue import Recipe, expected_seconds, hashed, progress
 from .certificate.box import BoxProof, Step, Tightening, tighten
@@ -88,7 +88,7 @@ class Auto:
         self.outcome = bound_of(replay, self.model, self.best)
         self.agenda = Agenda(self.ground, self._scaled, "narrow" not in self.task.options.skip)
         self.first = self.best.proved.bound
-        self.shared = self.model
+        self.shared, self.room = self.model, room_of(self.model.box)
         self.tried: list[tuple[Recipe, float, float]] = []  # recipe, bound, seconds
 
     @property
@@ -160,7 +160,8 @@ class Auto:
         """The problem scaled to the box as it is now, remembered for estimates."""
         if self.last is None or self.last[0] is not self.model.box:
             box, problem = self.model.box, self.task.problem
-            self.last = box, Scaled.of(problem, Scaling.of_box(box), (problem.objective,))
+            scaling = Scaling.of_box(box, room=self.room)
+            self.last = box, Scaled.of(problem, scaling, (problem.objective,))
         return self.last[1]
 
     def _branch_rate(self) -> float | None:
@@ -301,7 +302,7 @@ class Auto:
         """The linear relaxation on the box as it is now."""
         cliques, active = self.ground.cliques["constraints"], self.ground.active
         with self.task.stages.stage("presolve"):
-            return Lifted.of(self.task.problem, self.model.box, cliques, warm, active)
+            return Lifted.of(self.task.problem, self.model.box, cliques, warm, active, self.room)
 
     def _bound_linear(self, lifted: Lifted) -> LinearSolution | None:
         """Take over what the linear relaxation proves; its solution where there is one."""

@@ -27,16 +27,22 @@ from .solvers import solve_conic
 from .sizing import affordable, worth_building
 from .sparsity import Cliques, find_cliques
 
-__all__ = ["finite", "find_box", "shrinks"]
+__all__ = ["find_box", "finite", "room_of", "shrinks"]
 
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this help nobody
 _LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
+_ROOM = 2.0**-42  # of the widths
 
 
 def finite(box: Interval) -> bool:
     """Whether every variable has two finite bounds."""
     return bool(np.all(np.isfinite(box.lo) & np.isfinite(box.hi)))
+
+
+def room_of(box: Interval) -> NDArray[np.float64]:
+    """How much larger replays at a later level may leave boxes within this one: rounding."""
+    return np.maximum(np.nan_to_num(_ROOM * (box.hi - box.lo), posinf=0.0), 0.0)
 
 
 def shrinks(old: Interval, new: Interval) -> bool:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import shrinks
+from .boxes import room_of, shrinks
 from .catalogue import Families, Recipe
 from .certificate.box import BoxProof, Replay, Step, tighten
 from .certificate.certificate import (
@@ -51,7 +51,6 @@ _SWEEPS = 6
 _MIDDLE = 0.4  # share of the middle of the box in the place of a cut
 _USELESS = 0.93  # tightening that leaves this share of the widths on average is given up
 _EDGE = 0.2  # a cut keeps this share of the width from both ends
-_ROOM = 2.0**-42  # of the widths of the root
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +247,7 @@ class Search:
     _root: _Part = field(init=False)
 
     def __post_init__(self) -> None:
-        room = np.nan_to_num(_ROOM * (self.box.hi - self.box.lo), posinf=0.0)
-        self.plan = replace(self.plan, room=room)
+        self.plan = replace(self.plan, room=room_of(self.box))
         proved, argument, empty = self.start
         self._root = _Part(self.box, proved, argument, empty)
         self._push(self._root)

@@ -10,6 +10,7 @@ import pytest
 import setid
 import sparsepop_py as sp
 from benchmarks import peers
+from benchmarks.block_structured import KINDS, record
 from setid.boxed import boxed, objectives, proved_box
 from setid.formulation import Formulation
 from setid.search import attained_ends, checked
@@ -95,6 +96,16 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     found = attained_ends(formulation, problem, start)
     assert len(found) >= 7  # of an inner point and eight ends
     assert all(problem.violation(point.x) < 1e-9 for point in found)
+
+
+def test_boxes_that_differ_by_rounding_keep_their_proofs() -> None:
+    """Samples known to 1e-7 leave boxes of which a few units in the last place are much."""
+    truth, noise = record("wiener 1", 20)
+    model, _, priors = KINDS["wiener 1"]
+    result = setid.identify(truth.data, model, noise, priors, setid.Options(time_limit=40))
+    assert all(str(item.status) == "certified" for item in result.intervals.values())
+    assert all(truth.theta[name] in item for name, item in result.intervals.items())
+    assert result.verify(truth.data)
 
 
 def test_certificates_that_claim_too_much_keep_what_they_prove() -> None:
