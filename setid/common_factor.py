@@ -23,26 +23,20 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-
 from .checks import frozen
-from .directions import units_of_rows
 from .errors import ModelError
 from .estimators import least_squares, linf
 from .existence import consistent
 from .formulation import Formulation, formulate
 from .models.lti import TransferFunction
 from .noise import Noise
-from .noise_factor import problem_with_factor, scaled_noise
+from .noise_factor import nearby, scaled_noise
 from .starts import first_point
-from .units import in_units
 
 __all__ = ["Endless", "endless_by"]
 
 _SECONDS = 5.0  # for the engine to find a consistent vector of each simpler structure
 _WIDE = 2.0  # times the noise bounds: where the engine begins
-_GAP = 0.01  # of the least noise
-_REACH = 4.0  # of parameters whose terms are of the size of the others
 _INSIDE = 1.0 - 2.0**-6  # of the noise bounds: strictly inside
 
 
@@ -153,24 +147,7 @@ def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | Non
             return theta
     noise = scaled_noise(formulation.noise.bounds(formulation.data), _WIDE)
     wide = formulate(formulation.data, formulation.model, noise)
-    scaled = in_units(_near(wide), wide)
-    start = first_point(wide, wide.problem)
-    begin = None if start is None else np.append(start, 1.0) / scaled.units
-    left = until - time.monotonic()
-    if left <= 0:
+    found = nearby(wide, first_point(wide, wide.problem), until)
+    if found is None or consistent(formulation, found.x[:p]) is None:
         return None
-    options = sp.Options(effort="auto", gap=_GAP, gap_kind="absolute", time_limit=left)
-    found = sp.solve(scaled.problem, options, start=begin).attained
-    if found is None or consistent(formulation, (found.x * scaled.units)[:p]) is None:
-        return None
-    return (found.x * scaled.units)[:p]
-
-
-def _near(formulation: Formulation) -> sp.Problem:
-    """The least noise where parameters are not huge: whatever is found there is good."""
-    problem, p = problem_with_factor(formulation, None), len(formulation.parameters)
-    assert formulation.smoothed is not None
-    lower, upper = problem.lower.copy(), problem.upper.copy()
-    upper[:p] = _REACH * units_of_rows(formulation.smoothed)
-    lower[:p] = -upper[:p]
-    return sp.Problem(problem.objective, problem.constraints, lower, upper)
+    return found.x[:p]

@@ -6,6 +6,7 @@ parameters are consistent with the data; at the upper end some are, with a witne
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .boxed import ProvedBox, box_follows, driving_rows
-from .boxes import ParameterBox
+from .boxes import ParameterBox, parameter_box
 from .data import IOData
 from .errors import ModelError, NoiseError, SetidError
 from .estimators import least_squares, linf
@@ -30,6 +31,7 @@ from .noise_factor import (
     last_variable,
     least_factor,
     linear_problem,
+    nearby,
     problem_with_factor,
     refuted_factor,
     rounding_factor,
@@ -43,6 +45,8 @@ from .units import in_units
 from .verification import Verification
 
 __all__ = ["Consistency", "consistency"]
+
+_SEARCH = 5.0  # seconds for a better estimate
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -249,6 +253,11 @@ def _by_engine(
     rounding = rounding_factor(data, bounds)
     limit = max(limit, rounding)
     formulation, theta, witness, high = stated(limit), None, None, inf
+    if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
+        found = nearby(formulation, x, min(until, time.monotonic() + _SEARCH))
+        if found is not None and found.share < 1.0:
+            limit, x = max(limit * found.share * (1.0 + 1e-3), rounding), found.x
+            formulation = stated(limit)
     if x is not None:
         witness = consistent(formulation, x[: len(formulation.parameters)])
     if witness is not None:
@@ -282,6 +291,16 @@ def _by_engine(
         assumptions=_assumptions(formulation, noise),
         samples=driving_rows(refuted[1], formulation) if refuted is not None else (),
     )
+
+
+def _is_boxed(formulation: Formulation, until: float) -> bool:
+    """Whether rows one by one, or other rows, bound the parameters."""
+    rows, p = formulation.smoothed, len(formulation.parameters)
+    if rows is None:
+        return True
+    problem = formulation.problem
+    box = parameter_box(rows, np.array([problem.lower[:p], problem.upper[:p]]), until)
+    return bool(np.all(np.isfinite(box.lower) & np.isfinite(box.upper)))
 
 
 def _share(result: sp.Result) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ import sparsepop_py as sp
 from .boxed import ProvedBox, proved_box
 from .boxes import ParameterBox, parameter_box
 from .data import IOData
+from .directions import units_of_rows
 from .formulation import Formulation
 from .noise import Noise
 from .options import Options
@@ -23,6 +25,7 @@ __all__ = [
     "last_variable",
     "least_factor",
     "linear_problem",
+    "nearby",
     "on_box",
     "problem_with_factor",
     "refuted_factor",
@@ -30,6 +33,8 @@ __all__ = [
     "scaled_noise",
 ]
 
+_REACH = 4.0  # of parameters whose terms are of the size of the others
+_GAP = 0.01  # of the factor, in a search
 _STEPS = 12  # halvings of the interval of s by boxes alone
 _PART = 0.25  # of the time, for these
 _TRIES = 6  # factors at which a finite box is looked for
@@ -157,6 +162,41 @@ def on_box(
     scaled = in_units(problem, formulation)
     start = None if x is None else np.append(x, 1.0) / scaled.units
     return sp.solve(scaled.problem, options, start=start)
+
+
+class Nearby(NamedTuple):
+    """Parameters that were found, and the part of the noise that they need; nothing is proved."""
+
+    share: float
+    x: NDArray[np.float64]
+
+
+def nearby(formulation: Formulation, x: NDArray[np.float64] | None, until: float) -> Nearby | None:
+    """The least factor where parameters are not huge: a search, which needs no box.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        With rows that are linear in the parameters.
+    x : (n,) float or None
+        Unknowns to begin from.
+    until : float
+        Reading of ``time.monotonic`` at which it ends.
+    """
+    p, left = len(formulation.parameters), until - time.monotonic()
+    if formulation.smoothed is None or left <= 0:
+        return None
+    problem = problem_with_factor(formulation, None)
+    reach = _REACH * units_of_rows(formulation.smoothed)
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    lower[:p], upper[:p] = np.maximum(lower[:p], -reach), np.minimum(upper[:p], reach)
+    if np.any(lower > upper):
+        return None
+    scaled = in_units(sp.Problem(problem.objective, problem.constraints, lower, upper), formulation)
+    start = None if x is None else np.append(x, 1.0) / scaled.units
+    options = sp.Options(effort="auto", gap=_GAP, gap_kind="absolute", time_limit=left)
+    found = sp.solve(scaled.problem, options, start=start).attained
+    return None if found is None else Nearby(found.value, (found.x * scaled.units)[:-1])
 
 
 def least_factor(

@@ -145,3 +145,22 @@ def test_noise_with_which_parameters_have_no_box_still_ends_in_a_closed_bracket(
     assert limit < 40.0 and low <= result.attained.value * limit * (1 + 1e-9)
     assert result.lower_bound * limit <= high
     assert result.attained.value - result.lower_bound <= 2e-3
+
+
+def test_where_an_estimate_needs_too_much_noise_for_a_box() -> None:
+    """A plant of order three as one of order two: l-infinity needs 1.7 times the least noise."""
+    u = np.random.default_rng([0, 3, 20]).uniform(-1.0, 1.0, 20)
+    plant, theta = setid.TransferFunction(3, 3, 1), (-1.4, 0.93, -0.36, 1.0, -0.5, 0.8)
+    data = setid.simulate_record(plant, theta, u, setid.Noise(output=0.25), 0).data
+    model, noise = setid.TransferFunction(2, 2, 1), setid.Noise(output=1e-3)
+    found = setid.consistency(data, model, noise, options=QUICK)
+    low, high = found.scale
+    assert 1.0 < low <= high <= low * (1.0 + 5e-3) and bool(found.verify())
+    assert found.theta is not None and found.explains is False
+    known = setid.formulate(data, model, noise)
+    assert known.witness(found.theta).level <= high * (1.0 + 1e-6)
+    source = np.random.default_rng(1)
+    for scale in (1e-2, 0.1, 1.0):  # no other parameters need less, by linear programs
+        for _ in range(5):
+            other = found.theta + scale * source.normal(size=4)
+            assert known.witness(other).level >= low * (1.0 - 1e-6)
