@@ -23,8 +23,8 @@ from .presolve.scaling import Scaled, Scaling
 from .problem import Problem
 from .relaxation import least_order, relax
 from .rounding import Interval
-from .solvers import solve_conic
 from .sizing import affordable, worth_building
+from .solvers import solve_conic
 from .sparsity import Cliques, find_cliques
 
 __all__ = ["find_box", "finite", "room_of", "shrinks"]

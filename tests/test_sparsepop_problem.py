@@ -57,7 +57,7 @@ WRONG: list[tuple[Any, str]] = [
         r"objPoly: found the string 'line\(3\)', expected the name of a .gms file, 'module",
     ),
     ("no_such_module:f", r"found the string 'no_such_module:f', expected .* No module named"),
-    ("RosenbrockLS", r"missing a required argument: 'n'\), expected arguments as in rosenbrock\(n\)"),
+    ("RosenbrockLS", r"missing a required argument: 'n'\), expected .* rosenbrock\(n\)"),
     ("chained_wood(8, 2)", r"\(too many positional arguments\), expected .* chained_wood\(n\)"),
     ('chained_wood("a")', "n: found 'a', expected a multiple of 4, at least 4"),
     ("BroydenBand(5.0)", "n: found 5.0, expected an integer, at least 2"),
