@@ -104,7 +104,11 @@ def _tries(
     """The start and what searches from it end at, the cheapest search first."""
     problem, start = rows.problem, rows.start(start)
     yield start
-    bilinear = problem.degree <= 2 and bool(problem.constraints) and not rows.factored
+    # without an inequality there are no vertices for linear programs to end at
+    corners = bool(
+        np.any(np.isfinite([problem.lower, problem.upper])) or not problem.equality.all()
+    )
+    bilinear = problem.degree <= 2 and bool(problem.constraints) and corners and not rows.factored
     star = bilinear and Products.of(problem).has_star  # made for linear programs
     large = problem.dimension > (_FEW if star else DENSE_LIMIT)  # then the others are slow
     small = problem.dimension <= _SMALL

@@ -25,7 +25,7 @@ from .waki import plain_relaxation
 
 __all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 
-_OPERATIONS = 1.5e10  # a step; above, a relaxation is not tried
+_OPERATIONS = 4e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form is as good as free
 _BYTES = 5e9
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built

@@ -69,6 +69,16 @@ def test_published_optima_are_proved(problem, optimum):
     assert result.upper_bound == pytest.approx(optimum, abs=2e-6)
 
 
+def test_equations_alone_are_searched_without_vertices():
+    """798 variables at an order above the least: the first point makes the box."""
+    first, second = (
+        sp.solve(problems.scalar_control(400), sp.Options(order=order)) for order in (1, 2)
+    )
+    for result in (first, second):
+        assert result.status is sp.Status.OPTIMAL
+    assert first.lower_bound <= second.upper_bound and second.lower_bound <= first.upper_bound
+
+
 def test_wrong_sizes_are_named():
     with pytest.raises(sp.ProblemError, match="steps: found 1"):
         problems.scalar_control(1)
