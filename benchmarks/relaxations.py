@@ -328,11 +328,11 @@ ORIGINS: dict[str, Callable[[], Iterator[Case]]] = {
     "trees": _trees,
     "random sparse": _sparse,
     "pooling": _pooling,
-    "blocks": _blocks,
     "badly scaled": _badly_scaled,
     "equality-rich": _equalities,
     "degenerate": _degenerate,
     "empty": _empty,
+    "blocks": _blocks,  # the last, as Clarabel takes minutes for the largest
 }
 NAMED = ("chains", "identification")  # at most 2 % of these may need the fallback
 
