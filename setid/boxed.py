@@ -13,7 +13,7 @@ from .boxes import ParameterBox, parameter_box
 from .cells import CellBox, cell_box
 from .directions import DirectionBox, direction_box
 from .formulation import Formulation
-from .lifted import LiftedBox, lifted_box, lifted_rows
+from .lifted import LiftedBox, lifted_box, lifted_rows, sharpened
 
 __all__ = ["ProvedBox", "box_follows", "boxed", "driving_rows", "objectives", "proved_box"]
 
@@ -38,7 +38,9 @@ def proved_box(formulation: Formulation, until: float = inf) -> ProvedBox | None
     if cells is not None:
         return cells
     rows = lifted_rows(formulation)
-    return None if rows is None else lifted_box(rows, start, until)
+    if rows is None:
+        return None
+    return sharpened(lifted_box(rows, start, until), formulation, rows, until)
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
@@ -49,7 +51,7 @@ def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     if isinstance(box, CellBox | DirectionBox):
         return box.verify(formulation, start)
     rows = lifted_rows(formulation)
-    return rows is not None and box.verify(rows, start)
+    return rows is not None and box.verify(rows, start, formulation)
 
 
 def driving_rows(box: ProvedBox | None, formulation: Formulation) -> tuple[tuple[int, int], ...]:

@@ -3,13 +3,18 @@
 With several denominators multiplied out, a row is linear in the monomials of theta (a1, b1,
 a1*b1, ...). The rows in these monomials bound them as :mod:`setid.boxes` does, those of
 degree one are parameters, and the products of their bounds bound the rest of the next round.
+
+These rows forget that neighbouring ones share noise samples. Where static gains of 1 then leave
+parameters without bounds, since 1 + a1 + ... may be zero, the engine bounds the sums over all
+rows with the samples that they share.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +28,12 @@ from .formulation import Formulation
 from .monomials import Monomial, MonomialRows
 from .regression import Regression
 
-__all__ = ["LiftedBox", "lifted_box", "lifted_rows"]
+__all__ = ["LiftedBox", "lifted_box", "lifted_rows", "sharpened"]
 
 Reals = NDArray[np.float64]
 _ROUNDS = 3
+_ROUGH = 0.02  # of the width of a sum: a box needs no more
+_SECONDS = 60.0  # of wall time for all sums
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -40,12 +47,17 @@ class LiftedBox(Bounds):
     rounds : tuple of ParameterBox
     sums : tuple of tuple of sp.LinearBound
         For each round, bounds of the sums of monomials that static gains of 1 speak of.
+    sharper : tuple of sp.Certificate or None
+        Of these sums and their negatives on the last round's box, over all rows at once.
     """
 
     rounds: tuple[ParameterBox, ...]
     sums: tuple[tuple[sp.LinearBound, ...], ...]
+    sharper: tuple[sp.Certificate | None, ...] = ()
 
-    def verify(self, rows: MonomialRows, start: Reals) -> bool:
+    def verify(
+        self, rows: MonomialRows, start: Reals, formulation: Formulation | None = None
+    ) -> bool:
         """Replay all rounds from the rows of the data, without any solver."""
         box = start
         if len(self.rounds) != len(self.sums):
@@ -56,6 +68,11 @@ class LiftedBox(Bounds):
             if sums and not _sums_hold(rows, found, sums):
                 return False
             box = _shrunk(rows, box, found, sums)
+        if self.sharper:
+            joined = None if formulation is None else _joined(formulation, rows, self.rounds[-1])
+            if joined is None or not _sharper_hold(joined, rows, self.sharper):
+                return False
+            box = _shrunk(rows, box, self.rounds[-1], self.sums[-1], self.sharper)
         return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
 
     @property
@@ -69,12 +86,19 @@ class LiftedBox(Bounds):
 
 
 def _shrunk(
-    rows: MonomialRows, box: Reals, found: ParameterBox, sums: tuple[sp.LinearBound, ...]
+    rows: MonomialRows,
+    box: Reals,
+    found: ParameterBox,
+    sums: tuple[sp.LinearBound, ...],
+    sharper: tuple[sp.Certificate | None, ...] = (),
 ) -> Reals:
     empty = np.array([np.full(box.shape[1], np.inf), np.full(box.shape[1], -np.inf)])
     if found.empty or any(b.status is sp.Status.INFEASIBLE for b in sums):
         return empty
-    ends = [(a.lower, -b.lower) for a, b in zip(sums[0::2], sums[1::2], strict=True)]
+    lows = [bound.lower for bound in sums]
+    for number, proof in enumerate(sharper):
+        lows[number] = lows[number] if proof is None else max(lows[number], proof.bound)
+    ends = [(low, -high) for low, high in zip(lows[0::2], lows[1::2], strict=True)]
     box = rows.shrunk(box, found.lower, found.upper, ends)
     return empty if np.any(box[0] > box[1]) else box
 
@@ -94,6 +118,83 @@ def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBou
     return len(asked) == len(sums) and all(
         bound.verify(problem, objective).ok for bound, objective in zip(sums, asked, strict=True)
     )
+
+
+def _joined(formulation: Formulation, rows: MonomialRows, found: ParameterBox) -> sp.Problem | None:
+    """The equations with monomials of theta as unknowns of their own, ahead of the others."""
+    problem, p, q = formulation.problem, len(formulation.parameters), len(rows.monomials)
+    place = {monomial: number for number, monomial in enumerate(rows.monomials)}
+    x = sp.variables(q + problem.dimension - p)
+    equations = []
+    for row, origin in zip(problem.constraints, formulation.rows.origin, strict=True):
+        if origin != "model" or row.kind is not sp.Kind.ZERO:
+            continue
+        terms = []
+        words, values = row.polynomial.words.tolist(), row.polynomial.coefficients.tolist()
+        for word, value in zip(words, values, strict=True):
+            used = [letter - 1 for letter in word if letter]
+            monomial = tuple(v for v in used if v < p)
+            if monomial and monomial not in place:
+                return None
+            factors = [x[place[monomial]]] if monomial else []
+            factors += [x[q + v - p] for v in used if v >= p]
+            terms.append(math.prod(factors, start=0.0 * x[0] + value))
+        equations.append(sp.total(terms) == 0)
+    lower = np.concatenate([found.lower, problem.lower[p:]])
+    upper = np.concatenate([found.upper, problem.upper[p:]])
+    if not equations or not np.all(np.isfinite(lower) & np.isfinite(upper)):
+        return None
+    return sp.Problem(x[0], equations, lower=lower, upper=upper)
+
+
+def _asked(joined: sp.Problem, rows: MonomialRows) -> list[sp.Polynomial]:
+    """The sums and their negatives in the unknowns of the joined equations."""
+    x = sp.variables(joined.dimension)
+    return [
+        sp.total(
+            [value * x[v] for v, value in zip(p.words[:, -1] - 1, p.coefficients, strict=True)]
+        )
+        for p in rows.objectives()
+    ]
+
+
+def _sharper_hold(
+    joined: sp.Problem, rows: MonomialRows, sharper: tuple[sp.Certificate | None, ...]
+) -> bool:
+    asked, known = _asked(joined, rows), dict[int, Any]()
+    return len(asked) == len(sharper) and all(
+        proof is None or proof.verify(joined.with_objective(objective), known).ok
+        for proof, objective in zip(sharper, asked, strict=True)
+    )
+
+
+def sharpened(
+    box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float = math.inf
+) -> LiftedBox:
+    """The box with sums of monomials bounded by the engine, where these leave parameters endless.
+
+    Parameters
+    ----------
+    box : LiftedBox
+    formulation : Formulation
+    rows : MonomialRows
+        Its rows.
+    until : float
+        Reading of ``time.monotonic`` at which all work ends.
+    """
+    endless = np.any(np.isinf([box.lower, box.upper])) and not box.empty
+    left = min(_SECONDS, 0.5 * (until - time.monotonic()))
+    if not endless or not rows.gains or not rows.sums or left <= 0:
+        return box
+    joined = _joined(formulation, rows, box.rounds[-1])
+    if joined is None:
+        return box
+    options = sp.Options(effort="auto", gap_kind="width", gap=_ROUGH, time_limit=left)
+    found = sp.solve_each(joined, _asked(joined, rows), options)
+    proofs = tuple(result.certificate for result in found)
+    ends = np.array([box.lower, box.upper])
+    ends = _shrunk(rows, ends, box.rounds[-1], box.sums[-1], proofs)
+    return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), sharper=proofs)
 
 
 def lifted_box(rows: MonomialRows, start: Reals, until: float = math.inf) -> LiftedBox:
