@@ -191,7 +191,8 @@ def sharpened(
         return box
     options = sp.Options(effort="auto", gap_kind="width", gap=_ROUGH, time_limit=left)
     found = sp.solve_each(joined, _asked(joined, rows), options)
-    proofs = tuple(result.certificate for result in found)
+    given = (result.certificate for result in found)  # emptiness is for the engine to report
+    proofs = tuple(c if c is not None and np.isfinite(c.bound) else None for c in given)
     ends = np.array([box.lower, box.upper])
     ends = _shrunk(rows, ends, box.rounds[-1], box.sums[-1], proofs)
     return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), sharper=proofs)
