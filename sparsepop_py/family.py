@@ -127,7 +127,10 @@ class Family:
         self.pairs, self.base = pairs(self.objectives), self.model
         self.ground = Ground.of(self.problem, self.objectives, self.options)
         if not self.ground.products.has_star:  # a star may not need it, and is nearly as cheap
-            self._tighten()
+            try:
+                self._tighten()
+            except KeyboardInterrupt:
+                self.clock.stop()  # the box is kept as it was
         for objective in self.objectives:
             task = Task(
                 self.problem.with_objective(objective),
@@ -153,7 +156,7 @@ class Family:
 
     def _tighten(self) -> None:
         """Linear programs tighten the box of all, once."""
-        if self.tightened:
+        if self.tightened or self.clock.over:
             return
         self.tightened, start = True, time.process_time()
         with self.stages.stage("presolve"):

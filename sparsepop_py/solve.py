@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .boxes import find_box, finite
+from .certificate.box import BoxProof
 from .errors import ProblemError, SparsePOPError
 from .family import Family, first_starts, pairs, width_between
 from .feasibility import ProvedPoint
@@ -146,11 +147,15 @@ def solve_each(
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
     told = _Told(on_progress)
     clock = Clock(options.time_limit)
-    with stages.stage("presolve"):
-        first = Model(*find_box(problem, None, options))
+    first = Model(BoxProof(), Interval(problem.lower, problem.upper))
+    try:
+        with stages.stage("presolve"):
+            first = Model(*find_box(problem, None, options))
+    except KeyboardInterrupt:
+        clock.stop()
     box = first.box
     if options.effort == "auto" and finite(box) and not is_empty(box):
-        starts += first_starts(problem, box, options)
+        starts += [] if clock.over else first_starts(problem, box, options)
         family = Family(
             problem,
             objectives,
@@ -166,8 +171,11 @@ def solve_each(
         return [_result(climbed) for climbed in family.run()]
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
-        with stages.stage("relax"):
-            model = relaxed(problem, tuple(objectives), first, options)
+        try:
+            with stages.stage("relax"):
+                model = relaxed(problem, tuple(objectives), first, options)
+        except KeyboardInterrupt:
+            clock.stop()
     climbs: list[Climbed] = []
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
@@ -175,6 +183,8 @@ def solve_each(
         part, count = problem.with_objective(objective), len(objectives)
         task = Task(part, options, own, clock, repair=repair, objectives=count)
         climbs.append(_climb_one(task, starts, model))
+        if INTERRUPTED in climbs[-1].notes:
+            clock.stop()  # the others end with what is known
         told(number, climbs[-1])
     return [_result(climbed) for climbed in _with_widths(climbs, objectives, options)]
 

@@ -17,8 +17,9 @@ from sparsepop_py.boxes import find_box
 from sparsepop_py.certificate.box import Replay
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ladder import INTERRUPTED
+from sparsepop_py.progress import Stages
 
-SOLVE_CONIC, EXPLORE = rungs.solve_conic, branch.explore
+SOLVE_CONIC, EXPLORE, STAGE = rungs.solve_conic, branch.explore, Stages.stage
 
 
 @pytest.mark.parametrize("several", [False, True])
@@ -170,3 +171,21 @@ def test_a_lower_level_makes_no_box_larger(name):
         again = proof.replay(Replay(problem, lower))
         assert np.all(again.lo >= box.lo)
         assert np.all(again.hi <= box.hi)
+
+
+@pytest.mark.parametrize("effort", ["auto", "presolve"])
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 5, 6, 8, 11, 14])
+def test_an_interrupt_at_the_start_of_any_phase(number, effort, monkeypatch):
+    x = sp.variables(3)
+    rows = [x[0] * x[2] + x[1] == 1, x[0] ** 2 + x[1] ** 2 <= 2]
+    region = sp.Problem(x[0], rows, lower=-2, upper=2)
+    ends, point = [x[0], -x[0], x[1]], np.array([1.0, 0.0, 1.0])  # feasible by hand
+    entering = Interrupting(STAGE, number)
+    monkeypatch.setattr(Stages, "stage", lambda stages, name: entering(stages, name))
+    options = Options(effort=effort, gap=0.0, time_limit=20.0, node_limit=0)
+    results = sp.solve_each(region, ends, options)
+    assert entering.calls >= number
+    for objective, result in zip(ends, results, strict=True):
+        check(region.with_objective(objective), result)
+        assert -2.0 - 1e-9 <= result.lower_bound <= objective(point)
+    assert INTERRUPTED in results[-1].notes  # nothing goes on after it
