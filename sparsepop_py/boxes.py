@@ -42,7 +42,7 @@ def finite(box: Interval) -> bool:
 
 def room_of(box: Interval) -> NDArray[np.float64]:
     """How much larger replays at a later level may leave boxes within this one: rounding."""
-    return np.maximum(np.nan_to_num(_ROOM * (box.hi - box.lo), posinf=0.0), 0.0)
+    return np.maximum(np.nan_to_num(_ROOM * box.hi - _ROOM * box.lo, posinf=0.0), 0.0)
 
 
 def shrinks(old: Interval, new: Interval) -> bool:
