@@ -114,7 +114,7 @@ class SolverInfo:
         Empty when no solver was needed.
     iter : int
     numerr : int
-        0 when the solver is sure of its answer, 1 otherwise.
+        0 when the solver is sure of its answer and no entry of ``err`` is beyond 1e-7, else 1.
     pinf, dinf : int
         pinf is 1 when it reports that there is no sum of squares (a higher order or bounds
         may give one), dinf when it reports that the moment relaxation has no point.

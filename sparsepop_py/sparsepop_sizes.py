@@ -21,6 +21,7 @@ from .sparsepop_output import SDPInfo, SolverInfo
 
 __all__ = ["BuiltSDP", "sizes_of", "solver_info"]
 
+_SURE = 1e-7  # DIMACS errors above this are no solution, whatever the solver says
 _FEASIBILITY = {"solved": 1.0, "infeasible": -1.0, "unbounded": -1.0}
 
 
@@ -190,10 +191,13 @@ def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
         return SolverInfo("", 0, 0, 0, 0, 0.0, None, None, "no SDP was solved")
     solution = built.solution
     errors = dimacs_errors(built.program, solution)
+    largest = float(np.abs(errors).max())
+    sure = solution.status in ("solved", "infeasible", "unbounded")
+    sure &= solution.status != "solved" or largest <= _SURE
     return SolverInfo(
         solution.solver,
         solution.iterations,
-        0 if solution.status in ("solved", "infeasible", "unbounded") else 1,
+        0 if sure else 1,
         int(solution.status == "unbounded"),
         int(solution.status == "infeasible"),
         solution.seconds,
@@ -202,6 +206,6 @@ def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
         solution.detail,
         (0.0, solution.seconds, 0.0),
         errors,
-        float(np.abs(errors).max()),
+        largest,
         solution.wall,
     )

@@ -126,6 +126,13 @@ def test_values_of_the_laboratory_problem(order: int) -> None:
     assert output.POP.status is not sp.Status.INFEASIBLE
 
 
+def test_a_solution_with_large_errors_is_called_one() -> None:
+    """The objective has a range of 1e6 on the box: digits of the solver are missing."""
+    output = call(laboratory(-1e3, 1e3), relaxOrder=4)
+    assert output.SDPsolverInfo.r0 > 1e-7 and output.SDPsolverInfo.numerr == 1
+    assert output.SDPobjValue <= LABORATORY
+
+
 def test_a_fraction_is_kept_and_lies_between_orders() -> None:
     x, y, z = sp.variables(3)
     problem = sp.Problem(x * y - z, [x * z == 0.5, x + y + z <= 2], -1, 1)
