@@ -125,7 +125,8 @@ def _simpler(formulation: Formulation) -> list[Formulation]:
     if not (plain and known and free) or np.any(equation > 0):
         return []
     found = []
-    if nk >= 1 and np.all(output > 0) and data.records == 1 and data.samples > na + 1:
+    spare = bool(np.all(output > _INSIDE * output))  # not so if it is zero or nearly
+    if nk >= 1 and spare and data.records == 1 and data.samples > na + 1:
         last = data.samples - 1
         inside = Noise(output=_INSIDE * output[:last], input=_INSIDE * input[:last])
         sooner = TransferFunction(na - 1, nb, nk - 1)

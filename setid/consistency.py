@@ -28,6 +28,7 @@ from .models.continuous import without_delta
 from .models.equations import Structure
 from .noise import Noise
 from .noise_factor import (
+    attained_factor,
     last_variable,
     least_factor,
     linear_problem,
@@ -274,7 +275,7 @@ def _by_engine(
                 result.attained.x
                 * in_units(problem_with_factor(formulation, box), formulation).units
             )
-            high, witness = result.attained.value * limit * (1.0 + 1e-15), z[:-1]
+            high, witness = attained_factor(formulation, result.attained.value) * limit, z[:-1]
             theta = witness[: len(formulation.parameters)]
     return Consistency(
         scale=(low, high),
@@ -328,6 +329,9 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
 
 
 def _verify(found: Consistency) -> Verification:
+    again = _stated(found, found.limit)
+    if again.problem.fingerprint != found.formulation.problem.fingerprint:
+        return Verification(False, "the problem is not that of the data, the noise and the limit")
     if found.bound is not None:
         problem = linear_problem(found.formulation)
         verdict = found.bound.verify(problem, last_variable(problem))
@@ -381,5 +385,5 @@ def _result_fails(found: Consistency) -> str:
     point = attained.recheck(problem)
     if point is None:
         return "the attained point could not be proved again"
-    reached = point.value * found.limit * (1.0 + 1e-15)
+    reached = attained_factor(found.formulation, point.value) * found.limit
     return "" if reached <= found.scale[1] else "the upper end is not attained"

@@ -245,10 +245,12 @@ def _least(side: InUnits, end: float) -> sp.Certificate | None:
         found = sp.solve(side.problem, options)
         if found.certificate is not None and found.certificate.bound > 0:
             return found.certificate
+        if any(note.startswith("interrupted") for note in found.notes):
+            return None
         if found.status is sp.Status.LIMIT:
             slice_ *= 2.0
         elif found.status is not sp.Status.OPTIMAL or not found.upper_bound > _NONE or gap < _NONE:
-            return None  # interrupted, or s = 0 is attained
+            return None  # s = 0 is attained, or nothing was proved
         else:
             gap = min(0.5 * found.upper_bound, 0.25 * gap)
     return None

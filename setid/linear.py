@@ -103,4 +103,6 @@ def left_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """The pseudoinverse (p, R) of columns brought to one size, so that none counts as zero."""
     size = np.abs(matrix).max(axis=0, initial=0.0)
     units = np.ldexp(1.0, np.frexp(np.where(size > 0, size, 1.0))[1])
-    return np.asarray(np.linalg.pinv(matrix / units) / units[:, None])
+    with np.errstate(over="ignore"):
+        found = np.linalg.pinv(matrix / units) / units[:, None]
+    return np.nan_to_num(found, posinf=0.0, neginf=0.0)  # for columns whose inverse is no double

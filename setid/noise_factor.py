@@ -27,6 +27,7 @@ __all__ = [
     "linear_problem",
     "nearby",
     "on_box",
+    "attained_factor",
     "problem_with_factor",
     "refuted_factor",
     "rounding_factor",
@@ -97,17 +98,10 @@ def problem_with_factor(
     n, p = problem.dimension, len(formulation.parameters)
     variables = sp.variables(n + 1, (*problem.names, "noise factor"))
     s = variables[-1]
-    width = formulation.noise.bounds(formulation.data)[2]
-    rows, starts, lines = formulation.rows, formulation.data.starts, []
-    inequality = sp.Kind.NONNEGATIVE if scaled is None else None
-    for row, origin in enumerate(rows.origin):
-        extra = None
-        if origin == "model" and problem.constraints[row].kind is inequality:
-            sample = int(starts[rows.record[row] - 1] + rows.sample[row] - 1)
-            size = float(width[sample, int(rows.equation[row][1:]) - 1])
-            spare = 4e-16 * (abs(problem.constraints[row].polynomial.constant_term) + size)
-            extra = size * s - (size - spare)  # the bound is size s instead of size
-        lines.append(_lifted(problem, row, extra))
+    lines, bounds = [], _row_bounds(formulation) if scaled is None else {}
+    for row in range(len(problem.constraints)):
+        size, spare = bounds.get(row, (0.0, 0.0))  # the bound is size s + spare instead of size
+        lines.append(_lifted(problem, row, size * s - (size - spare) if size else None))
     for group in ("eta", "xi") if scaled is None else ("eta",):
         numbers = layout.group(group)
         for number in numbers[numbers >= 0].tolist():
@@ -119,6 +113,25 @@ def problem_with_factor(
     if box is not None and not box.empty:
         lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
     return sp.Problem(s, lines, lower, upper)
+
+
+def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:
+    """Bounds of the equation errors of rows, and what rounding of the readings adds to them."""
+    width, rows = formulation.noise.bounds(formulation.data)[2], formulation.rows
+    found = {}
+    for row, constraint in enumerate(formulation.problem.constraints):
+        if rows.origin[row] == "model" and constraint.kind is sp.Kind.NONNEGATIVE:
+            start = formulation.data.starts[rows.record[row] - 1]
+            size = float(width[start + rows.sample[row] - 1, int(rows.equation[row][1:]) - 1])
+            found[row] = size, 4e-16 * (abs(constraint.polynomial.constant_term) + size)
+    return found
+
+
+def attained_factor(formulation: Formulation, s: float) -> float:
+    """The factor that a point of :func:`problem_with_factor` needs where it attains s."""
+    bounds = _row_bounds(formulation).values()
+    share = max((spare / size for size, spare in bounds if size), default=0.0)
+    return (s + share) * (1.0 + 1e-15)
 
 
 def rounding_factor(data: IOData, bounds: tuple[NDArray, ...]) -> float:
@@ -222,6 +235,8 @@ def least_factor(
             if result.attained is not None or result.status is not sp.Status.INFEASIBLE:
                 return kept
             low = limit
+            if low >= ends[1]:
+                break
         else:
             ends = low, limit
         if time.monotonic() >= until:

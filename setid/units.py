@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .checks import frozen
+from .errors import SetidError
 from .formulation import Formulation
 
 __all__ = ["InUnits", "in_units"]
@@ -44,7 +45,10 @@ class InUnits(NamedTuple):
 
     def asked(self, objective: sp.Polynomial) -> tuple[sp.Polynomial, float]:
         """An objective in x as one in z of ordinary size, and the factor between their values."""
-        return _balanced(_restated(objective, self.units))
+        restated = _restated(objective, self.units)
+        if not _safe(restated):
+            raise SetidError("objective: expected coefficients that are neither tiny nor huge")
+        return _balanced(restated)
 
 
 def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
@@ -75,15 +79,17 @@ def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
     units = _units(problem, formulation)
     with np.errstate(all="ignore"):
         lower, upper = problem.lower / units, problem.upper / units
+        restated = [_restated(row.polynomial, units) for row in problem.constraints]
         objective, factor = _balanced(_restated(problem.objective, units))
-        rows = [
-            replace(row, polynomial=_balanced(_restated(row.polynomial, units))[0])
-            for row in problem.constraints
-        ]
+        balanced = [_balanced(polynomial)[0] for polynomial in restated]
     exact = np.array_equal(lower * units, problem.lower)
     exact &= np.array_equal(upper * units, problem.upper)
-    if not exact or not all(map(_safe, (objective, *(row.polynomial for row in rows)))):
+    exact &= bool(np.all((units > _SMALL) & (units < _LARGE)))
+    # a product that was rounded as a subnormal looks ordinary once it is balanced
+    if not exact or not all(map(_safe, [*restated, *balanced, objective])):
         return InUnits(problem, np.ones(units.size), 1.0)
+    pairs = zip(problem.constraints, balanced, strict=True)
+    rows = [replace(row, polynomial=polynomial) for row, polynomial in pairs]
     return InUnits(sp.Problem(objective, rows, lower, upper, problem.names), units, factor)
 
 

@@ -110,7 +110,11 @@ def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float6
     normal = program.A.T @ weighted
     own = normal.diagonal()
     normal = sps.csc_array(normal + sps.diags_array(np.where(own > 0, _FIRM * own, 1.0)))
-    factors = splu(normal, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    how = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    try:
+        factors = splu(normal, "MMD_AT_PLUS_A", **how)
+    except RuntimeError:  # products that under- or overflow leave it singular
+        return z
     for _ in range(3):
         residual = program.q + program.A.T @ z
         if not np.any(residual):

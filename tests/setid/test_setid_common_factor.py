@@ -96,3 +96,13 @@ def test_an_input_that_acts_sooner_makes_all_parameters_endless(kind: str) -> No
     less = setid.Noise(output=0.01 * size, input=0.002 * (kind == "eiv"))
     assert not found.verify(setid.formulate(data, model, less))
     assert not found.verify(setid.formulate(data, model, noise, setid.Stable()))
+
+
+def test_noise_with_nothing_to_spare_proves_no_delay_less() -> None:
+    """Bounds of 16 subnormal units: 63/64 of them rounds to all of them."""
+    tiny = 2.0**-1074
+    u = np.array([3.0, -2.0, 5.0, 7.0, -1.0, 4.0]) * tiny * 2**20
+    y = 2 * u + 16 * tiny * np.array([1, -1, 1, -1, 1, -1])
+    model = setid.TransferFunction(1, 1, 1)
+    known = setid.formulate(setid.IOData(u, y), model, setid.Noise(output=16 * tiny))
+    assert endless_by(known) is None

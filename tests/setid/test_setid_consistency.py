@@ -10,7 +10,7 @@ import pytest
 from identification_cases import laboratory_two_first, laboratory_two_second
 
 import setid
-from setid.noise_factor import least_factor
+from setid.noise_factor import attained_factor, least_factor
 
 FIRST = setid.TransferFunction(1, 1)
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -164,3 +164,26 @@ def test_where_an_estimate_needs_too_much_noise_for_a_box() -> None:
         for _ in range(5):
             other = found.theta + scale * source.normal(size=4)
             assert known.witness(other).level >= low * (1.0 - 1e-6)
+
+
+def test_claims_of_other_noise_or_limits_are_refused() -> None:
+    data = setid.IOData([4, -3, 2, 1, 2, -1.5], [0, -6.25, 1.175, 2.0875, 1.0, 4.0])
+    box = setid.Box({"a1": (-0.5, -0.499), "b0": (2.0, 2.001)})
+    model, noise = setid.TransferFunction(1, 1), setid.Noise(output=0.5)
+    found = setid.consistency(data, model, noise, [box], options=QUICK)
+    assert bool(found.verify()) and 8.6 < found.scale[0] <= found.scale[1]
+    more = replace(found, noise=setid.Noise(output=5.0), refuted=None)
+    far = (5 * found.scale[0], 5 * found.scale[1])
+    for claim in (more, replace(found, limit=5 * found.limit, scale=far, refuted=None)):
+        assert "is not that of the data, the noise and the limit" in claim.verify().reason
+
+
+def test_rows_that_forgive_rounding_cost_it_at_the_upper_end() -> None:
+    """Equation errors of 1e-14 of readings: what a row forgives is added to the factor."""
+    u, source = np.random.default_rng(0).standard_normal(8), np.random.default_rng(1)
+    y = setid.simulate(FIRST, [-0.5, 1.0], u).ravel() + source.uniform(-1, 1, 8) * 4e-14
+    output = np.append(1e-16, np.zeros(7))
+    known = setid.formulate(setid.IOData(u, y), FIRST, setid.Noise(output=output, equation=1e-14))
+    assert attained_factor(known, 1.0) > 1.0 + 4e-16 * np.abs(y[1:]).max() / 1e-14
+    rough = setid.formulate(setid.IOData(u, y), FIRST, setid.Noise(output=0.1))
+    assert attained_factor(rough, 1.0) == 1.0 + 1e-15

@@ -10,6 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import setid
+import sparsepop_py as sp
 from setid import directions
 
 MODEL, NOISE = setid.TransferFunction(2, 1, 1), setid.Noise(output=0.35)
@@ -119,3 +120,17 @@ def test_an_interrupt_claims_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("setid.directions._least", stopped)
     assert directions.direction_box(known, first) is None
+
+
+def test_an_interrupted_side_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, known, first = case(28)
+    solve, calls = sp.solve, []
+
+    def interrupted(problem: sp.Problem, options: sp.Options) -> sp.Result:
+        calls.append(problem)
+        stopped = solve(problem, replace(options, time_limit=1e-3))
+        notes = ("interrupted: what is proved so far is kept",)
+        return replace(stopped, status=sp.Status.LIMIT, certificate=None, notes=notes)
+
+    monkeypatch.setattr(sp, "solve", interrupted)
+    assert directions.direction_box(known, first) is None and len(calls) == 1

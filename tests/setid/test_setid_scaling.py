@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -171,3 +172,19 @@ def exactly(polynomial: sp.Polynomial, x: list[Fraction]) -> Fraction:
             term *= x[letter - 1] if letter else 1
         total += term
     return total
+
+
+def test_subnormal_signals_keep_the_units_in_which_they_are_exact() -> None:
+    """Exact data of a1 = -1/2, b0 = 2^-1018: a unit would round what it multiplies."""
+    tiny, source = 2.0**-1074, np.random.default_rng(3)
+    m = [int(v) for v in source.integers(-(2**34), 2**34, 8)]
+    y = np.array([v * tiny for v in m])
+    u = np.array([2.0**-22, *((2 * b - a) * 2.0**-57 for a, b in pairwise(m))])
+    for k in range(1, 8):
+        exact = Fraction(y[k]) - Fraction(y[k - 1]) / 2 - Fraction(2) ** -1018 * Fraction(u[k])
+        assert exact == 0
+    noise = setid.Noise(output=2 * tiny)
+    result = setid.identify(setid.IOData(u, y), FIRST, noise, options=QUICK)
+    assert -0.5 in result.intervals["a1"] and 2.0**-1018 in result.intervals["b0"]
+    known = setid.formulate(setid.IOData(u, y), FIRST, noise)
+    assert np.all(in_units(known.problem, known).units == 1.0)
