@@ -41,8 +41,9 @@ _EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
 _CORRECTORS = 4  # where a factorization costs so many times what a direction costs:
 _DEAR = 20.0
-# Step of the predictor below which its second-order term is weakened, and by how much at most:
-_TRUSTED, _LEAST_TRUST = 0.3, 0.1  # where no moments satisfy the rows, steps depend on it
+# Step of the predictor below which its second-order term is weakened, and by how much at most;
+# not with equations, where records need up to twice the iterations without it:
+_TRUSTED, _LEAST_TRUST = 0.3, 0.1
 _LONG = 0.9  # part of the whole step that no further corrector is to lengthen
 
 
@@ -288,7 +289,8 @@ def _advance(
     shorter = min(first, second)
     centring = min(1.0, max(1e-4, (1.0 - shorter) ** 2 * ratio))
     part = settings.boundary + settings.stretch * shorter
-    weight = min(1.0, max(_LEAST_TRUST, (shorter / _TRUSTED) ** 2))
+    trusted = 1.0 if newton.residuals.equal.size else (shorter / _TRUSTED) ** 2
+    weight = min(1.0, max(_LEAST_TRUST, trusted))
     corrector, first, second = predictor, 0.0, 0.0
     for _ in range(_correctors(newton.numbers)):
         correction = cone.sandwich(newton.inverse, corrector.s, corrector.z)
