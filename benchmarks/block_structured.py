@@ -27,12 +27,17 @@ SIZES = (20, 50, 100)
 NOISES = (0.5, 1.0, 5.0)  # per cent of the largest output
 _ONE, _TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
 _STABLE = (setid.Stable(),)
-_TWO_INPUTS = setid.BlockStructured(
-    {("y1", "w"): _ONE, ("y1", "u2"): _ONE},
-    {"w": setid.StaticMap("u1", 2)},
-    inputs=2,
-    normalise="gamma1",
-)
+
+
+def _two_inputs(linear: setid.TransferFunction) -> setid.BlockStructured:
+    """The first input passes a square, the second does not; both outputs are added."""
+    return setid.BlockStructured(
+        {("y1", "w"): linear, ("y1", "u2"): linear},
+        {"w": setid.StaticMap("u1", 2)},
+        inputs=2,
+        normalise="gamma1",
+    )
+
 
 # structure, true parameters, priors; outputs stay bounded for all inputs in [-1, 1]
 KINDS = {
@@ -50,7 +55,12 @@ KINDS = {
     ),
     "lure 1": (setid.Lure(_ONE, 2, "nolinear"), (-0.6, 0.5, 0.15), ()),
     "lure 2": (setid.Lure(_TWO, 2, "nolinear"), (-1.1, 0.4, 0.3, 0.1, 0.1), ()),
-    "two inputs 1": (_TWO_INPUTS, (-0.5, 0.3, 0.8, 0.6, 0.4), _STABLE),
+    "two inputs 1": (_two_inputs(_ONE), (-0.5, 0.3, 0.8, 0.6, 0.4), _STABLE),
+    "two inputs 2": (
+        _two_inputs(_TWO),
+        (-1.1, 0.4, -0.5, 0.3, 0.8, 0.2, 0.6, 0.3, 0.4),
+        _STABLE,
+    ),
 }
 
 

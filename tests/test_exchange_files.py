@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sps
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
@@ -80,6 +80,7 @@ def test_random_problems_as_json(seed: int, value: float) -> None:
 
 
 @given(SEEDS)
+@example(381269298)  # its point's value changes in the last digit when it is proved again
 @settings(few, max_examples=8)
 def test_results_and_certificates_as_json(seed: int) -> None:
     """Whatever a certificate proves, it proves when it is read back."""
@@ -89,6 +90,8 @@ def test_results_and_certificates_as_json(seed: int) -> None:
     result = sp.solve(problem, sp.Options(effort=effort, time_limit=2, switches=switches))
     back = sp.from_json(sp.to_json(result))
     assert (back.status, back.lower_bound) == (result.status, result.lower_bound)
+    assert back.upper_bound >= result.upper_bound
+    assert back.upper_bound == pytest.approx(result.upper_bound, rel=1e-12, abs=1e-12)
     assert back.options == result.options
     assert back.notes == result.notes and len(back.history) == len(result.history)
     same(back.problem, problem)

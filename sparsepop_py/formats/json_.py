@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ from .json_codecs import Codec, array, number, optional, record, sequence, text,
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
 _FORMAT, _VERSION = "sparsepop-py", 1
+_DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
 
 
 def to_json(value: Problem | Certificate | Result) -> str:
@@ -251,7 +252,8 @@ def _result(**parts: Any) -> Result:
     if point is not None:
         falls = result.status is Status.UNBOUNDED and falling_ray(result.problem, point) is not None
         attained = -math.inf if falls else point.value
-    if result.upper_bound < attained:
+    near = math.isclose(result.upper_bound, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
+    if result.upper_bound < attained and not near:
         raise ProblemError(
             f"result.upper_bound: found {result.upper_bound!r}, expected at least {attained!r}, "
             "which its point attains"
@@ -259,7 +261,7 @@ def _result(**parts: Any) -> Result:
     claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
     if not claims.get(result.status, True):
         raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
-    return result
+    return replace(result, upper_bound=max(result.upper_bound, attained))
 
 
 STATUS = Codec(lambda status: status.name, _status)
