@@ -236,9 +236,9 @@ FIELDS: tuple[Field, ...] = (
         "switches.aggressive",
         "A developer's switch: moment matrices lose variables too, and with them the candidate "
         "solution.",
-        "The same; `POP.xVect` is empty where a moment of degree one has left. " + _MULTIPLIERS,
+        "The same, 2 as 1; `POP.xVect` is empty where a first moment has left. " + _MULTIPLIERS,
         "test_narrow.py::test_an_aggressive_reduction_may_lose_the_point",
-        _SWITCH,
+        (0, 1, 2),
         True,
     ),
     Field(
