@@ -268,13 +268,11 @@ def _by_engine(
     box, result = None, None
     if limit > rounding:
         formulation, limit, box, result = least_factor(stated, (low, limit), x, settings, until)
+    problem = problem_with_factor(formulation, box)
     if result is not None:
         low = max(low, float(np.nextafter(_share(result) * limit, 0.0)))
         if result.attained is not None:
-            z = (
-                result.attained.x
-                * in_units(problem_with_factor(formulation, box), formulation).units
-            )
+            z = result.attained.x * in_units(problem, formulation).units
             high, witness = attained_factor(formulation, result.attained.value) * limit, z[:-1]
             theta = witness[: len(formulation.parameters)]
     return Consistency(
@@ -283,7 +281,7 @@ def _by_engine(
         witness=witness,
         formulation=formulation,
         limit=limit,
-        problem=problem_with_factor(formulation, box),
+        problem=problem,
         bound=None,
         result=result,
         box=box,

@@ -6,6 +6,7 @@ from fractions import Fraction
 from itertools import permutations, product
 
 import numpy as np
+from exact_polynomials import value_at
 from random_cases import some_polynomial
 
 import sparsepop_py as sp
@@ -46,19 +47,9 @@ def exactly_semidefinite(rows):
     )
 
 
-def exact_value(polynomial, x):
-    total = Fraction(0)
-    for word, c in zip(polynomial.words.tolist(), polynomial.coefficients.tolist(), strict=True):
-        term = Fraction(c)
-        for letter in word:
-            term *= x[letter - 1] if letter else 1
-        total += term
-    return total
-
-
 def holds(constraint, x):
     """Whether a matrix constraint holds at a rational point."""
-    values = [exact_value(p, x) for p in constraint.entries]
+    values = [value_at(p, x) for p in constraint.entries]
     return exactly_semidefinite(matrix_at(constraint, values))
 
 
@@ -88,5 +79,5 @@ def feasible_grid(problem, steps=8):
         x = [Fraction(k, steps) for k in corner]
         if all(holds(c, x) for c in problem.constraints):
             points.append([float(v) for v in x])
-            values.append(float(exact_value(problem.objective, x)))
+            values.append(float(value_at(problem.objective, x)))
     return np.array(points).reshape(-1, problem.dimension), np.array(values)

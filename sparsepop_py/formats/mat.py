@@ -93,7 +93,7 @@ def read_mat(path: str | Path) -> Any:
     try:
         with open(path, "rb") as file:
             found = scipy.io.loadmat(file, struct_as_record=False, squeeze_me=False)
-    # files of version 7.3, which are HDF5, SciPy refuses with NotImplementedError
+    # the third of these is what SciPy raises for version 7.3, which is HDF5
     except (OSError, ValueError, NotImplementedError, BadZipFile, MatReadError, TypeError) as error:
         raise FormatError(f"{path}: expected a .mat file up to version 7: {error}") from error
     variables = {name: value for name, value in found.items() if not name.startswith("__")}

@@ -20,43 +20,36 @@ _MANY = 4  # moments whose products are formed together
 
 
 @inline
+def _grown(sums, left, right):
+    """Four vectors, each with a multiple of one more: the numbers from ``left`` on times it."""
+    return (
+        sums[0] + spread(left) * right,
+        sums[1] + spread(left + WORD) * right,
+        sums[2] + spread(left + 2 * WORD) * right,
+        sums[3] + spread(left + 3 * WORD) * right,
+    )
+
+
+@inline
 def _symmetric(out, at, row, column, weights, step, begin, end):
     """Four rows of eight entries of P A Z + Z A P, A by the nonzeros of its lower triangle.
 
     ``at`` has the first row of P and of Z from the first of the rows on, and from the first of the
     entries on.
     """
-    one, two, three, four = filled(0.0), filled(0.0), filled(0.0), filled(0.0)
+    sums = filled(0.0), filled(0.0), filled(0.0), filled(0.0)
     p_left, z_left, p_right, z_right = at
     for nonzero in range(begin, end):
         i, j = np.int64(row[nonzero]) * step, np.int64(column[nonzero]) * step
         weight = spread(weights + nonzero * WORD)
         p_i, p_j = weight * load(p_right + i), weight * load(p_right + j)
         z_i, z_j = weight * load(z_right + i), weight * load(z_right + j)
-        left = p_left + i
-        one = one + spread(left) * z_j
-        two = two + spread(left + WORD) * z_j
-        three = three + spread(left + 2 * WORD) * z_j
-        four = four + spread(left + 3 * WORD) * z_j
-        left = z_left + i
-        one = one + spread(left) * p_j
-        two = two + spread(left + WORD) * p_j
-        three = three + spread(left + 2 * WORD) * p_j
-        four = four + spread(left + 3 * WORD) * p_j
-        left = p_left + j
-        one = one + spread(left) * z_i
-        two = two + spread(left + WORD) * z_i
-        three = three + spread(left + 2 * WORD) * z_i
-        four = four + spread(left + 3 * WORD) * z_i
-        left = z_left + j
-        one = one + spread(left) * p_i
-        two = two + spread(left + WORD) * p_i
-        three = three + spread(left + 2 * WORD) * p_i
-        four = four + spread(left + 3 * WORD) * p_i
-    store(out, one)
-    store(out + step, two)
-    store(out + 2 * step, three)
-    store(out + 3 * step, four)
+        sums = _grown(sums, p_left + i, z_j)
+        sums = _grown(sums, z_left + i, p_j)
+        sums = _grown(sums, p_left + j, z_i)
+        sums = _grown(sums, z_left + j, p_i)
+    for k in range(4):
+        store(out + k * step, sums[k])
 
 
 @inline
