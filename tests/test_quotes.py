@@ -94,6 +94,17 @@ def test_the_memo_of_one_feasible_set_says_nothing_about_another():
     assert about == [key for key in filled if id(proof) in key] and about
 
 
+def test_what_was_checked_as_a_quote_is_not_checked_again(monkeypatch):
+    problem, proof = known_set()
+    about, memo = problem.with_objective(sp.variables(2)[0]), {}
+    alone = proof.verify(about)
+    quoting(problem, (0, 1, proof)).verify(problem, memo)
+    forged = replace(proof, bound=0.75)  # another object: it is checked, and fails
+    assert not forged.verify(about, memo).ok
+    monkeypatch.setattr(BoxProof, "replay", None)  # a second replay would raise
+    assert proof.verify(about, memo) == alone and alone.ok
+
+
 def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
     x, y = sp.variables(2)
     rows = ([x + y >= 1.5, x * y <= 0.75], [x + y >= 0.5, x * y <= 0.75])

@@ -207,12 +207,22 @@ class Certificate:
     ) -> tuple[float, float, str]:
         """The bound that the argument proves, its correction, and a reason when it is weak.
 
-        Parts are visited one at a time, so memory does not grow with the tree.
+        What it proves is kept in ``known``, with the certificate: nothing else can come to have
+        its id. So one that others quote is checked once.
         """
+        known = {} if known is None else known
+        key = (problem.fingerprint, id(self))
+        if key not in known:
+            known[key] = (self, self._recomputed(problem, known))
+        found: tuple[float, float, str] = known[key][1]
+        return found
+
+    def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
+        """As :meth:`recompute`; parts are visited one at a time, so memory does not grow."""
         require_ieee()
         if self.cutoff is not None and not np.isfinite(self.cutoff):
             return -np.inf, np.inf, "the cut-off is not a number"
-        replay = Replay(problem, self.cutoff, known if known is not None else {})
+        replay = Replay(problem, self.cutoff, known)
         self._settle(replay)
         bound, correction, reason, cut_off = np.inf, 0.0, "", False
         stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
