@@ -28,7 +28,7 @@ from .checks import frozen
 from .formulation import Formulation
 from .interval_arithmetic import Ends
 from .models.block import BlockStructured
-from .monomials import Monomial, contracted
+from .monomials import Total, contracted
 
 __all__ = ["CellBox", "cell_box"]
 
@@ -319,14 +319,16 @@ def _one_cell(
         box[0, place[name]] = max(box[0, place[name]], cell[0, i])
         box[1, place[name]] = min(box[1, place[name]], cell[1, i])
     scale = (float(factor[0]), float(factor[1]))
-    ends: dict[Monomial, Ends] = {}
+    ends: dict[Total, Ends] = {}
     for i, word in enumerate(parts.words):
         constant = float(parts.constants[i])
         for name in word:
             constant /= fixed.get(name, 1.0)
         free = tuple(sorted(place[name] for name in word if name not in fixed))
         if free and np.all(np.isfinite(scale)):
-            ends[free] = _spread([a * b * constant for a in scale for b in cell[:, n + i].tolist()])
+            ends[free,] = _spread(
+                [a * b * constant for a in scale for b in cell[:, n + i].tolist()]
+            )
     for m, (name, power) in enumerate(zip(parts.weights, parts.powers, strict=True)):
         if name in fixed or not fit.bounded[number]:
             continue
@@ -334,10 +336,10 @@ def _one_cell(
         divisor = _power(scale, power)
         if power and (not np.all(np.isfinite(scale)) or divisor[0] <= 0.0 <= divisor[1]):
             continue
-        ends[(place[name],)] = _spread(
+        ends[((place[name],),)] = _spread(
             [a / b for a in (middle - radius, middle + radius) for b in divisor]
         )
-    return contracted(box, ends, (), {})
+    return contracted(box, ends, ())
 
 
 def _power(ends: Ends, power: int) -> Ends:

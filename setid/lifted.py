@@ -25,12 +25,13 @@ from .bounds import Bounds, gained
 from .boxes import ParameterBox, linear_rows, parameter_box
 from .checks import frozen
 from .formulation import Formulation
-from .monomials import Monomial, MonomialRows
+from .monomials import Monomial, MonomialRows, merged
 from .regression import Regression
 
 __all__ = ["LiftedBox", "lifted_box", "lifted_rows", "sharpened"]
 
 Reals = NDArray[np.float64]
+Factor = tuple[int, Monomial, float]  # row, noise samples, value
 _ROUNDS = 3
 _ROUGH = 0.02  # of the width of a sum: a box needs no more
 _SECONDS = 60.0  # of wall time for all sums
@@ -122,8 +123,9 @@ def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBou
 
 def _joined(formulation: Formulation, rows: MonomialRows, found: ParameterBox) -> sp.Problem | None:
     """The equations with monomials of theta as unknowns of their own, ahead of the others."""
-    problem, p, q = formulation.problem, len(formulation.parameters), len(rows.monomials)
-    place = {monomial: number for number, monomial in enumerate(rows.monomials)}
+    problem, p, q = formulation.problem, len(formulation.parameters), len(rows.columns)
+    place = {monomial: i for i, column in enumerate(rows.columns) for monomial in column}
+    first = {column[0] for column in rows.columns}  # the others multiply the same
     x = sp.variables(q + problem.dimension - p)
     equations = []
     for row, origin in zip(problem.constraints, formulation.rows.origin, strict=True):
@@ -136,6 +138,8 @@ def _joined(formulation: Formulation, rows: MonomialRows, found: ParameterBox) -
             monomial = tuple(v for v in used if v < p)
             if monomial and monomial not in place:
                 return None
+            if monomial and monomial not in first:
+                continue
             factors = [x[place[monomial]]] if monomial else []
             factors += [x[q + v - p] for v in used if v >= p]
             terms.append(math.prod(factors, start=0.0 * x[0] + value))
@@ -242,51 +246,51 @@ def lifted_rows(formulation: Formulation) -> MonomialRows | None:
         if origin == "model" and problem.constraints[row].kind is sp.Kind.ZERO
     ]
     reach = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
-    table: list[dict[Monomial, list[float]]] = []
-    for row in kept:
-        cells = _cells(problem.constraints[row].polynomial, p, reach)
-        if cells is None:
-            return None
-        table.append(cells)
-    monomials = sorted({m for cells in table for m in cells if m}, key=lambda m: (len(m), m))
-    if not monomials:
+    factors = _factors([problem.constraints[row].polynomial for row in kept], p)
+    constant = factors.pop((), [])
+    if not factors:
         return None
-    place = {monomial: column for column, monomial in enumerate(monomials)}
-    shape = len(kept), len(monomials)
-    target, radius = np.zeros(shape[0]), np.zeros(shape[0])
-    regressors, radii = np.zeros(shape), np.zeros(shape)
-    for number, cells in enumerate(table):
-        for monomial, (value, width) in cells.items():
-            if monomial:
-                regressors[number, place[monomial]] = value
-                radii[number, place[monomial]] = width
-            else:
-                target[number], radius[number] = value, width
+    monomials = sorted(factors, key=lambda m: (len(m), m))
+    measured = [_known([factors[m] for m in monomials], len(kept), reach)]
+    measured += [_known([constant], len(kept), reach)]
+    (regressors, radii), (target, radius) = measured
+    if not np.all(np.isfinite(radii)) or not np.all(np.isfinite(radius)):
+        return None
     names = tuple("*".join(formulation.parameters[i] for i in m) for m in monomials)
     rows = formulation.rows
     channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
     record, sample = rows.record[kept], rows.sample[kept]
     where = formulation.data.starts[record - 1] + sample - 1
-    arrays = (target, regressors, radius, radii, where, record, sample, channel)
+    arrays = (target[:, 0], regressors, radius[:, 0], radii, where, record, sample, channel)
     regression = Regression(names, *(frozen(np.array(array)) for array in arrays))
-    return MonomialRows(regression, tuple(monomials), formulation.parameters)
+    found = MonomialRows(regression, tuple((m,) for m in monomials), formulation.parameters)
+    return merged(found, [tuple(factors[m]) for m in monomials])
 
 
-def _cells(p: sp.Polynomial, count: int, reach: Reals) -> dict[Monomial, list[float]] | None:
-    """For each monomial of theta what is known of its factor: value, and width of the noise."""
-    cells: dict[Monomial, list[float]] = {}
-    for letters, value in zip(p.words.tolist(), p.coefficients.tolist(), strict=True):
-        used = [letter - 1 for letter in letters if letter]
-        monomial = tuple(v for v in used if v < count)
-        noise = [float(reach[v]) for v in used if v >= count]
-        cell = cells.setdefault(monomial, [0.0, 0.0])
-        if not noise:
-            cell[0] = value  # monomials of a polynomial are distinct
-            continue
-        width = abs(value)
-        for size in noise:
-            width = float(np.nextafter(width * size, np.inf))
-        if not np.isfinite(width):
-            return None
-        cell[1] = float(np.nextafter(cell[1] + width, np.inf)) if cell[1] else width
-    return cells
+def _factors(rows: list[sp.Polynomial], p: int) -> dict[Monomial, list[Factor]]:
+    """What each monomial of theta multiplies: row, noise samples and value of each term."""
+    found: dict[Monomial, list[Factor]] = {}
+    for number, row in enumerate(rows):
+        terms = zip(row.words.tolist(), row.coefficients.tolist(), strict=True)
+        for word, value in terms:
+            used = [letter - 1 for letter in word if letter]
+            monomial = tuple(v for v in used if v < p)
+            noise = tuple(v for v in used if v >= p)
+            found.setdefault(monomial, []).append((number, noise, value))
+    return {monomial: sorted(terms) for monomial, terms in found.items()}
+
+
+def _known(columns: list[list[Factor]], count: int, reach: Reals) -> tuple[Reals, Reals]:
+    """Values of these factors and widths of the noise in them, (count, columns) each."""
+    values, widths = np.zeros((count, len(columns))), np.zeros((count, len(columns)))
+    for place, factors in enumerate(columns):
+        for row, noise, value in factors:
+            if not noise:
+                values[row, place] = value  # monomials of a polynomial are distinct
+                continue
+            width = abs(value)
+            for v in noise:
+                width = float(np.nextafter(width * reach[v], np.inf))
+            before = widths[row, place]
+            widths[row, place] = np.nextafter(before + width, np.inf) if before else width
+    return values, widths

@@ -95,8 +95,8 @@ def reference_model(
         sure = (box.lower > 0) | (box.upper < 0)
         names = [
             formulation.parameters[i]
-            for m, s in zip(rows.monomials, sure, strict=True)
-            if s and len(m) == 2
+            for m, place in rows.place.items()
+            if sure[place] and len(m) == 2
             for i in m
         ]
         for name in sorted(set(names), reverse=True):  # coefficients of the map first

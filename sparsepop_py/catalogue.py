@@ -209,10 +209,10 @@ def _below_orders(
     products = Products.of(problem, objectives)
     star = problem.degree <= 2 and products.has_star  # far stronger at a similar price
     rungs = [Recipe("linear", 0.1 if star else 0.25, "linear")]
-    if _differ(cliques["monomials"], cliques["constraints"]):
-        least, share = least_order(problem, objectives), 0.12 if star else 0.3
+    least = least_order(problem, objectives)
+    if least > 1 and _differ(cliques["monomials"], cliques["constraints"]):
         name = f"order {least}, monomial cliques"
-        rungs.append(Recipe(name, share, "full", least, True, True, joined="monomials"))
+        rungs.append(Recipe(name, 0.3, "full", least, True, True, joined="monomials"))
     if problem.degree > 2 or not products.pairs.size:
         return rungs
     if products.has_star:
