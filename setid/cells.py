@@ -35,7 +35,7 @@ __all__ = ["CellBox", "cell_box"]
 Reals = NDArray[np.float64]
 _MOST = 20000  # cells at a time
 _ROUNDS = 60
-_PRUNING = 40  # samples that decide about cells
+_PRUNING = (20, 40)  # samples that decide about cells, at first and once cells are fine
 _FINE = 0.25  # of the noise bound: the effect of a cell that is not cut further
 
 
@@ -111,8 +111,7 @@ def cell_box(
     if not np.any(np.abs(data.y[known, 0]) > noise[known]):
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
-    rows = np.flatnonzero(known)[:_PRUNING]
-    left, fit, used = _pruned(parts, formulation, cells, rows, until, rounds)
+    left, fit, used = _pruned(parts, formulation, cells, np.flatnonzero(known), until, rounds)
     return _converted(parts, formulation, start, left, fit, used)
 
 
@@ -147,17 +146,43 @@ def _pruned(
     parts: Parts,
     formulation: Formulation,
     cells: Reals,
-    rows: NDArray,
+    known: NDArray,
     until: float,
     rounds: int,
 ) -> tuple[Reals, Fitted | None, int]:
-    """Cells that cannot be cut off, with what is known of gamma in them, and the rounds used."""
+    """Cells that cannot be cut off, with what is known of gamma in them, and the rounds used.
+
+    Coarse cells say nothing of late samples, which would ask for finer ones: few come first.
+    """
+    fit, spent = None, 0
+    for count in _PRUNING:
+        rows = known[:count]
+        left, used, whole = _halved(parts, formulation, cells, rows, until, rounds - spent)
+        if fit is not None and not whole:
+            break  # what fewer samples say is whole
+        cells, spent = left, spent + used
+        fit = _measured(parts, formulation, left, rows)[1] if len(left) else None
+        if fit is None or not whole or known.size <= count or spent == rounds:
+            break
+    return cells, fit, spent
+
+
+def _halved(
+    parts: Parts,
+    formulation: Formulation,
+    cells: Reals,
+    rows: NDArray,
+    until: float,
+    rounds: int,
+) -> tuple[Reals, int, bool]:
+    """Cells that some samples do not cut off, the rounds used, and whether all are fine."""
     noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
     done: list[Reals] = []
     for used in range(rounds + 1):
         cells = cells[_allowed(parts, formulation, cells)]
         if used == rounds or not len(cells) or time.monotonic() >= until:
             done.append(cells)
+            whole = used == rounds or not len(cells)
             break
         found, fit = _measured(parts, formulation, cells, rows)
         alive = ~fit.empty
@@ -168,11 +193,10 @@ def _pruned(
         rest = np.flatnonzero(alive & ~fine)
         if 2 * rest.size + sum(map(len, done)) > _MOST:
             done.append(cells[rest])
-            used += 1  # so that this round is repeated when the box is computed again
+            used, whole = used + 1, False  # this round is repeated when it is computed again
             break
         cells = _halves(cells[rest], effect[rest].argmax(axis=1)) if rest.size else cells[:0]
-    left = np.concatenate(done)
-    return left, _measured(parts, formulation, left, rows)[1] if len(left) else None, used
+    return np.concatenate(done), used, whole
 
 
 def _effects(

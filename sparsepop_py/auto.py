@@ -88,7 +88,7 @@ class Auto:
         self.outcome = bound_of(replay, self.model, self.best)
         self.agenda = Agenda(self.ground, self._scaled, "narrow" not in self.task.options.skip)
         self.first = self.best.proved.bound
-        self.shared, self.room = self.model, room_of(self.model.box)
+        self.shared, self.start = self.model, self.model.box
         self.tried: list[tuple[Recipe, float, float]] = []  # recipe, bound, seconds
 
     @property
@@ -160,7 +160,7 @@ class Auto:
         """The problem scaled to the box as it is now, remembered for estimates."""
         if self.last is None or self.last[0] is not self.model.box:
             box, problem = self.model.box, self.task.problem
-            scaling = Scaling.of_box(box, room=self.room)
+            scaling = Scaling.of_box(box, room=self._room)
             self.last = box, Scaled.of(problem, scaling, (problem.objective,))
         return self.last[1]
 
@@ -302,7 +302,12 @@ class Auto:
         """The linear relaxation on the box as it is now."""
         cliques, active = self.ground.cliques["constraints"], self.ground.active
         with self.task.stages.stage("presolve"):
-            return Lifted.of(self.task.problem, self.model.box, cliques, warm, active, self.room)
+            return Lifted.of(self.task.problem, self.model.box, cliques, warm, active, self._room)
+
+    @property
+    def _room(self) -> NDArray[np.float64]:
+        """What arguments on the box as it is now leave for the rounding of replays."""
+        return room_of(self.model.box, self.start)
 
     def _bound_linear(self, lifted: Lifted) -> LinearSolution | None:
         """Take over what the linear relaxation proves; its solution where there is one."""
@@ -352,16 +357,10 @@ class Auto:
         """Grow the tree for about as long as the next rung would take."""
         slice_ = float(np.clip(self.agenda.shortest, 0.5, _SLICE))
         if self.search is None:
-            argued = self.best
-            self.search = Search(
-                self.task,
-                self._plan(),
-                self.model.proof,
-                self.model.box,
-                self._attain_in_search,
-                (argued.proved, argued.node.argument, argued.node.empty),
-                seen=self.seen,
-            )
+            box, attain, known = self.model.box, self._attain_in_search, self.best.node
+            root = self.best.proved, known.argument, known.empty
+            made = self.task, self._plan(), self.model.proof, box, attain, root
+            self.search = Search(*made, seen=self.seen)
         search, limit = self.search, self.task.options.node_limit
 
         def stop() -> bool:
@@ -389,7 +388,8 @@ class Auto:
         seen = self.ground.experience.seconds
         program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
         best = worth_in_parts(self.tried, (base, self.task.upper), program)
-        return Plan(self.ground.cliques, self.ground.variables, recipe=best, narrow=narrow)
+        parts = self.ground.cliques, self.ground.variables
+        return Plan(*parts, recipe=best, narrow=narrow, room=self._room)
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

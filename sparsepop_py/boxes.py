@@ -32,7 +32,8 @@ __all__ = ["find_box", "finite", "room_of", "shrinks"]
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this help nobody
 _LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
-_ROOM = 2.0**-42  # of the widths
+_ROOM = 2.0**-36  # of the widths at the start, which tell how large the rows' numbers are
+_SHARE = 2.0**-20  # of the widths now: more would weaken bounds
 
 
 def finite(box: Interval) -> bool:
@@ -40,9 +41,11 @@ def finite(box: Interval) -> bool:
     return bool(np.all(np.isfinite(box.lo) & np.isfinite(box.hi)))
 
 
-def room_of(box: Interval) -> NDArray[np.float64]:
+def room_of(box: Interval, start: Interval) -> NDArray[np.float64]:
     """How much larger replays at a later level may leave boxes within this one: rounding."""
-    return np.maximum(np.nan_to_num(_ROOM * box.hi - _ROOM * box.lo, posinf=0.0), 0.0)
+    first, now = (np.maximum(w.hi - w.lo, 0.0) for w in (start, box))
+    room = np.minimum(_ROOM * np.where(np.isfinite(first), first, now), _SHARE * now)
+    return np.where(np.isfinite(room), room, 0.0)
 
 
 def shrinks(old: Interval, new: Interval) -> bool:

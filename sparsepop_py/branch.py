@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import room_of, shrinks
+from .boxes import shrinks
 from .catalogue import Families, Recipe
 from .certificate.box import BoxProof, Replay, Step, tighten
 from .certificate.certificate import (
@@ -247,7 +247,6 @@ class Search:
     _root: _Part = field(init=False)
 
     def __post_init__(self) -> None:
-        self.plan = replace(self.plan, room=room_of(self.box))
         proved, argument, empty = self.start
         self._root = _Part(self.box, proved, argument, empty)
         self._push(self._root)

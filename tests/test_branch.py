@@ -14,6 +14,7 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.auto import Auto
+from sparsepop_py.boxes import room_of
 from sparsepop_py.branch import Plan, Search, explore
 from sparsepop_py.catalogue import Recipe, catalogue
 from sparsepop_py.certificate.box import BoxProof, Replay
@@ -60,14 +61,26 @@ def never():
     return False
 
 
+def test_room_is_small_against_the_box_and_grows_with_what_it_was_at_the_start():
+    start = Interval(np.array([-1.0, -1.0, 0.0, -np.inf]), np.array([1.0, 1.0, 1e9, np.inf]))
+    now = Interval(np.array([-1.0, 0.0, 0.0, 0.0]), np.array([1.0, 1e-6, 1.0, 1.0]))
+    room = room_of(now, start)
+    assert np.all(room > 0) and np.all(room <= 2.0**-20 * (now.hi - now.lo))
+    assert room[1] > 1e-13  # 1e-6 wide, from rows with numbers near 1
+    assert room[3] < 1e-9  # nothing is known of the start
+    assert room_of(start, start)[3] == 0.0
+
+
 @pytest.mark.parametrize("recipe", [None, Recipe("order 1", 0.5, "full", 1)])
 def test_arguments_of_parts_leave_room_for_the_rounding_of_a_replay(recipe):
-    """Root and part of width 3 and 0.5: the same argument holds on a box larger by 5e-13."""
-    search = search_of(bilinear(), (0, 1, 2, 3), recipe=recipe)
+    """Root and part of width 3 and 0.5: the same argument holds on a box larger by 2e-11."""
+    problem = bilinear()
+    root = Interval(problem.lower, problem.upper)
+    search = search_of(problem, (0, 1, 2, 3), recipe=recipe, room=room_of(root, root))
     corner = np.array([-1.0, 0.5, 0.7, -0.2])
     part = explore(search.task, search.plan, Interval(corner, corner + 0.5), None)
     assert part.argument is not None
-    larger = Interval(part.box.lo - 5e-13, part.box.hi + 5e-13)
+    larger = Interval(part.box.lo - 2e-11, part.box.hi + 2e-11)
     again = prove(Replay(search.task.problem, None), larger, part.argument, part.empty)
     assert not again.reason
     assert abs(again.bound - part.proved.bound) < 1e-10

@@ -273,6 +273,18 @@ def test_box_steps_are_replayed_not_believed(results):
         check(with_root(certificate, box=BoxProof(fewer)), problem, KNOWN[make])
 
 
+def test_a_part_that_is_falsely_said_to_be_empty_keeps_what_its_box_proves():
+    """min x + y over [1, 2] x [0, 1] is 1."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [x * y >= 0], lower=[1, 0], upper=[2, 1])
+    honest = sp.solve(problem).certificate
+    root = replace(honest.root, empty=True)
+    verdict = replace(honest, bound=INF, root=root).verify(problem)
+    assert not verdict.ok
+    assert verdict.bound == pytest.approx(1.0, abs=1e-12) and verdict.bound <= 1.0
+    assert replace(honest, bound=verdict.bound, root=root).verify(problem).ok
+
+
 @pytest.mark.parametrize("level", [-3.0, -1e-12, -1e-200])
 def test_an_empty_box_after_a_cut_off_proves_the_level_and_nothing_more(level):
     """min x + y over the unit box is 0: no point lies below a negative level."""

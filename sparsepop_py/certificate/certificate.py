@@ -112,11 +112,11 @@ def halves(box: Interval, cut: tuple[int, float]) -> tuple[Interval, Interval]:
 
 
 def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool) -> Proved:
-    """What an argument proves about the objective on a box."""
+    """What an argument proves about the objective on a box; at least what the box itself does."""
     problem = replay.problem
     if is_empty(box):
         return Proved(np.inf, 0.0, "")
-    bound = -np.inf if empty else _without_multipliers(problem, box)
+    bound = _without_multipliers(problem, box)
     if argument is None:
         return Proved(bound, 0.0, "")
     if isinstance(argument, ExactGram):
@@ -136,7 +136,7 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
         found = argument.evaluate(rows, equality, objective, matrices)
         value, correction, reason = found.bound, found.correction, found.reason
     if empty:
-        return Proved(np.inf if value > 0 else -np.inf, correction, reason)
+        value, correction = (np.inf, correction) if value > 0 else (-np.inf, 0.0)
     if value < bound:
         return Proved(bound, 0.0, reason)
     return Proved(value, correction, reason)

@@ -11,7 +11,8 @@ import setid
 import sparsepop_py as sp
 from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
-from setid.boxed import boxed, objectives, proved_box
+from setid.boxed import box_follows, boxed, objectives, proved_box
+from setid.cells import CellBox
 from setid.formulation import Formulation
 from setid.search import attained_ends, checked
 from setid.starts import first_point
@@ -122,3 +123,14 @@ def test_certificates_that_claim_too_much_keep_what_they_prove() -> None:
     assert found.certificate is not None and found.certificate.verify(problem).ok
     elsewhere = sp.Problem(x[0] * x[1], [x[0] ** 2 + x[1] ** 2 <= 2], lower=-1, upper=1)
     assert checked(elsewhere, [honest])[0].lower_bound == -np.inf
+
+
+def test_long_records_with_strong_noise_have_cells() -> None:
+    """Coarse cells say nothing of late samples: the first decide, then more of them."""
+    truth, noise = record("wiener 2", 50, 5.0)
+    model, theta, priors = KINDS["wiener 2"]
+    known = setid.formulate(truth.data, model, noise, priors)
+    box = proved_box(known)
+    assert isinstance(box, CellBox) and not box.open
+    assert np.all((box.lower <= theta) & (box.upper >= theta))
+    assert box_follows(box, known)
