@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,8 @@ import sparsepop_py as sp
 from sparsepop_py import rungs, solvers
 from sparsepop_py.certificate.box import BoxProof, Propagation, Replay
 from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
+from sparsepop_py.certificate.dual import shortened
+from sparsepop_py.rounding import Interval
 from sparsepop_py.solvers import clarabel_
 
 ROOT = Path(sp.__file__).resolve().parent
@@ -283,6 +286,20 @@ def test_a_part_that_is_falsely_said_to_be_empty_keeps_what_its_box_proves():
     assert not verdict.ok
     assert verdict.bound == pytest.approx(1.0, abs=1e-12) and verdict.bound <= 1.0
     assert replace(honest, bound=verdict.bound, root=root).verify(problem).ok
+
+
+def test_multipliers_beyond_short_floats_stay_long():
+    """min x y over the unit disc is -1/2; the box around it says at least -1."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1], lower=-1, upper=1)
+    identity = sp.solve(problem).certificate.identity
+    parts = tuple(replace(m, values=m.values * 1e60) for m in identity.multipliers)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        short = shortened(replace(identity, multipliers=parts))
+        found = prove(Replay(problem, None), Interval(problem.lower, problem.upper), short, False)
+    assert all(np.isfinite(m.values).all() for m in short.multipliers)
+    assert -1.0 - 1e-12 <= found.bound <= -0.5
 
 
 @pytest.mark.parametrize("level", [-3.0, -1e-12, -1e-200])

@@ -137,7 +137,7 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
         value, correction, reason = found.bound, found.correction, found.reason
     if empty:
         value, correction = (np.inf, correction) if value > 0 else (-np.inf, 0.0)
-    if value < bound:
+    if not value >= bound:  # or no number
         return Proved(bound, 0.0, reason)
     return Proved(value, correction, reason)
 

@@ -196,7 +196,8 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
             values = values[:, :, np.any(weight > share * largest, axis=0)]
             used = np.any(weight > share * largest, axis=1) | (group.floor > 0)
         if used.any():
-            kept.append(group.chosen(used, values[used].astype(np.float32)))
+            small = np.abs(values[used]).max(initial=0.0) < np.finfo(np.float32).max
+            kept.append(group.chosen(used, values[used].astype(np.float32 if small else float)))
     return replace(identity, multipliers=tuple(kept))
 
 
