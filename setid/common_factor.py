@@ -37,7 +37,7 @@ __all__ = ["Endless", "endless_by"]
 
 _SECONDS = 5.0  # for the engine to find a consistent vector of each simpler structure
 _WIDE = 2.0  # times the noise bounds: where the engine begins
-_INSIDE = 1.0 - 2.0**-6  # of the noise bounds: strictly inside
+_INSIDE = 1.0 - 2.0**-16  # of the noise bounds: strictly inside, by however little
 
 
 @dataclass(frozen=True, slots=True, eq=False)

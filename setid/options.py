@@ -38,7 +38,8 @@ class Options:
         want of a normalisation: refuse, or report which ones these are, with proved
         intervals of the others.
     engine : sparsepop_py.Options, optional
-        Settings of the engine instead of the usual ones; the fields above take precedence.
+        Settings of the engine instead of the usual ones, ``sp.Options(effort="auto")``, of which
+        that effort should stay; the fields above take precedence.
 
     Raises
     ------
