@@ -122,27 +122,29 @@ def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBou
 
 
 def _joined(formulation: Formulation, rows: MonomialRows, found: ParameterBox) -> sp.Problem | None:
-    """The equations with monomials of theta as unknowns of their own, ahead of the others."""
+    """The equations with sums of monomials of theta as unknowns of their own, ahead of the others.
+
+    None where an equation holds other monomials, or multiplies those of a sum by different things.
+    """
     problem, p, q = formulation.problem, len(formulation.parameters), len(rows.columns)
-    place = {monomial: i for i, column in enumerate(rows.columns) for monomial in column}
-    first = {column[0] for column in rows.columns}  # the others multiply the same
     x = sp.variables(q + problem.dimension - p)
     equations = []
     for row, origin in zip(problem.constraints, formulation.rows.origin, strict=True):
         if origin != "model" or row.kind is not sp.Kind.ZERO:
             continue
-        terms = []
-        words, values = row.polynomial.words.tolist(), row.polynomial.coefficients.tolist()
-        for word, value in zip(words, values, strict=True):
-            used = [letter - 1 for letter in word if letter]
-            monomial = tuple(v for v in used if v < p)
-            if monomial and monomial not in place:
+        factors = _factors([row.polynomial], p)
+        summands = [(0.0 * x[0] + 1.0, factor) for factor in factors.pop((), [])]
+        for number, column in enumerate(rows.columns):
+            shared = factors.pop(column[0], [])
+            if any(factors.pop(monomial, []) != shared for monomial in column[1:]):
                 return None
-            if monomial and monomial not in first:
-                continue
-            factors = [x[place[monomial]]] if monomial else []
-            factors += [x[q + v - p] for v in used if v >= p]
-            terms.append(math.prod(factors, start=0.0 * x[0] + value))
+            summands += [(x[number], factor) for factor in shared]
+        if factors:
+            return None
+        terms = [
+            math.prod([x[q + v - p] for v in noise], start=value * unknown)
+            for unknown, (_, noise, value) in summands
+        ]
         equations.append(sp.total(terms) == 0)
     lower = np.concatenate([found.lower, problem.lower[p:]])
     upper = np.concatenate([found.upper, problem.upper[p:]])

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 import setid
+import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, proved_box
-from setid.lifted import LiftedBox, lifted_rows
+from setid.lifted import LiftedBox, _joined, lifted_box, lifted_rows
 from setid.monomials import contracted
 
 
@@ -33,11 +34,11 @@ def test_sums_over_shared_samples_bound_slow_poles() -> None:
     assert not box_follows(narrower, formulation)
 
 
-def two_denominators(samples: int, common: bool = False) -> tuple:
+def two_denominators(samples: int, common: bool = False, form: str = "auto") -> tuple:
     """y = z1 + z2 + eta with a first-order recursion for each input; the truth behind it."""
     block = setid.TransferFunction(1, 1, 1)
     model = setid.BlockStructured(
-        {("y1", "u1"): block, ("y1", "u2"): block}, {}, inputs=2, initial="free"
+        {("y1", "u1"): block, ("y1", "u2"): block}, {}, inputs=2, form=form
     )
     theta = np.array([-0.5, 0.6, 0.8, 0.3])  # a and a' first, then b and b'
     source = np.random.default_rng(5)
@@ -65,6 +66,28 @@ def test_signals_that_happen_to_be_equal_are_not_joined() -> None:
     assert rows is not None
     numerators = [model.parameters.index(f"b[y1,u{i}]1") for i in (1, 2)]
     assert all(((number,),) in rows.columns for number in numerators)
+
+
+def test_a_sum_is_no_unknown_of_rows_that_multiply_its_parts_by_different_signals() -> None:
+    """z1(k) + a z1(k-1) = b u1(k-1), likewise a' and z2: a + a' alone says nothing there."""
+    for form, joins in (("direct", True), ("partial", False)):
+        truth, model, _, noise = two_denominators(30, form=form)
+        ranges = setid.Box({name: (-1.0, 1.0) for name in model.parameters})
+        known = setid.formulate(truth.data, model, noise, [ranges])
+        p, problem = len(model.parameters), known.problem
+        internal = np.isinf(problem.lower[p:])
+        bounded = sp.Problem(
+            problem.objective,
+            problem.constraints,
+            np.append(problem.lower[:p], np.where(internal, -9.0, problem.lower[p:])),
+            np.append(problem.upper[:p], np.where(internal, 9.0, problem.upper[p:])),
+            problem.names,
+        )
+        rows = lifted_rows(known)
+        assert rows is not None and internal.any() != joins
+        found = lifted_box(rows, np.array([problem.lower[:p], problem.upper[:p]])).rounds[-1]
+        stated = _joined(replace(known, problem=bounded), rows, found)
+        assert (stated is not None) == joins
 
 
 def test_a_sum_bounds_each_part_where_the_others_are_bounded() -> None:
