@@ -15,7 +15,7 @@ from .directions import DirectionBox, direction_box
 from .formulation import Formulation
 from .lifted import LiftedBox, lifted_box, lifted_rows, sharpened
 
-__all__ = ["ProvedBox", "box_follows", "boxed", "driving_rows", "objectives", "proved_box"]
+__all__ = ["ProvedBox", "box_follows", "boxed", "objectives", "proved_box"]
 
 ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, from the data
 
@@ -52,16 +52,6 @@ def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
         return box.verify(formulation, start)
     rows = lifted_rows(formulation)
     return rows is not None and box.verify(rows, start, formulation)
-
-
-def driving_rows(box: ProvedBox | None, formulation: Formulation) -> tuple[tuple[int, int], ...]:
-    """(record, sample) of the rows that prove a box empty; none where cells do."""
-    if box is None or not box.empty or isinstance(box, CellBox):
-        return ()
-    if isinstance(box, LiftedBox):
-        rows = lifted_rows(formulation)
-        return () if rows is None else tuple(box.driving(rows))
-    return () if formulation.smoothed is None else tuple(box.driving(formulation.smoothed))
 
 
 def _start(formulation: Formulation) -> NDArray[np.float64]:

@@ -71,7 +71,7 @@ class CellBox(Bounds):
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
         """Compute it again from the data; there is no solver in it."""
-        again = cell_box(formulation, start, rounds=self.rounds)
+        again = cell_box(formulation, start, rounds=max(self.rounds, 0))
         return (
             again is not None
             and np.array_equal(again.unknowns, self.unknowns)

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import ProvedBox, box_follows, driving_rows
+from .boxed import ProvedBox, box_follows
 from .boxes import ParameterBox, parameter_box
 from .data import IOData
+from .driving import driving_rows
 from .errors import ModelError, NoiseError, SetidError
 from .estimators import least_squares, linf
 from .existence import consistent
@@ -288,7 +289,7 @@ def _by_engine(
         refuted=refuted,
         noise=noise,
         assumptions=_assumptions(formulation, noise),
-        samples=driving_rows(refuted[1], formulation) if refuted is not None else (),
+        samples=() if refuted is None else driving_rows(stated(refuted[0]), refuted[1]),
     )
 
 

@@ -1,8 +1,8 @@
-"""Which samples contradict each other, where only the engine proves that none are consistent.
+"""Which samples contradict each other, where no parameters are consistent.
 
 Samples are left out as long as the rows of the others are still proved to have no common point,
 box included: halves of the record first, single samples last. Whenever the time ends, what is
-left is proved.
+left is proved. Where the box alone is empty, those that its last programs used are tried first.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import boxed
+from .boxed import ProvedBox, boxed
 from .boxes import ParameterBox, parameter_box
+from .cells import CellBox
 from .checks import frozen
 from .formulation import Formulation
 from .lifted import LiftedBox, lifted_box, lifted_rows
@@ -25,21 +26,48 @@ from .monomials import MonomialRows
 from .regression import Regression
 from .units import in_units
 
-__all__ = ["driving_samples"]
+__all__ = ["driving_rows", "driving_samples"]
 
 Keys = tuple[tuple[int, int], ...]
 Known = Regression | MonomialRows
 _ARRAYS = tuple(item.name for item in fields(Regression) if item.name != "names")
 
 
-def driving_samples(formulation: Formulation, options: sp.Options, seconds: float) -> Keys:
+def driving_rows(formulation: Formulation, box: ProvedBox) -> Keys:
+    """Samples whose rows alone give an empty box, as the whole record does.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    box : ParameterBox, DirectionBox, LiftedBox or CellBox
+        Proved empty. Its last programs say which rows they use, but the box on which they stand
+        may rest on others.
+
+    Returns
+    -------
+    tuple of (record, sample)
+        From 1; none where the rows of these programs are not enough.
+    """
+    known, smoothed = _known(formulation), formulation.smoothed
+    if isinstance(box, CellBox) or known is None:
+        return ()
+    if isinstance(box, LiftedBox):
+        found = box.driving(known) if isinstance(known, MonomialRows) else []
+    else:
+        found = [] if smoothed is None else box.driving(smoothed)
+    empty = bool(found) and _box(known, set(found), _start(formulation)).empty
+    return tuple(found) if empty else ()
+
+
+def driving_samples(formulation: Formulation, options: sp.Options | None, seconds: float) -> Keys:
     """Samples whose rows alone are proved to contradict each other.
 
     Parameters
     ----------
     formulation : Formulation
         Whose feasible set is proved empty.
-    options : sparsepop_py.Options
+    options : sparsepop_py.Options or None
+        Of the engine; None: the box from the data alone is to be empty.
     seconds : float
         Of wall time.
 
@@ -51,9 +79,9 @@ def driving_samples(formulation: Formulation, options: sp.Options, seconds: floa
     rows, end = formulation.rows, time.monotonic() + seconds
     found = {*zip(rows.record.tolist(), rows.sample.tolist(), strict=True)} - {(0, 0)}
     keys = tuple(sorted(found))
-    known: Known | None = formulation.regression
-    if known is None and formulation.products is None:
-        known = lifted_rows(formulation)
+    known = _known(formulation)
+    if formulation.products is not None and options is not None:
+        known = None  # the engine's rows hold internal signals
     if known is None:  # no rows in theta alone that belong to single samples
         return keys
     size = len(keys) // 2
@@ -70,6 +98,17 @@ def driving_samples(formulation: Formulation, options: sp.Options, seconds: floa
     return keys
 
 
+def _known(formulation: Formulation) -> Known | None:
+    """Rows in theta, or in its monomials, that belong to single samples."""
+    return formulation.regression or lifted_rows(formulation)
+
+
+def _start(formulation: Formulation) -> NDArray[np.float64]:
+    """What priors say of the parameters."""
+    problem, p = formulation.problem, len(formulation.parameters)
+    return np.array([problem.lower[:p], problem.upper[:p]])
+
+
 def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
     """Neighbours in groups, the last samples first."""
     for begin in range(0, len(keys), size)[::-1]:
@@ -77,15 +116,12 @@ def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
 
 
 def _proved_empty(
-    formulation: Formulation, known: Known, kept: Keys, options: sp.Options, seconds: float
+    formulation: Formulation, known: Known, kept: Keys, options: sp.Options | None, seconds: float
 ) -> bool:
     """Whether the rows of some samples are proved to have no common point."""
-    problem = formulation.problem
-    p = len(formulation.parameters)
-    start = np.array([problem.lower[:p], problem.upper[:p]])
-    box = _box(known, set(kept), start)
-    if box.empty:
-        return True
+    problem, box = formulation.problem, _box(known, set(kept), _start(formulation))
+    if box.empty or options is None:
+        return box.empty
     if not np.all(np.isfinite(box.lower) & np.isfinite(box.upper)):
         return False
     stays = {(0, 0), *kept}

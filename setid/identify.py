@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 
 from .attained import inner_ends
-from .boxed import ProvedBox, boxed, driving_rows, objectives, proved_box
+from .boxed import ProvedBox, boxed, objectives, proved_box
 from .checks import frozen
 from .common_factor import Endless, endless_by
 from .data import IOData
 from .discretisation import remark, with_estimate
-from .driving import driving_samples
+from .driving import driving_rows, driving_samples
 from .equivalence import unidentifiable
 from .errors import SetidError
 from .existence import proved_point
@@ -188,7 +188,8 @@ def _identify(
     """Box first, then the engine on it, in one time."""
     box = _timed(timings, "box", lambda: proved_box(formulation, until))
     if box is not None and box.empty:
-        driving = driving_rows(box, formulation)
+        left = min(_SEARCH, until - time.monotonic())
+        driving = driving_rows(formulation, box) or driving_samples(formulation, None, left)
         return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
     if box is not None and box.cut_short:
         notes = (*notes, "time ended in the search for a box from the data: give more time")

@@ -43,7 +43,8 @@ def finite(box: Interval) -> bool:
 
 def room_of(box: Interval, start: Interval) -> NDArray[np.float64]:
     """How much larger replays at a later level may leave boxes within this one: rounding."""
-    first, now = (np.maximum(w.hi - w.lo, 0.0) for w in (start, box))
+    with np.errstate(over="ignore"):
+        first, now = (np.maximum(w.hi - w.lo, 0.0) for w in (start, box))
     room = np.minimum(_ROOM * np.where(np.isfinite(first), first, now), _SHARE * now)
     return np.where(np.isfinite(room), room, 0.0)
 

@@ -105,6 +105,15 @@ def test_what_was_checked_as_a_quote_is_not_checked_again(monkeypatch):
     assert proof.verify(about, memo) == alone and alone.ok
 
 
+def test_a_certificate_that_quotes_itself_proves_nothing_by_it():
+    problem, _ = known_set()
+    about = problem.with_objective(sp.variables(2)[0])
+    claim = Certificate(about.fingerprint, 0.9, Node())
+    object.__setattr__(claim, "root", Node(BoxProof((Known(((0, 1, claim),)),))))
+    verdict = claim.verify(about)
+    assert not verdict.ok and verdict.bound <= 0.5
+
+
 def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
     x, y = sp.variables(2)
     rows = ([x + y >= 1.5, x * y <= 0.75], [x + y >= 0.5, x * y <= 0.75])

@@ -211,9 +211,14 @@ class Certificate:
         its id. So one that others quote is checked once.
         """
         known = {} if known is None else known
-        key = (problem.fingerprint, id(self))
+        key = ("certificate", problem.fingerprint, id(self))
         if key not in known:
-            known[key] = (self, self._recomputed(problem, known))
+            known[key] = (self, (-np.inf, np.inf, "it quotes itself"))  # till it is known
+            try:
+                known[key] = (self, self._recomputed(problem, known))
+            except BaseException:  # interrupted
+                del known[key]
+                raise
         found: tuple[float, float, str] = known[key][1]
         return found
 

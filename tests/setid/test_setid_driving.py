@@ -91,3 +91,59 @@ def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> N
     truth = setid.simulate_record(TWO, [-0.6, 0.1, 1.0, 0.15], u, OUTPUT, 3)
     result = setid.identify(truth.data, ONE, OUTPUT, options=QUICK)
     assert result.empty and len(result.samples) == 15
+
+
+def factor_of_rows(result: setid.Identification, poles: dict[str, float]) -> float:
+    """The least factor on the noise bounds with which the named rows hold, poles given.
+
+    An independent linear program: with the denominators fixed the rows are linear.
+    """
+    formulation, keys = result.formulation, set(result.samples)
+    problem, count = formulation.problem, formulation.problem.dimension
+    p = len(formulation.parameters)
+    place = {formulation.parameters.index(name): value for name, value in poles.items()}
+    pairs = zip(formulation.rows.record.tolist(), formulation.rows.sample.tolist(), strict=True)
+    rows = [c for c, key in zip(problem.constraints, pairs, strict=True) if key in keys]
+    matrix, right = np.zeros((len(rows), count + 1)), np.zeros(len(rows))
+    for number, row in enumerate(rows):
+        terms = zip(row.polynomial.words.tolist(), row.polynomial.coefficients, strict=True)
+        for word, value in terms:
+            used = [letter - 1 for letter in word if letter]
+            value = value * np.prod([place[v] for v in used if v in place])
+            rest = [v for v in used if v not in place]
+            if rest:
+                matrix[number, rest[0]] += value
+            else:
+                right[number] -= value
+    bounds = [(None, None)] * p + [(None, None)] * (count - p) + [(0.0, None)]
+    noise = np.eye(count + 1)[p:count]
+    reach = np.zeros_like(noise)
+    reach[:, -1] = problem.upper[p:]
+    limits = np.vstack([noise - reach, -noise - reach])
+    cost = np.append(np.zeros(count), 1.0)
+    none = np.zeros(len(limits))
+    return float(linprog(cost, limits, none, matrix, right, bounds, method="highs").fun)
+
+
+@pytest.mark.parametrize(("seed", "two"), [(26, True), (200, False)])
+def test_rows_that_are_named_contradict_each_other_alone(seed: int, two: bool) -> None:
+    """The last programs stand on a box that other rows made: theirs alone may be consistent."""
+    block = setid.TransferFunction(1, 1, 1)
+    model = TWO
+    if two:
+        wires = {("y1", "u1"): block, ("y1", "u2"): block}
+        model = setid.BlockStructured(wires, {}, inputs=2, form="direct")
+    source = np.random.default_rng(seed)
+    u = source.uniform(-1, 1, (8 + seed % 6, model.inputs)).round(2)
+    noise = setid.Noise(output=0.02)
+    theta = np.array([source.uniform(-0.9, 0.9), source.uniform(-0.4, 0.4), 0.7, 0.5])
+    y = setid.simulate_record(model, theta, u, noise, seed).data.y.round(3)
+    low = round(
+        float(np.clip(theta[0] + source.choice([-1, 1]) * source.uniform(0.03, 0.3), -0.9, 0.8)), 2
+    )
+    first, second = model.parameters[:2]
+    box = setid.Box({first: (low, low + 0.1), second: (-1.0, 1.0)})
+    result = setid.identify(setid.IOData(u, y), model, noise, [box], QUICK)
+    assert result.empty and result.samples and bool(result.verify())
+    grid = [(a, b) for a in np.linspace(low, low + 0.1, 6) for b in np.linspace(-1, 1, 41)]
+    assert min(factor_of_rows(result, {first: a, second: b}) for a, b in grid) > 1.0
