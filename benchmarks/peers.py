@@ -80,12 +80,22 @@ def scip(problem: sp.Problem, objective: sp.Polynomial, budget: Budget) -> Answe
     """Minimise an objective over the feasible set of a problem with SCIP.
 
     An objective that is not linear becomes a variable that bounds it from above.
+
+    Raises
+    ------
+    RuntimeError
+        If SCIP breaks off.
     """
     start = time.process_time()
     model, x = _model(problem, objective, budget)
     middle = time.process_time()
-    with _silence():
-        model.optimize()
+    try:
+        with _silence():
+            model.optimize()
+    except Exception as error:  # pyscipopt knows no other class
+        if type(error) is not Exception:
+            raise
+        raise RuntimeError(str(error)) from error
     seconds = time.process_time() - middle
     status = model.getStatus()
     point = np.array([model.getVal(v) for v in x]) if model.getNSols() else None

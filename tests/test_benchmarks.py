@@ -113,6 +113,16 @@ def test_a_peer_that_is_missing_says_so(monkeypatch):
     assert row.status == "missing" and "pip install pyscipopt" in row.notes[0]
 
 
+def test_a_peer_that_breaks_off_says_so(monkeypatch):
+    class Broken:
+        def optimize(self):
+            raise Exception("SCIP: error in LP solver!")  # as pyscipopt does
+
+    monkeypatch.setattr(peers, "_model", lambda *_: (Broken(), []))
+    (row,) = runner.measure(family(tiny()), tiny(), Setting(("scip",), repeats=1))
+    assert row.status == "error: RuntimeError: SCIP: error in LP solver!"
+
+
 def test_a_crash_is_a_row():
     def crash(task):
         raise ZeroDivisionError("by zero")
