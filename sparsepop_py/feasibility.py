@@ -274,30 +274,28 @@ def _pivots(
     columns may occur in one term, so that the rows are linear in them jointly.
     """
     matrix = jacobian * weight
-    allowed = np.ones(matrix.shape[1], bool)
-    if blocked is not None:
-        for a, b in blocked:
-            if a == b:
-                allowed[a] = False
+    scale = np.abs(matrix).max(axis=1, initial=0.0)
     neighbours: dict[int, list[int]] = {}
     for a, b in blocked or ():
         neighbours.setdefault(a, []).append(b)
         neighbours.setdefault(b, []).append(a)
+        if a == b:
+            matrix[:, a] = 0.0
     rows, columns = [], []
-    left = np.ones(matrix.shape[0], bool)
-    scale = np.abs(matrix).max(axis=1, initial=0.0)
+    left, largest = np.ones(matrix.shape[0], bool), np.abs(matrix).max(axis=1, initial=0.0)
     for _ in range(min(matrix.shape)):
-        size = np.abs(matrix) * left[:, None] * allowed[None, :]
-        row, column = np.unravel_index(np.argmax(size), size.shape)
-        if size[row, column] <= 1e-9 * max(1e-3, scale[row]):
+        row = int(np.argmax(np.where(left, largest, -1.0)))
+        if largest[row] <= 1e-9 * max(1e-3, scale[row]):
             break
-        pivot = matrix[row] / matrix[row, column]
-        left[row] = allowed[column] = False
-        for other in neighbours.get(int(column), ()):
-            allowed[other] = False
-        matrix = matrix - np.outer(matrix[:, column] * left, pivot)
-        rows.append(int(row))
-        columns.append(int(column))
+        column = int(np.argmax(np.abs(matrix[row])))
+        pivot, left[row] = matrix[row] / matrix[row, column], False
+        gone = [column, *neighbours.get(column, ())]
+        touched = np.flatnonzero(left & matrix[:, gone].any(axis=1))  # rows are sparse
+        matrix[touched] -= np.outer(matrix[touched, column], pivot)
+        matrix[np.ix_(touched, gone)] = 0.0
+        largest[touched] = np.abs(matrix[touched]).max(axis=1, initial=0.0)
+        rows.append(row)
+        columns.append(column)
     return np.array(rows, np.int64), np.array(columns, np.int64)
 
 

@@ -11,7 +11,7 @@ import pytest
 from exact_polynomials import value_at
 
 import sparsepop_py as sp
-from sparsepop_py.feasibility import prove_feasible, prove_point
+from sparsepop_py.feasibility import _pivots, prove_feasible, prove_point
 from sparsepop_py.krawczyk import zero_near
 
 # ---- independent checks -----------------------------------------------------------------------
@@ -330,3 +330,46 @@ def test_bounds_that_touch_the_point_are_kept():
     assert prove_feasible(below, np.array([root])) is None
     proved = prove_feasible(above, np.array([root]))
     assert proved is None or proved.value >= float(np.nextafter(root, 0))
+
+
+def sums(count, double=False):
+    """x_i + y_i = 1 for many i, the first one perhaps twice."""
+    x = sp.variables(2 * count)
+    rows = [x[i] + x[count + i] == 1 for i in range(count)]
+    return sp.Problem(x[0], rows + rows[:1] * double, lower=0, upper=1)
+
+
+def test_rows_that_hold_already_need_no_variable_off_its_bounds():
+    problem, x = sums(80), np.repeat([0.25, 0.75], 80)
+    x[[0, 80]] = 0.0, 1.0
+    found = prove_feasible(problem, x)
+    assert found is not None and found.rows.size == 79 and found.value == 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pivots_are_those_of_whole_matrices(seed):
+    """Full pivoting as books have it, with columns that exclude each other."""
+    source = np.random.default_rng(seed)
+    matrix = np.where(source.random((7, 11)) < 0.4, source.integers(-9, 10, (7, 11)), 0) / 4.0
+    weight = source.integers(0, 4, 11) / 2.0
+    pairs = {tuple(sorted(source.integers(0, 11, 2).tolist())) for _ in range(5)}
+    for blocked in (None, pairs):
+        allowed = np.array([(v, v) not in (blocked or ()) for v in range(11)])
+        left, rest = np.ones(7, bool), matrix * weight
+        expected = []
+        while (size := np.abs(rest) * left[:, None] * allowed).max() > 1e-7:
+            row, column = (int(k) for k in np.unravel_index(np.argmax(size), size.shape))
+            expected.append((row, column))
+            left[row] = allowed[column] = False
+            for a, b in blocked or ():
+                allowed[b if a == column else a] &= column not in (a, b)
+            factor = rest[:, column] * left / rest[row, column]
+            rest = rest - np.outer(factor, rest[row])
+        rows, columns = _pivots(matrix, weight, blocked)
+        assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == expected
+
+
+def test_many_rows_that_depend_on_each_other_are_told_apart():
+    problem, x = sums(80, double=True), np.repeat([0.25, 0.75], 80)
+    found = prove_feasible(problem, x)
+    assert found is not None and found.rows.size == 80 and found.value == 0.25
