@@ -48,10 +48,11 @@ _INSIDE = 1e-6  # of the width of each bound: what the last step keeps away from
 
 
 def coupled(formulation: Formulation) -> bool:
-    """Whether unknown samples are multiplied with each other."""
-    problem, p = formulation.problem, len(formulation.parameters)
-    words = problem.rows.words
-    return bool(np.any(np.count_nonzero(words > p, axis=1) > 1))
+    """Whether unknown samples are multiplied with each other, or by several parameters."""
+    words, p = formulation.problem.rows.words, len(formulation.parameters)
+    samples = np.count_nonzero(words > p, axis=1)
+    parameters = np.count_nonzero(words, axis=1) - samples
+    return bool(np.any(samples > 1) or np.any((samples > 0) & (parameters > 1)))
 
 
 def attained_ends(

@@ -14,7 +14,7 @@ from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, boxed, objectives, proved_box
 from setid.cells import CellBox
 from setid.formulation import Formulation
-from setid.search import attained_ends, checked
+from setid.search import attained_ends, checked, coupled
 from setid.starts import first_point
 
 LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")
@@ -134,3 +134,27 @@ def test_long_records_with_strong_noise_have_cells() -> None:
     assert isinstance(box, CellBox) and not box.open
     assert np.all((box.lower <= theta) & (box.upper >= theta))
     assert box_follows(box, known)
+
+
+def test_ends_with_products_of_parameters_are_searched_for() -> None:
+    """Nine parameters, two denominators: terms such as a1 a'1 eta(k-2).
+
+    The ends are those that sequential linear programs on the simulated output find, in the
+    parameters and four initial values instead of rows and noise.
+    """
+    truth, noise = record("two inputs 2", 50)
+    model, _, priors = KINDS["two inputs 2"]
+    formulation = setid.formulate(truth.data, model, noise, priors)
+    problem = boxed(formulation, proved_box(formulation))
+    start = first_point(formulation, problem)
+    assert coupled(formulation) and start is not None
+    found = attained_ends(formulation, problem, start)
+    reached = np.array([point.x[: len(model.parameters)] for point in found])
+    ends = {
+        "a[y1,w]1": (-1.1160, -1.0761),
+        "b[y1,u2]2": (0.2786, 0.3403),
+        "gamma2": (0.3897, 0.4129),
+    }
+    for name, (low, high) in ends.items():
+        values = reached[:, model.parameters.index(name)]
+        assert values.min() <= low + 5e-4 and values.max() >= high - 5e-4
