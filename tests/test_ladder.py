@@ -177,9 +177,8 @@ def test_parts_left_out_are_there_otherwise(part):
     x = sp.variables(8)
     rows = [sp.total([*x[2:], x[0] * x[2]]) <= 3, x[1] * x[7] + x[3] <= 1]
     objective = x[0] * sp.total(x[2:5]) + x[1] * sp.total(x[5:])
-    if part == "monomials":  # at order 1 they are no more than a linear relaxation
-        objective = objective + x[2] * x[3] * x[4]
-    problem = Problem(objective, rows, -1.0, 1.0)
+    cubic = (part == "monomials") * x[2] * x[3] * x[4]  # order 1 has none of them
+    problem = Problem(objective + cubic, rows, -1.0, 1.0)
     with_, without = all_recipes(problem), all_recipes(problem, (part,))
     kinds = [{r.shape, r.joined, r.terms} for r in with_]
     assert any(part in kind for kind in kinds)

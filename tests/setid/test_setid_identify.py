@@ -229,8 +229,11 @@ def test_separate_denominators_are_bounded_through_products_of_parameters() -> N
     assert all(v in result.intervals[n] for n, v in truth.theta.items())
     assert result.status == "certified" and bool(result.verify(truth.data))
     assert not replace(result, box=replace(result.box, rounds=())).verify()
-    free = setid.identify(truth.data, model, noise, options=QUICK)
-    assert "no finite bounds of a[1,1]1" in free.notes[1] and bool(free.verify())
+    free = setid.identify(truth.data, model, noise, options=QUICK)  # b a' tells a from a'
+    assert free.status == "certified" and bool(free.verify())
+    assert all(v in free.intervals[n] for n, v in truth.theta.items())
+    loud = setid.identify(truth.data, model, setid.Noise(output=1.0), options=QUICK)
+    assert "no finite bounds of a[1,1]1" in loud.notes[1] and bool(loud.verify())
     small = setid.Noise(output=0.001)
     assert setid.identify(truth.data, model, small, [setid.Stable()], QUICK).empty
 
