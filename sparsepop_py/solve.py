@@ -35,8 +35,6 @@ from .unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
 
-_LARGEST = 900.0  # the largest term on the box, as a power of two
-
 
 @one_thread
 def solve(
@@ -230,21 +228,6 @@ def _check_problem(problem: Problem, options: Options) -> None:
         if v >= problem.dimension:
             raise ProblemError(
                 f"Options.branch_on: found {v}, expected numbers below {problem.dimension}"
-            )
-    _check_reach(problem)
-
-
-def _check_reach(problem: Problem) -> None:
-    """Refuse bounds on which a term overflows: nothing can be scaled to them."""
-    ends = np.abs([problem.lower, problem.upper])
-    reach = np.where(np.isfinite(ends), ends, 0.0).max(axis=0, initial=1.0)
-    size = np.append(0.0, np.log2(reach))
-    for system in (problem.objective_row, problem.rows):
-        if np.any(size[system.words].sum(axis=1) > _LARGEST):
-            v = int(np.argmax(reach))
-            raise ProblemError(
-                f"lower, upper: found a bound of {reach[v]:g} for {problem.names[v]}, on which "
-                "terms overflow; expected smaller bounds, or infinite ones"
             )
 
 

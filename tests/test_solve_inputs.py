@@ -260,14 +260,3 @@ def test_what_is_no_problem_is_named():
         sp.solve(x**2)
     with pytest.raises(sp.ProblemError, match="problem: found str, expected a Problem"):
         sp.solve_each("min x1", [x])
-
-
-@pytest.mark.parametrize("effort", ["plain", "presolve", "auto"])
-@pytest.mark.parametrize("bound", [1e80, 1e300])
-def test_bounds_on_which_terms_overflow_are_named(effort, bound):
-    x, y = sp.variables(2)
-    problem = sp.Problem(x**4 + y**4 - x * y, [x * y >= 0.1], lower=[-bound, -1], upper=[INF, 1])
-    with pytest.raises(sp.ProblemError, match=r"lower, upper: found a bound of 1e\+\d+ for x1"):
-        sp.solve(problem, sp.Options(effort=effort))
-    with pytest.raises(sp.ProblemError, match="overflow"):
-        sp.solve_each(problem, [x, -x], sp.Options(effort=effort))
