@@ -15,7 +15,7 @@ from .directions import DirectionBox, direction_box
 from .formulation import Formulation
 from .lifted import LiftedBox, lifted_box, lifted_rows, sharpened
 
-__all__ = ["ProvedBox", "box_follows", "boxed", "objectives", "proved_box"]
+__all__ = ["ProvedBox", "box_follows", "boxed", "objectives", "proved_box", "start_of"]
 
 ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, from the data
 
@@ -29,7 +29,7 @@ def proved_box(formulation: Formulation, until: float = inf) -> ProvedBox | None
     until : float
         Reading of ``time.monotonic`` at which all work ends.
     """
-    start = _start(formulation)
+    start = start_of(formulation)
     if formulation.smoothed is not None:
         first = parameter_box(formulation.smoothed, start, until)
         endless = np.any(np.isinf([first.lower, first.upper])) and not first.empty
@@ -45,7 +45,7 @@ def proved_box(formulation: Formulation, until: float = inf) -> ProvedBox | None
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     """Whether the box is proved by data and priors, without any solver."""
-    start = _start(formulation)
+    start = start_of(formulation)
     if isinstance(box, ParameterBox):
         return formulation.smoothed is not None and box.verify(formulation.smoothed, start)
     if isinstance(box, CellBox | DirectionBox):
@@ -54,7 +54,7 @@ def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     return rows is not None and box.verify(rows, start, formulation)
 
 
-def _start(formulation: Formulation) -> NDArray[np.float64]:
+def start_of(formulation: Formulation) -> NDArray[np.float64]:
     """The bounds of the parameters that priors give, (2, p)."""
     p, problem = len(formulation.parameters), formulation.problem
     return np.array([problem.lower[:p], problem.upper[:p]])

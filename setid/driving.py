@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import ProvedBox, boxed
+from .boxed import ProvedBox, boxed, start_of
 from .boxes import ParameterBox, parameter_box
 from .cells import CellBox
 from .checks import frozen
@@ -55,7 +55,7 @@ def driving_rows(formulation: Formulation, box: ProvedBox) -> Keys:
         found = box.driving(known) if isinstance(known, MonomialRows) else []
     else:
         found = [] if smoothed is None else box.driving(smoothed)
-    empty = bool(found) and _box(known, set(found), _start(formulation)).empty
+    empty = bool(found) and _box(known, set(found), start_of(formulation)).empty
     return tuple(found) if empty else ()
 
 
@@ -103,12 +103,6 @@ def _known(formulation: Formulation) -> Known | None:
     return formulation.regression or lifted_rows(formulation)
 
 
-def _start(formulation: Formulation) -> NDArray[np.float64]:
-    """What priors say of the parameters."""
-    problem, p = formulation.problem, len(formulation.parameters)
-    return np.array([problem.lower[:p], problem.upper[:p]])
-
-
 def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
     """Neighbours in groups, the last samples first."""
     for begin in range(0, len(keys), size)[::-1]:
@@ -119,7 +113,7 @@ def _proved_empty(
     formulation: Formulation, known: Known, kept: Keys, options: sp.Options | None, seconds: float
 ) -> bool:
     """Whether the rows of some samples are proved to have no common point."""
-    problem, box = formulation.problem, _box(known, set(kept), _start(formulation))
+    problem, box = formulation.problem, _box(known, set(kept), start_of(formulation))
     if box.empty or options is None:
         return box.empty
     if not np.all(np.isfinite(box.lower) & np.isfinite(box.upper)):
