@@ -357,10 +357,10 @@ class Auto:
         """Grow the tree for about as long as the next rung would take."""
         slice_ = float(np.clip(self.agenda.shortest, 0.5, _SLICE))
         if self.search is None:
-            box, attain, known = self.model.box, self._attain_in_search, self.best.node
-            root = self.best.proved, known.argument, known.empty
-            made = self.task, self._plan(), self.model.proof, box, attain, root
-            self.search = Search(*made, seen=self.seen)
+            proof, box, known = self.model.proof, self.model.box, self.best.node
+            root, plan = (self.best.proved, known.argument, known.empty), self._plan()
+            attain, seen = self._attain_in_search, self.seen
+            self.search = Search(self.task, plan, proof, box, attain, root, seen=seen)
         search, limit = self.search, self.task.options.node_limit
 
         def stop() -> bool:
