@@ -147,6 +147,7 @@ def _own_row(
     start = time.process_time()
     known: dict[Any, Any] = {}  # the results share one feasible set
     verdicts = [certificate.verify(problem, known).ok for certificate, problem in certificates]
+    proofs = {id(p): p for c, _ in certificates for p in (*c.quoted, c)}
     return Row(
         **common,
         **_bounds(task, words, lows, highs, done, violations, _units(task, lows, highs), tolerance),
@@ -158,6 +159,7 @@ def _own_row(
         verified=all(verdicts) if verdicts else None,
         verify_seconds=time.process_time() - start,
         certificate_bytes=len(pickle.dumps([c for c, _ in certificates])),
+        certificate_parts=sum(proof.leaves for proof in proofs.values()),
         problem_bytes=len(pickle.dumps(task.problem.constraints + task.objectives)),
         notes=tuple(dict.fromkeys(note for r in results for note in r.notes)),
     )

@@ -104,7 +104,10 @@ class Row:
         Sizes of the problem and of the last relaxation; order 0 is none.
     verified : bool or None
         Whether all certificates verify; None where there are none.
-    verify_seconds, certificate_bytes, problem_bytes : float, int, int
+    verify_seconds : float
+    certificate_bytes, certificate_parts, problem_bytes : int
+        Of all certificates together, those included that they quote; parts are what trees of
+        boxes end in.
     optimum : float or None
         Known beforehand.
     valid : bool or None
@@ -147,6 +150,7 @@ class Row:
     verified: bool | None = None
     verify_seconds: float = math.nan
     certificate_bytes: int = 0
+    certificate_parts: int = 0
     problem_bytes: int = 0
     optimum: float | None = None
     valid: bool | None = None

@@ -139,7 +139,7 @@ def _family_parts(name: str, rows: Sequence[Row]) -> Iterator[str]:
 
 def _results(groups: Sequence[Group]) -> str:
     head = ["problem", "n", "m", "by", "variant", "runs", "status", "lower", "upper", "worst gap"]
-    head += ["closed", "order", "block", "CPU s", "verify s", "proof/data", "peak MB", "holds"]
+    head += ["closed", "order", "block", "CPU s", "verify s", "part/data", "peak MB", "holds"]
     return table(head, [_result_cells(group) for group in groups])
 
 
@@ -147,7 +147,8 @@ def _result_cells(group: Group) -> list[str]:
     row = group.first
     single = len({(r.lower, r.upper) for r in group.rows if r.seed == row.seed}) == 1
     single = single and len({r.seed for r in group.rows}) == 1 and not math.isnan(row.lower)
-    share = row.certificate_bytes / row.problem_bytes if row.problem_bytes else math.nan
+    data = row.problem_bytes * row.certificate_parts
+    share = row.certificate_bytes / data if data else math.nan
     return [
         f"{row.problem}",
         str(row.variables),

@@ -178,8 +178,7 @@ def _semidefinite(
         relaxation = recipe.build(scaled, plan.cliques)
     argued = argue(task, found.box, scaled, relaxation)
     if replay.level is not None:
-        level = replay.level
-        argued = short_if(lambda bound: bound >= level, replay, found.box, argued)
+        argued = short_if(replay.level, replay, found.box, argued)
     if argued.proved.bound > found.proved.bound:
         node = argued.node
         found = replace(found, proved=argued.proved, argument=node.argument, empty=node.empty)

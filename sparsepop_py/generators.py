@@ -123,7 +123,7 @@ def single_letters(
 
 
 def product_terms(
-    system: PolynomialSystem, products: NDArray[np.int64]
+    system: PolynomialSystem, products: NDArray[np.integer]
 ) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Terms of products of generators: word, product number, and the terms of both factors."""
     number, first = system.terms_of(products[:, 0])
@@ -271,7 +271,7 @@ def stacked(problem: Problem, products: NDArray[np.int64]) -> Generators:
     return Generators(**vars(single), matrices=problem.matrices)
 
 
-def levels(products: NDArray[np.int64], single: int) -> list[range]:
+def levels(products: NDArray[np.integer], single: int) -> list[range]:
     """Runs of products whose factors all come before the run."""
     runs, start = [], 0
     while start < products.shape[0]:
@@ -282,7 +282,7 @@ def levels(products: NDArray[np.int64], single: int) -> list[range]:
     return runs
 
 
-def are_products(products: NDArray[np.int64], single: int) -> bool:
+def are_products(products: NDArray[np.integer], single: int) -> bool:
     """Whether every product refers to generators before it."""
     if products.ndim != 2 or products.shape[1] != 2:
         return False

@@ -31,6 +31,7 @@ from . import generators, monomials
 from .certificate.box import Replay, Tightening, coordinates
 from .certificate.linear import LinearDual
 from .conic import ConicProgram, assemble
+from .interned import indices, interned
 from .linear import LinearModel, LinearSolution
 from .monomials import Words
 from .polynomial import Polynomial
@@ -155,11 +156,11 @@ class Lifted:
         )
         return LinearDual(
             self.scaled.scaling,
-            used,
-            monomials.trim(word[row]) if row.size else np.zeros((0, 1), np.int32),
+            indices(used),
+            interned(monomials.trim(word[row]) if row.size else np.zeros((0, 1), np.int32)),
             np.concatenate(values).astype(np.float32 if short else np.float64),
-            np.concatenate(owners),
-            products,
+            indices(np.concatenate(owners)),
+            indices(products),
         )
 
     def objective_dual(self, solution: LinearSolution) -> LinearDual:

@@ -5,7 +5,6 @@ box -> scale -> cliques -> relax -> assemble -> solve -> certify
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,7 +135,7 @@ def argue(
     if task.options.effort != "auto":
         return outcome
     with task.stages.stage("certify"):
-        return short_if(task.closed, replay, box, outcome)
+        return short_if(task.enough(claim(outcome.proved)), replay, box, outcome)
 
 
 def _programs(
@@ -164,17 +163,15 @@ def _solution(
     return solution if small is None else small.restored(solution)
 
 
-def short_if(
-    good: Callable[[float], bool], replay: Replay, box: Interval, argued: Argued
-) -> Argued:
-    """The argument in short floats, if its claim is still good enough."""
+def short_if(needed: float, replay: Replay, box: Interval, argued: Argued) -> Argued:
+    """The argument in short floats, if it still proves what is needed."""
     long = argued.node.argument
-    if not isinstance(long, Identity) or not good(claim(argued.proved)):
+    if not isinstance(long, Identity) or not -np.inf < needed <= claim(argued.proved):
         return argued
     for share in _SHARES:
         short = shortened(long, share)
         proved = prove(replay, box, short, argued.node.empty)
-        if good(claim(proved)):
+        if claim(proved) >= needed:
             return replace(argued, proved=proved, node=replace(argued.node, argument=short))
     return argued
 

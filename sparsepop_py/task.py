@@ -98,6 +98,12 @@ class Task:
         """Whether a proved bound closes the gap, or says that nothing is feasible."""
         return bound == np.inf or (self.best is not None and bound >= self.target)
 
+    def enough(self, bound: float) -> float:
+        """What shorter multipliers have to prove: that the gap is closed, or nearly the same."""
+        if bound == np.inf or not self.closed(bound):
+            return bound - 0.01 * self.allowed
+        return self.target
+
     @property
     def level(self) -> float:
         """The cut-off under which boxes shrink, +inf without one."""

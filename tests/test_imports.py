@@ -17,8 +17,8 @@ PACKAGE = "sparsepop_py"
 
 # A module imports only from those before it. A package is named by its folder alone.
 ORDER = """
-errors threads constraint progress display monomials rounding polynomial system cones squares
-symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
+errors threads constraint progress display interned monomials rounding polynomial system cones
+squares symbolic problem enclosure semidefinite linear krawczyk rational feasibility generators
 presolve presolve.propagation presolve.scaling
 chordal sparsity basis newton blocks shapes signs terms relaxation substitution moment_bounds
 elimination waki conic

@@ -271,9 +271,13 @@ class Certificate:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What is quoted goes first, so that pickling a long chain does not recurse."""
-        quoted = [proof for _, _, proof in self._chain()]
         values = [getattr(self, each.name) for each in fields(self)]
-        return _after, (quoted, *values)
+        return _after, (self.quoted, *values)
+
+    @property
+    def quoted(self) -> list[Certificate]:
+        """All certificates that this one rests on, each after those that it quotes itself."""
+        return [proof for _, _, proof in self._chain()]
 
     @cached_property
     def quotes(self) -> tuple[tuple[int, int, Any], ...]:

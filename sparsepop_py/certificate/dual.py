@@ -19,6 +19,7 @@ from .. import monomials
 from ..blocks import BlockGroup
 from ..conic import ConicProgram, split_dual
 from ..generators import single_letters
+from ..interned import indices, interned
 from ..polynomial import Polynomial, total
 from ..presolve.scaling import Scaled
 from ..problem import Problem
@@ -53,8 +54,7 @@ def identity_of(
     floor : float
         Multiple of :func:`margin` that was subtracted from the scaled objective.
     """
-    products = relaxation.products
-    sizes = scaled.generator_sizes(products)
+    sizes = scaled.generator_sizes(relaxation.products)
     multipliers = []
     priced = None
     for group, part in zip(relaxation.groups, split_dual(relaxation, z), strict=True):
@@ -64,7 +64,8 @@ def identity_of(
         weight = objective_size / sizes[group.generator]
         if group.free:
             values = _weighted(part, weight[:, None])
-            multipliers.append(Multipliers(group.generator, group.basis, values))
+            generator, basis = indices(group.generator), interned(group.basis)
+            multipliers.append(Multipliers(generator, basis, values))
             continue
         carries = (_letters(relaxation.problem, group.generator) >= 0) & (floor > 0)
         for with_floor in (False, True):
@@ -72,11 +73,10 @@ def identity_of(
             if chosen.size:
                 factor = _factor(_weighted(part[chosen], weight[chosen, None, None]))
                 own = floor * objective_size if with_floor else 0.0
-                place = None if group.place is None else group.place[chosen]
-                multipliers.append(
-                    Multipliers(group.generator[chosen], group.basis[chosen], factor, own, place)
-                )
-    return Identity(scaled.scaling, tuple(multipliers), products, priced)
+                place = None if group.place is None else indices(group.place[chosen])
+                generator, basis = indices(group.generator[chosen]), interned(group.basis[chosen])
+                multipliers.append(Multipliers(generator, basis, factor, own, place))
+    return Identity(scaled.scaling, tuple(multipliers), indices(relaxation.products), priced)
 
 
 def _priced(
@@ -182,7 +182,8 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
     """The same identity in short floats, without what is below a share of the largest part.
 
     Columns of factors that are small in all blocks of a group go, and blocks that are small
-    altogether. Whether the bound is still good enough shows when it is evaluated.
+    altogether; the factors L become triangular. Whether the bound is still good enough shows when
+    it is evaluated.
     """
     sizes = [np.sum(np.square(m.values), axis=1) for m in identity.multipliers if not m.free]
     largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
@@ -195,6 +196,7 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
             weight = np.sum(np.square(values), axis=1)
             values = values[:, :, np.any(weight > share * largest, axis=0)]
             used = np.any(weight > share * largest, axis=1) | (group.floor > 0)
+            values = _triangular(values)
         if used.any():
             small = np.abs(values[used]).max(initial=0.0) < np.finfo(np.float32).max
             kept.append(group.chosen(used, values[used].astype(np.float32 if small else float)))
@@ -209,6 +211,11 @@ def _factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
     """L with L L' near each symmetric matrix, negative eigenvalues set to zero."""
     values, vectors = np.linalg.eigh(matrices)
     return vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+
+
+def _triangular(factors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lower triangular factors (K, s, r) of about the same L L': those of L' = Q R are R'."""
+    return np.tril(np.swapaxes(np.linalg.qr(np.swapaxes(factors, 1, 2), mode="r"), 1, 2))
 
 
 def margin(relaxation: Relaxation) -> Polynomial:

@@ -83,7 +83,7 @@ class Identity:
 
     scaling: Scaling
     multipliers: tuple[Multipliers, ...]
-    products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    products: NDArray[np.integer] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     priced: Priced | None = None
 
     def evaluate(

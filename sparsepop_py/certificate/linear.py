@@ -18,13 +18,15 @@ Math. Programming 99, 2004.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import generators, monomials
 from ..enclosure import expand_affine
+from ..interned import indices
 from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, sum_by
@@ -56,16 +58,27 @@ class LinearDual:
     """
 
     scaling: Scaling
-    generator: NDArray[np.int64]
+    generator: NDArray[np.integer]
     word: Words
     value: NDArray
-    owner: NDArray[np.int64]
-    products: NDArray[np.int64]
+    owner: NDArray[np.integer]
+    products: NDArray[np.integer]
 
     @property
     def numbers(self) -> int:
         """How many multipliers are stored."""
         return self.value.size
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Owners in order go as how many multipliers each has, constant words as none."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        if self.owner.shape == (self.owner.size,) and are_indices(self.owner, self.owner.size):
+            count = np.bincount(self.owner)
+            if _same(self.owner, np.repeat(np.arange(count.size), count)):
+                values["owner"] = (indices(count),)
+            if _same(self.word, np.zeros((self.owner.size, 1))):
+                values["word"] = None
+        return _restored, tuple(values.values())
 
     def evaluate(
         self,
@@ -152,3 +165,24 @@ class LinearDual:
             if needed[single + number]:
                 needed[self.products[number]] = True
         return np.flatnonzero(needed[1 : size + 1])
+
+
+def _same(given: NDArray, wanted: NDArray) -> bool:
+    """Whether an array is these numbers, as 32-bit integers."""
+    return given.dtype == np.int32 and np.array_equal(given, wanted)
+
+
+def _restored(
+    scaling: Scaling,
+    generator: NDArray,
+    word: Words | None,
+    value: NDArray,
+    owner: NDArray | tuple[NDArray],
+    products: NDArray,
+) -> LinearDual:
+    """The certificates of which :meth:`LinearDual.__reduce__` wrote this."""
+    if isinstance(owner, tuple):
+        owner = np.repeat(np.arange(owner[0].size, dtype=np.int32), owner[0])
+    if word is None:
+        word = np.zeros((owner.size, 1), np.int32)
+    return LinearDual(scaling, generator, word, value, owner, products)

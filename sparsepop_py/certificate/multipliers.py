@@ -15,6 +15,7 @@ programming, MTNS 2004.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from .. import generators, monomials
 from ..cones import Matrices
 from ..enclosure import expand_affine
+from ..interned import interned
 from ..monomials import Words
 from ..presolve.scaling import Scaling
 from ..rounding import Interval, gram
@@ -48,11 +50,11 @@ class Multipliers:
         With matrices of constraints: the row that goes with each monomial.
     """
 
-    generator: NDArray[np.int64]
+    generator: NDArray[np.integer]
     basis: Words
     values: NDArray
     floor: float = 0.0
-    place: NDArray[np.int64] | None = None
+    place: NDArray[np.integer] | None = None
 
     @property
     def free(self) -> bool:
@@ -115,11 +117,38 @@ class Multipliers:
         words = monomials.trim(joined.reshape(-1, joined.shape[-1]))
         return words, Interval(part.lo.ravel(), part.hi.ravel())
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Factors that are lower triangular go without the zeros above."""
+        values, shape = self.values, None
+        if values.ndim == 3 and not np.any(values[:, ~_lower(values.shape)]):
+            values, shape = values[:, _lower(values.shape)], values.shape
+        return _filled, (self.generator, self.basis, values, shape, self.floor, self.place)
+
     def chosen(self, used: NDArray, values: NDArray) -> Multipliers:
         """Those of the chosen blocks, with these values."""
-        place = None if self.place is None else self.place[used]
-        generator, basis = self.generator[used], self.basis[used]
+        place = None if self.place is None else interned(self.place[used])
+        generator, basis = interned(self.generator[used]), interned(self.basis[used])
         return replace(self, generator=generator, basis=basis, values=values, place=place)
+
+
+def _lower(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which entries of factors (K, s, r) are on or below the diagonal, shape (s, r)."""
+    return np.tri(*shape[1:], dtype=np.bool_)
+
+
+def _filled(
+    generator: NDArray,
+    basis: Words,
+    values: NDArray,
+    shape: tuple[int, ...] | None,
+    floor: float,
+    place: NDArray | None,
+) -> Multipliers:
+    """Multipliers, with zeros above the diagonals where a shape (K, s, r) is given."""
+    if shape is not None:
+        packed, values = values, np.zeros(shape, values.dtype)
+        values[:, _lower(shape)] = packed
+    return Multipliers(generator, basis, values, floor, place)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +173,7 @@ class ScaledGenerators:
 
     @staticmethod
     def of(
-        constraints: PolynomialSystem, scaling: Scaling, products: NDArray[np.int64]
+        constraints: PolynomialSystem, scaling: Scaling, products: NDArray[np.integer]
     ) -> ScaledGenerators:
         """Expand them around the centre of the scaling; products (P, 2) follow at the end."""
         n, m = constraints.dimension, constraints.size

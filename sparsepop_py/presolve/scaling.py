@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .. import generators, monomials
 from ..enclosure import expand_affine
+from ..interned import interned
 from ..polynomial import Constraint, Polynomial
 from ..problem import Problem
 from ..rounding import Interval
@@ -73,7 +74,8 @@ class Scaling:
         start = np.where(side > 0, box.lo, np.where(side < 0, box.hi, 0.0))
         guess = np.ones(low.size) if typical is None else np.maximum(np.abs(typical - start), 1.0)
         guess = 2.0 ** np.ceil(np.log2(guess))
-        return Scaling(np.where(boxed, centre, start), np.where(boxed, scale, guess), boxed, side)
+        centre, scale = np.where(boxed, centre, start), np.where(boxed, scale, guess)
+        return Scaling(centre, scale, interned(boxed), interned(side))
 
     @staticmethod
     def of_bounds(box: Interval, shifted: bool = True) -> Scaling:
