@@ -1,8 +1,8 @@
 """Arrays that certificates have in common: objectives over one feasible set share most of them.
 
 What multipliers multiply, and by which monomials, is the same for all objectives and for most
-parts of a tree; only the numbers differ. Equal arrays are one object, in memory and where
-certificates are stored together.
+parts of a tree; only the numbers differ. Equal arrays are one object where certificates are made,
+so that those that are stored together hold them once.
 """
 
 from __future__ import annotations

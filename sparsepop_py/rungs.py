@@ -135,7 +135,7 @@ def argue(
     if task.options.effort != "auto":
         return outcome
     with task.stages.stage("certify"):
-        return short_if(task.enough(claim(outcome.proved)), replay, box, outcome)
+        return short_if(task.enough(outcome.proved.bound), replay, box, outcome)
 
 
 def _programs(
@@ -166,7 +166,9 @@ def _solution(
 def short_if(needed: float, replay: Replay, box: Interval, argued: Argued) -> Argued:
     """The argument in short floats, if it still proves what is needed."""
     long = argued.node.argument
-    if not isinstance(long, Identity) or not -np.inf < needed <= claim(argued.proved):
+    if not isinstance(long, Identity) or long.short:
+        return argued
+    if not -np.inf < needed <= claim(argued.proved):
         return argued
     for share in _SHARES:
         short = shortened(long, share)

@@ -99,10 +99,15 @@ class Task:
         return bound == np.inf or (self.best is not None and bound >= self.target)
 
     def enough(self, bound: float) -> float:
-        """What shorter multipliers have to prove: that the gap is closed, or nearly the same."""
-        if bound == np.inf or not self.closed(bound):
-            return bound - 0.01 * self.allowed
-        return self.target
+        """What shorter multipliers have to prove: that the gap is closed, or nearly the same.
+
+        Points that are found later may make the allowed gap smaller, but not than this.
+        """
+        if bound == np.inf or self.best is None:
+            return bound
+        if self.closed(bound):
+            return self.target
+        return bound - 0.01 * self.options.gap * (1.0 if self.unit is None else self.unit)
 
     @property
     def level(self) -> float:

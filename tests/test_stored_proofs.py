@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import pickle
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,9 +15,12 @@ from benchmarks.identification import task
 from sparsepop_py.certificate.dual import identity_of, shortened
 from sparsepop_py.certificate.identity import Multipliers
 from sparsepop_py.certificate.linear import LinearDual
+from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.interned import indices, interned
 from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.progress import Stages
 from sparsepop_py.rounding import Interval
+from sparsepop_py.task import Clock, Task
 
 
 def test_equal_arrays_are_one_and_unequal_ones_are_not():
@@ -137,3 +141,36 @@ def test_short_factors_are_triangular_and_have_the_same_squares(seed):
         size = np.abs(a.values).max() ** 2 * a.values.shape[2]
         whole, small = (v @ np.swapaxes(v, 1, 2) for v in (a.values, b.values.astype(float)))
         assert np.abs(whole - small).max() <= 1e-6 * size
+
+
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_malformed_products_and_empty_multipliers_are_refused(effort):
+    """Arrays of no dimension, and tables that no memory holds, end in a verdict."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x**2 + y**2 <= 1], lower=-1, upper=1)
+    given = sp.solve(problem, sp.Options(effort=effort)).certificate
+    identity = given.identity
+    assert identity is not None and given.verify(problem).ok
+    endless = Multipliers(
+        np.zeros(0, int), np.zeros((0, 10**9, 1), np.int32), np.zeros((0, 10**9, 1))
+    )
+    for wrong in (
+        replace(identity, products=np.array(3)),
+        replace(identity, multipliers=(*identity.multipliers, endless)),
+    ):
+        forged = replace(given, root=replace(given.root, argument=wrong))
+        again = pickle.loads(pickle.dumps(forged))
+        assert not forged.verify(problem).ok and not again.verify(problem).ok
+
+
+def test_later_points_do_not_spoil_what_shorter_multipliers_keep():
+    """A far first point makes the allowed gap large; what a bound may lose does not follow it."""
+    x = sp.variables(1)[0]
+    problem = sp.Problem(x**2, lower=-100, upper=100)
+    options, none = sp.Options(effort="auto", gap=1e-3), np.zeros(0, int)
+    task = Task(problem, options, Stages(False), Clock(None))
+    assert task.enough(-5.0) == -5.0  # nothing is known of the gap
+    task = replace(task, best=ProvedPoint(np.array([100.0]), 1e4, 0.0, "exact", none, none))
+    assert task.allowed == 10.0 and task.enough(-5.0) == -5.0 - 1e-5
+    assert task.enough(9999.0) == task.target and task.enough(np.inf) == np.inf
+    assert replace(task, unit=0.5).enough(-5.0) == -5.0 - 0.5e-5

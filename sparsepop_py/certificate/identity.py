@@ -86,6 +86,11 @@ class Identity:
     products: NDArray[np.integer] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     priced: Priced | None = None
 
+    @property
+    def short(self) -> bool:
+        """Whether all multipliers are short floats."""
+        return all(group.values.dtype == np.float32 for group in self.multipliers)
+
     def evaluate(
         self,
         constraints: PolynomialSystem,
@@ -132,9 +137,8 @@ class Identity:
     def _malformed(self, size: int, equality: NDArray[np.bool_], n: int) -> str:
         """Why the multipliers make no sense for these constraints, empty if they do."""
         single = generators.count(size, n)
-        if not are_indices(self.products, single + self.products.shape[0]):
-            return "a product refers to a constraint that does not exist"
-        if not generators.are_products(self.products, single):
+        known = generators.are_products(self.products, single)
+        if not known or not are_indices(self.products, single + self.products.shape[0]):
             return "a product refers to a constraint that does not exist"
         equal = np.zeros(single + self.products.shape[0], bool)
         equal[1 : size + 1] = equality

@@ -143,8 +143,8 @@ class LinearDual:
             and self.word.ndim == 2
             and self.word.shape[0] == length
             and self.word.shape[1] > 0
-            and are_indices(self.products, single + self.products.shape[0])
             and generators.are_products(self.products, single)
+            and are_indices(self.products, single + self.products.shape[0])
         )
         if not fits or not are_numbers(self.value):
             return None

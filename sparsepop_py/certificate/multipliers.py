@@ -68,7 +68,7 @@ class Multipliers:
         return (
             self.basis.ndim == 3
             and self.values.ndim in (2, 3)
-            and self.basis.shape[0] == self.values.shape[0] == blocks
+            and self.basis.shape[0] == self.values.shape[0] == blocks > 0
             and self.basis.shape[1] == self.values.shape[1]
             and self.basis.shape[2] > 0
             and (self.place is None or self.place.shape == self.values.shape[:2])
@@ -120,7 +120,7 @@ class Multipliers:
     def __reduce__(self) -> tuple[Any, ...]:
         """Factors that are lower triangular go without the zeros above."""
         values, shape = self.values, None
-        if values.ndim == 3 and not np.any(values[:, ~_lower(values.shape)]):
+        if values.ndim == 3 and values.size and not np.any(values[:, ~_lower(values.shape)]):
             values, shape = values[:, _lower(values.shape)], values.shape
         return _filled, (self.generator, self.basis, values, shape, self.floor, self.place)
 

@@ -88,19 +88,39 @@ def test_damaged_proofs_are_refused() -> None:
     shrunk = replace(box, scale=box.scale / 4.0)
     rounded = replace(box, scale=box.scale * 1.1)  # rows in these units are not the exact ones
     short = replace(box, scale=box.scale[:1])
-    for wrong in (tighter, swapped, fewer, shrunk, rounded, short):
+    other = replace(box, rows=(1,) * 6)  # the certificates are about more rows than that
+    uncounted = replace(box, rows=(None,) * 6)
+    for wrong in (tighter, swapped, fewer, shrunk, rounded, short, other, uncounted):
         assert not wrong.verify(known, start)
+
+
+def test_the_first_rows_of_a_long_record_are_enough() -> None:
+    """300 samples with errors that leave no bounds row by row: sides follow from 80 rows."""
+    source = np.random.default_rng(5)
+    u = source.uniform(-1, 1, 300)
+    model, noise = setid.TransferFunction(1, 2, 1), setid.Noise(output=0.35)
+    truth = setid.simulate_record(model, (-0.6, 0.8, 0.3), u, noise, source)
+    known = setid.formulate(truth.data, model, noise)
+    start = np.array([np.full(3, -np.inf), np.full(3, np.inf)])
+    first = setid.parameter_box(known.smoothed, start)
+    assert np.any(np.isinf([first.lower, first.upper]))
+    box = directions.direction_box(known, first)
+    assert box is not None and not box.open and set(box.rows) == {80}
+    assert box.verify(known, start)
+    values = np.array(list(truth.theta.values()))
+    assert np.all((box.lower <= values) & (values <= box.upper))
 
 
 def test_negative_units_do_not_turn_a_box_into_an_empty_one() -> None:
     _, known, _ = case(28)
     box, start = bounded(), np.array([np.full(3, -np.inf), np.full(3, np.inf)])
     scale, empty = -box.scale, (np.full(3, 1e-3), np.full(3, -1e-3))
-    sides = [directions._least(side, np.inf) for side in directions._sides(known, box.first, scale)]
+    cube = directions._cubes(known, box.first, scale)(box.rows[0])
+    sides = [directions._least(cube.side(number), np.inf) for number in range(6)]
     proofs = tuple(proof for proof in sides if proof is not None)
     assert len(proofs) == 6  # all that a box asks for
     last = setid.ParameterBox(box.names, *empty, start, ())
-    forged = setid.DirectionBox(box.names, *empty, box.first, scale, proofs, last)
+    forged = setid.DirectionBox(box.names, *empty, box.first, scale, proofs, box.rows, last)
     assert forged.empty and not forged.verify(known, start)
 
 
