@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import ProvedBox, box_follows
+from .boxed import ProvedBox, box_follows, start_of
 from .boxes import ParameterBox, parameter_box
 from .data import IOData
 from .driving import driving_rows
@@ -295,11 +295,10 @@ def _by_engine(
 
 def _is_boxed(formulation: Formulation, until: float) -> bool:
     """Whether rows one by one, or other rows, bound the parameters."""
-    rows, p = formulation.smoothed, len(formulation.parameters)
+    rows = formulation.smoothed
     if rows is None:
         return True
-    problem = formulation.problem
-    box = parameter_box(rows, np.array([problem.lower[:p], problem.upper[:p]]), until)
+    box = parameter_box(rows, start_of(formulation), until)
     return bool(np.all(np.isfinite(box.lower) & np.isfinite(box.upper)))
 
 

@@ -19,6 +19,7 @@ from scipy.signal import cont2discrete, lfilter
 
 import sparsepop_py as sp
 
+from .boxed import start_of
 from .boxes import parameter_box
 from .checks import frozen, number
 from .data import IOData
@@ -226,10 +227,8 @@ def _least(
     until: float,
 ) -> tuple[float, float]:
     """Proved lower end and attained value of the least bound up to the limit."""
-    p, problem = len(formulation.parameters), formulation.problem
-    start = np.array([problem.lower[:p], problem.upper[:p]])
     rows = formulation.smoothed
-    box = None if rows is None else parameter_box(rows, start, until)
+    box = None if rows is None else parameter_box(rows, start_of(formulation), until)
     asked = problem_with_factor(formulation, box, limit)
     result = on_box(formulation, asked, settings.for_engine("absolute", until), x)
     if result is None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .boxed import ProvedBox, proved_box
+from .boxed import ProvedBox, proved_box, start_of
 from .boxes import ParameterBox, parameter_box
 from .data import IOData
 from .directions import units_of_rows
@@ -152,9 +152,7 @@ def refuted_factor(
         formulation = stated(factor)
         if formulation.smoothed is None or time.monotonic() >= end:
             break
-        p, problem = len(formulation.parameters), formulation.problem
-        start = np.array([problem.lower[:p], problem.upper[:p]])
-        box = parameter_box(formulation.smoothed, start, end)
+        box = parameter_box(formulation.smoothed, start_of(formulation), end)
         if box.empty:
             found, low = (factor, box), factor
         else:

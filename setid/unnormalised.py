@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from .boxed import start_of
 from .boxes import parameter_box
 from .cells import cell_box
 from .data import IOData
@@ -87,8 +86,7 @@ def reference_model(
     if isinstance(model, Lure):
         return _with(model, {"gamma1": 0.0})
     formulation = formulate(data, model, noise, priors)
-    p = len(formulation.parameters)
-    start = np.array([formulation.problem.lower[:p], formulation.problem.upper[:p]])
+    start = start_of(formulation)
     rows = formulation.products
     if rows is not None:
         box = parameter_box(rows.regression, rows.start(start))
@@ -105,8 +103,7 @@ def reference_model(
     for name in model.parameters:
         if name in affected and not unidentifiable(_with(model, name)):
             other = formulate(data, _with(model, name), noise, priors)
-            ends = np.array([other.problem.lower[: p - 1], other.problem.upper[: p - 1]])
-            found = cell_box(other, ends)
+            found = cell_box(other, start_of(other))
             if found is not None and not found.open:
                 return _with(model, name)
     raise ModelError(
