@@ -88,7 +88,7 @@ class DirectionBox(Bounds):
             return False
         if not len(self.rows) == len(self.certificates) == 2 * start.shape[1]:
             return False
-        if not all(type(count) is int for count in self.rows):
+        if not all(type(count) is int and count > 0 for count in self.rows):
             return False
         cube, least = _cubes(formulation, self.first, self.scale), _LARGEST
         for number, (count, certificate) in enumerate(
