@@ -24,11 +24,12 @@ import sparsepop_py as sp
 from .bounds import Bounds, gained
 from .boxes import ParameterBox, linear_rows, parameter_box
 from .checks import frozen
+from .far import Far, nothing_far
 from .formulation import Formulation
 from .monomials import Monomial, MonomialRows, merged
 from .regression import Regression
 
-__all__ = ["LiftedBox", "lifted_box", "lifted_rows", "sharpened"]
+__all__ = ["LiftedBox", "lifted_box", "lifted_rows", "limited", "sharpened"]
 
 Reals = NDArray[np.float64]
 Factor = tuple[int, Monomial, float]  # row, noise samples, value
@@ -50,11 +51,14 @@ class LiftedBox(Bounds):
         For each round, bounds of the sums of monomials that static gains of 1 speak of.
     sharper : tuple of sp.Certificate or None
         Of these sums and their negatives on the last round's box, over all rows at once.
+    far : Far or None
+        Bounds of what is then still endless.
     """
 
     rounds: tuple[ParameterBox, ...]
     sums: tuple[tuple[sp.LinearBound, ...], ...]
     sharper: tuple[sp.Certificate | None, ...] = ()
+    far: Far | None = None
 
     def verify(
         self, rows: MonomialRows, start: Reals, formulation: Formulation | None = None
@@ -74,6 +78,11 @@ class LiftedBox(Bounds):
             if joined is None or not _sharper_hold(joined, rows, self.sharper):
                 return False
             box = _shrunk(rows, box, self.rounds[-1], self.sums[-1], self.sharper)
+        if self.far is not None:
+            ends = np.array([self.rounds[-1].lower, self.rounds[-1].upper])
+            if formulation is None or not self.far.follows(formulation, rows, ends, box):
+                return False
+            box = _shrunk(rows, self.far.within(box), self.rounds[-1], self.sums[-1], self.sharper)
         return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
 
     @property
@@ -202,6 +211,31 @@ def sharpened(
     ends = np.array([box.lower, box.upper])
     ends = _shrunk(rows, ends, box.rounds[-1], box.sums[-1], proofs)
     return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), sharper=proofs)
+
+
+def limited(
+    box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float = math.inf
+) -> LiftedBox:
+    """The box with bounds of what has none: no consistent coefficients of a map are far away.
+
+    Parameters
+    ----------
+    box : LiftedBox
+    formulation : Formulation
+    rows : MonomialRows
+        Its rows.
+    until : float
+        Reading of ``time.monotonic`` at which all work ends.
+    """
+    ends = np.array([box.lower, box.upper])
+    if box.empty or np.all(np.isfinite(ends)):
+        return box
+    last = box.rounds[-1]
+    far = nothing_far(formulation, rows, np.array([last.lower, last.upper]), ends, until)
+    if far is None:
+        return box
+    ends = _shrunk(rows, far.within(ends), last, box.sums[-1], box.sharper)
+    return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), far=far)
 
 
 def lifted_box(rows: MonomialRows, start: Reals, until: float = math.inf) -> LiftedBox:

@@ -26,7 +26,7 @@ missing printing assembly linear completion formulation units
 estimators simulate equivalence responses supports enclosures members bands exchange indirect
 projections
 residuals block_bands validation
-options bounds attained boxes directions lifted cell_structure cell_arithmetic cells
+options bounds attained boxes directions far lifted cell_structure cell_arithmetic cells
 boxed reports existence starts idle noise_factor common_factor unnormalised verification
 centre intervals progress driving discretisation search results identify consistency select
 plots block_plots cli_structure cli

@@ -1,0 +1,201 @@
+"""Coefficients of maps that quotients leave without bounds: none far away explains the data.
+
+Rows bound products b gamma, and gamma = (b gamma) / b only where b excludes zero. With
+gamma_i = phi_i / s, |s| <= 1 / R, max |phi_i| = 1 and c = b / s,
+
+    b gamma_i = c phi_i,    b = s c,
+
+so that on each face phi_i = 1 of a cube all unknowns are bounded: c by the rows, as b gamma_i.
+Where the engine proves that no face holds a consistent point, all |gamma_i| < R. Large R are
+proved fast, since s is nearly zero; smaller ones follow as long as that is cheap.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+
+from .formulation import Formulation
+from .monomials import MonomialRows, Total, contracted
+
+__all__ = ["Far", "nothing_far"]
+
+Reals = NDArray[np.float64]
+_REACHES = (2.0**10, 2.0**7, 2.0**4)  # one after the other, in units
+_SECONDS = 20.0  # of wall time for all faces of one reach
+_ROWS = 50  # of the record: the first ones say enough of what is far away
+
+
+class Far(NamedTuple):
+    """Proofs that parameters are smaller than ``reach`` in size, one for each of them."""
+
+    parameters: tuple[int, ...]
+    reach: float
+    proofs: tuple[sp.Certificate, ...]
+
+    def within(self, box: Reals) -> Reals:
+        """The box (2, p) with these bounds."""
+        found, chosen = box.copy(), list(self.parameters)
+        found[0, chosen] = np.maximum(found[0, chosen], -self.reach)
+        found[1, chosen] = np.minimum(found[1, chosen], self.reach)
+        return found
+
+    def follows(
+        self, formulation: Formulation, rows: MonomialRows, ends: Reals, box: Reals
+    ) -> bool:
+        """Whether the proofs hold, given what :func:`nothing_far` was given."""
+        faces = _Faces.of(formulation, rows, ends, box)
+        if faces is None or faces.far != self.parameters or len(self.proofs) != len(faces.far):
+            return False
+        if not 0 < self.reach < np.inf:
+            return False
+        problems = [faces.problem(face, self.reach) for face in faces.far]
+        return all(
+            problem is not None and proof.bound == np.inf and proof.verify(problem).ok
+            for problem, proof in zip(problems, self.proofs, strict=True)
+        )
+
+
+def nothing_far(
+    formulation: Formulation, rows: MonomialRows, ends: Reals, box: Reals, until: float
+) -> Far | None:
+    """Bounds of the parameters that have none, as small as follows in a short time.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    rows : MonomialRows
+        Its rows in products of parameters.
+    ends : (2, q) float
+        Proved bounds of the columns of the rows.
+    box : (2, p) float
+        Proved bounds of the parameters.
+    until : float
+        Reading of ``time.monotonic`` at which all work ends; at most half of it is for this.
+
+    Returns
+    -------
+    Far or None
+        None where rows are no products as above, or where nothing was proved.
+    """
+    faces, found = _Faces.of(formulation, rows, ends, box), None
+    if faces is None:
+        return None
+    begun = time.monotonic()
+    for size in _REACHES:
+        reach = size * faces.unit
+        end = min(time.monotonic() + _SECONDS, begun + 0.5 * (until - begun))
+        proofs = list[sp.Certificate]()
+        for face in faces.far:
+            problem, left = faces.problem(face, reach), end - time.monotonic()
+            if problem is None or left <= 0:
+                return found
+            proof = sp.solve(problem, sp.Options(effort="auto", time_limit=left)).certificate
+            if proof is None or proof.bound != np.inf:
+                return found
+            proofs.append(proof)
+        found = Far(faces.far, reach, tuple(proofs))
+    return found
+
+
+class _Faces(NamedTuple):
+    """What the problems of all faces have in common."""
+
+    formulation: Formulation
+    rows: MonomialRows
+    ends: Reals
+    box: Reals
+    far: tuple[int, ...]  # the parameters without bounds
+    partners: frozenset[int]  # what they are multiplied by
+
+    @staticmethod
+    def of(formulation: Formulation, rows: MonomialRows, ends: Reals, box: Reals) -> _Faces | None:
+        """None where an endless parameter is not always multiplied by one partner."""
+        far = tuple(np.flatnonzero(np.any(np.isinf(box), axis=0)).tolist())
+        pairs = [m for column in rows.columns for m in column if len(m) == 2]
+        partners = frozenset(
+            i for m in pairs for i, other in (m, m[::-1]) if other in far and i not in far
+        )
+        found = _Faces(formulation, rows, ends, box, far, partners)
+        words = [
+            word
+            for row, origin in found._constraints()
+            if origin == "model"
+            for word in row.polynomial.words.tolist()
+        ]
+        return found if far and partners and all(map(found._suits, words)) else None
+
+    def _constraints(self) -> list[tuple[sp.Constraint, str]]:
+        """The first rows of the record and all that priors say, with their origins."""
+        known = self.formulation
+        pairs = list(zip(known.problem.constraints, known.rows.origin, strict=True))
+        rows = [k for k, (_, origin) in enumerate(pairs) if origin == "model"]
+        later = set(rows[_ROWS:])
+        return [pair for k, pair in enumerate(pairs) if k not in later]
+
+    def _suits(self, word: Sequence[int]) -> bool:
+        """Whether a term has a partner at most, and an endless parameter only with a partner."""
+        far = sum(letter - 1 in self.far for letter in word)
+        return far <= sum(letter - 1 in self.partners for letter in word) <= 1
+
+    def _mapped(self, variables: Sequence[int], face: int) -> list[int]:
+        """A product of theta and noise in the unknowns of a face: c for b, s for gamma_face."""
+        if face in variables:
+            return sorted(v for v in variables if v != face)
+        if any(v in self.far for v in variables):
+            return sorted(variables)  # c phi
+        held = [face] if any(v in self.partners for v in variables) else []
+        return sorted([*variables, *held])
+
+    @property
+    def unit(self) -> float:
+        """A power of two, of the size of a product by that of its partner."""
+        size = np.abs(self.ends).max(axis=0)
+        columns = {column[0]: size[k] for k, column in enumerate(self.rows.columns)}
+        top = max(
+            (v for m, v in columns.items() if len(m) == 2 and set(m) & set(self.far)), default=1
+        )
+        below = max((columns.get((i,), 0.0) for i in self.partners), default=0.0)
+        if not 0 < top < np.inf or not 0 < below < np.inf:
+            return 1.0
+        return float(np.exp2(np.clip(np.round(np.log2(top / below)), -60, 60)))
+
+    def problem(self, face: int, reach: float) -> sp.Problem | None:
+        """The consistent points of a face with |s| <= 1 / reach; None where one is unbounded."""
+        known, p = self.formulation.problem, self.box.shape[1]
+        start, inverse = self.box.copy(), float(np.nextafter(1.0 / reach, np.inf))
+        start[:, list(self.far)] = [[-1.0], [1.0]]
+        start[:, list(self.partners)] = [[-np.inf], [np.inf]]
+        start[:, face] = -inverse, inverse
+        totals: dict[Total, tuple[float, float]] = {}
+        for column, low, high in zip(self.rows.columns, *self.ends.tolist(), strict=True):
+            if all(self._suits([v + 1 for v in m]) for m in column):
+                totals[tuple(tuple(self._mapped(m, face)) for m in column)] = (low, high)
+        box = contracted(start, totals, ())
+        lower = np.concatenate([box[0], known.lower[p:]])
+        upper = np.concatenate([box[1], known.upper[p:]])
+        if not np.all(np.isfinite(lower) & np.isfinite(upper)):
+            return None
+        rows = [self._row(row.polynomial, row.kind, face) for row, _ in self._constraints()]
+        kept = [row for row in rows if row is not None]
+        names = known.names
+        return sp.Problem(0.0 * sp.variables(len(names))[0], kept, lower, upper, names)
+
+    def _row(self, polynomial: sp.Polynomial, kind: sp.Kind, face: int) -> sp.Constraint | None:
+        """A constraint in the unknowns of a face; None where these cannot express it."""
+        words = polynomial.words.tolist()
+        if not all(map(self._suits, words)):
+            return None
+        mapped = [self._mapped([v - 1 for v in word if v], face) for word in words]
+        wide = np.zeros((len(words), max(map(len, mapped), default=0) or 1), np.int32)
+        for place, variables in enumerate(mapped):
+            wide[place, wide.shape[1] - len(variables) :] = [v + 1 for v in variables]
+        n, names = self.formulation.problem.dimension, self.formulation.problem.names
+        made = sp.Polynomial.from_words(wide, polynomial.coefficients, n, names)
+        return sp.Constraint(made, kind)

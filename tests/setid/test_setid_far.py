@@ -1,0 +1,97 @@
+"""Coefficients of maps that quotients leave endless: their bounds, and what refuses false ones."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import setid
+from benchmarks.block_structured import KINDS, record
+from setid.boxed import box_follows, proved_box
+from setid.formulation import Formulation
+from setid.lifted import LiftedBox
+
+MODEL, THETA, PRIORS = KINDS["two inputs 2"]
+
+
+@cache
+def known(samples: int = 20, noise: float = 0.5) -> tuple[Formulation, LiftedBox]:
+    truth, bound = record("two inputs 2", samples, noise)
+    formulation = setid.formulate(truth.data, MODEL, bound, PRIORS)
+    box = proved_box(formulation, time.monotonic() + 100.0)
+    assert isinstance(box, LiftedBox)
+    return formulation, box
+
+
+def test_nine_parameters_have_a_box_from_twenty_samples() -> None:
+    formulation, box = known()
+    assert box.far is not None and box.far.reach <= 16.0
+    assert np.all(np.isfinite([box.lower, box.upper]))
+    assert np.all((box.lower <= THETA) & (THETA <= box.upper))
+    assert box_follows(box, formulation)
+
+
+def test_no_consistent_parameters_are_as_far_as_that() -> None:
+    """Least noise levels of parameters with |gamma2| beyond the reach, by linear programs."""
+    formulation, box = known()
+    assert box.far is not None
+    source, names = np.random.default_rng(0), list(formulation.parameters)
+    place, numerator = names.index("gamma2"), [names.index(f"b[y1,w]{lag}") for lag in (1, 2)]
+    for _ in range(60):
+        theta = np.array(THETA) + source.normal(size=9) * 0.2
+        gamma = box.far.reach * source.choice([-1.0, 1.0]) * 10.0 ** source.uniform(0.0, 3.0)
+        theta[numerator] = np.array(THETA)[numerator] * source.normal(0.4, 0.3) / gamma
+        theta[place] = gamma
+        assert formulation.witness(theta).level > 1.0
+
+
+def test_damaged_proofs_are_refused() -> None:
+    formulation, box = known()
+    far, rows, last = box.far, formulation.products, box.rounds[-1]
+    assert far is not None and rows is not None
+    ends = np.array([last.lower, last.upper])
+    before = np.array([box.lower, box.upper])
+    before[:, 8] = -np.inf, np.inf  # all that its bounds change here is gamma2
+    assert far.follows(formulation, rows, ends, before)
+    silent = tuple(replace(p, root=replace(p.root, argument=None)) for p in far.proofs)
+    for wrong in (
+        far._replace(reach=far.reach / 64.0),
+        far._replace(reach=np.nan),
+        far._replace(reach=-far.reach),
+        far._replace(proofs=()),
+        far._replace(parameters=(0,)),
+        far._replace(proofs=silent),
+    ):
+        assert not wrong.follows(formulation, rows, ends, before)
+    truth, bound = record("two inputs 2", 20, 0.5, seed=7)
+    other = setid.formulate(truth.data, MODEL, bound, PRIORS)
+    assert not far.follows(other, rows, ends, before)
+    tighter = replace(box, upper=np.where(np.arange(9) == 8, 1.0, box.upper))
+    assert not box_follows(tighter, formulation)
+
+
+@pytest.mark.parametrize("fixed", [None, "gamma1"])
+def test_nothing_is_claimed_where_far_parameters_explain_the_record(fixed: str | None) -> None:
+    """The first input passes a square and nothing else: every large gamma2 is consistent."""
+    blind = setid.BlockStructured(
+        {
+            ("y1", "w"): setid.TransferFunction(1, 1, 1),
+            ("y1", "u2"): setid.TransferFunction(1, 1, 1),
+        },
+        {"w": setid.StaticMap("u1", 2)},
+        inputs=2,
+        normalise={"gamma1": 0.0, "gamma2": 1.0} if fixed is None else fixed,
+    )
+    theta = (-0.5, 0.3, 0.8, 0.6) if fixed is None else (-0.5, 0.3, 0.8e-9, 0.6, 1e9)
+    u = np.random.default_rng(1).uniform(-1, 1, (30, 2))
+    noise = setid.Noise(output=0.01)
+    truth = setid.simulate_record(blind, theta, u, noise, seed=2)
+    model = blind.normalised("gamma1")
+    formulation = setid.formulate(truth.data, model, noise, (setid.Stable(),))
+    box = proved_box(formulation, time.monotonic() + 10.0)
+    assert isinstance(box, LiftedBox) and box.far is None
+    assert np.isinf(box.upper[-1]) and np.isinf(box.lower[-1])
