@@ -292,7 +292,7 @@ def _least(side: InUnits, end: float) -> sp.Certificate | None:
         if found.certificate is not None and found.certificate.bound > 0:
             return found.certificate
         if any(note.startswith("interrupted") for note in found.notes):
-            return None
+            raise KeyboardInterrupt
         if found.status is sp.Status.LIMIT:
             slice_ *= 2.0
         elif found.status is not sp.Status.OPTIMAL or not found.upper_bound > _NONE or gap < _NONE:

@@ -37,7 +37,7 @@ class Far(NamedTuple):
 
     parameters: tuple[int, ...]
     reach: float
-    proofs: tuple[sp.Certificate, ...]
+    proofs: tuple[sp.Certificate | None, ...]  # None where bounds of products are enough
 
     def within(self, box: Reals) -> Reals:
         """The box (2, p) with these bounds."""
@@ -53,12 +53,13 @@ class Far(NamedTuple):
         faces = _Faces.of(formulation, rows, ends, box)
         if faces is None or faces.far != self.parameters or len(self.proofs) != len(faces.far):
             return False
-        if not 0 < self.reach < np.inf:
+        if any(type(i) is not int for i in self.parameters):
             return False
-        problems = [faces.problem(face, self.reach) for face in faces.far]
+        if type(self.reach) is not float or not 0 < self.reach < np.inf:
+            return False
         return all(
-            problem is not None and proof.bound == np.inf and proof.verify(problem).ok
-            for problem, proof in zip(problems, self.proofs, strict=True)
+            faces.holds(face, self.reach, proof)
+            for face, proof in zip(faces.far, self.proofs, strict=True)
         )
 
 
@@ -88,19 +89,15 @@ def nothing_far(
     if faces is None:
         return None
     begun = time.monotonic()
-    for size in _REACHES:
-        reach = size * faces.unit
-        end = min(time.monotonic() + _SECONDS, begun + 0.5 * (until - begun))
-        proofs = list[sp.Certificate]()
-        for face in faces.far:
-            problem, left = faces.problem(face, reach), end - time.monotonic()
-            if problem is None or left <= 0:
+    try:
+        for size in _REACHES:
+            end = min(time.monotonic() + _SECONDS, begun + 0.5 * (until - begun))
+            proofs = faces.proofs(size * faces.unit, end)
+            if proofs is None:
                 return found
-            proof = sp.solve(problem, sp.Options(effort="auto", time_limit=left)).certificate
-            if proof is None or proof.bound != np.inf:
-                return found
-            proofs.append(proof)
-        found = Far(faces.far, reach, tuple(proofs))
+            found = Far(faces.far, size * faces.unit, proofs)
+    except KeyboardInterrupt:  # what is proved so far holds
+        return found
     return found
 
 
@@ -166,8 +163,34 @@ class _Faces(NamedTuple):
             return 1.0
         return float(np.exp2(np.clip(np.round(np.log2(top / below)), -60, 60)))
 
-    def problem(self, face: int, reach: float) -> sp.Problem | None:
-        """The consistent points of a face with |s| <= 1 / reach; None where one is unbounded."""
+    def proofs(self, reach: float, end: float) -> tuple[sp.Certificate | None, ...] | None:
+        """That no face holds a consistent point; None where one may, or where time ended."""
+        found = list[sp.Certificate | None]()
+        for face in self.far:
+            box, left = self.unknowns(face, reach), end - time.monotonic()
+            if np.any(box[0] > box[1]):
+                found.append(None)
+                continue
+            if left <= 0 or not np.all(np.isfinite(box)):
+                return None
+            options = sp.Options(effort="auto", time_limit=left)
+            proof = sp.solve(self._problem(face, box), options).certificate
+            if proof is None or proof.bound != np.inf:
+                return None
+            found.append(proof)
+        return tuple(found)
+
+    def holds(self, face: int, reach: float, proof: sp.Certificate | None) -> bool:
+        """Whether a face is proved to hold no consistent point."""
+        box = self.unknowns(face, reach)
+        if np.any(box[0] > box[1]):
+            return True
+        if not isinstance(proof, sp.Certificate) or not np.all(np.isfinite(box)):
+            return False
+        return proof.bound == np.inf and proof.verify(self._problem(face, box)).ok
+
+    def unknowns(self, face: int, reach: float) -> Reals:
+        """Bounds (2, n) of the unknowns with |s| <= 1 / reach; crossing where there is no point."""
         known, p = self.formulation.problem, self.box.shape[1]
         start, inverse = self.box.copy(), float(np.nextafter(1.0 / reach, np.inf))
         start[:, list(self.far)] = [[-1.0], [1.0]]
@@ -178,14 +201,13 @@ class _Faces(NamedTuple):
             if all(self._suits([v + 1 for v in m]) for m in column):
                 totals[tuple(tuple(self._mapped(m, face)) for m in column)] = (low, high)
         box = contracted(start, totals, ())
-        lower = np.concatenate([box[0], known.lower[p:]])
-        upper = np.concatenate([box[1], known.upper[p:]])
-        if not np.all(np.isfinite(lower) & np.isfinite(upper)):
-            return None
+        return np.concatenate([box, [known.lower[p:], known.upper[p:]]], axis=1)
+
+    def _problem(self, face: int, box: Reals) -> sp.Problem:
+        """The consistent points of a face."""
         rows = [self._row(row.polynomial, row.kind, face) for row, _ in self._constraints()]
-        kept = [row for row in rows if row is not None]
-        names = known.names
-        return sp.Problem(0.0 * sp.variables(len(names))[0], kept, lower, upper, names)
+        kept, names = [row for row in rows if row is not None], self.formulation.problem.names
+        return sp.Problem(0.0 * sp.variables(len(names))[0], kept, box[0], box[1], names)
 
     def _row(self, polynomial: sp.Polynomial, kind: sp.Kind, face: int) -> sp.Constraint | None:
         """A constraint in the unknowns of a face; None where these cannot express it."""

@@ -79,6 +79,8 @@ class LiftedBox(Bounds):
                 return False
             box = _shrunk(rows, box, self.rounds[-1], self.sums[-1], self.sharper)
         if self.far is not None:
+            if not isinstance(self.far, Far) or not self.rounds:
+                return False
             ends = np.array([self.rounds[-1].lower, self.rounds[-1].upper])
             if formulation is None or not self.far.follows(formulation, rows, ends, box):
                 return False

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, proved_box
+from setid.far import nothing_far
 from setid.formulation import Formulation
 from setid.lifted import LiftedBox
 
@@ -65,11 +67,15 @@ def test_damaged_proofs_are_refused() -> None:
         far._replace(proofs=()),
         far._replace(parameters=(0,)),
         far._replace(proofs=silent),
+        far._replace(proofs=(None,)),
+        far._replace(reach="16"),
+        far._replace(parameters=(8.0,)),
     ):
         assert not wrong.follows(formulation, rows, ends, before)
     truth, bound = record("two inputs 2", 20, 0.5, seed=7)
     other = setid.formulate(truth.data, MODEL, bound, PRIORS)
     assert not far.follows(other, rows, ends, before)
+    assert not box_follows(replace(box, far=tuple(far)), formulation)
     tighter = replace(box, upper=np.where(np.arange(9) == 8, 1.0, box.upper))
     assert not box_follows(tighter, formulation)
 
@@ -95,3 +101,39 @@ def test_nothing_is_claimed_where_far_parameters_explain_the_record(fixed: str |
     box = proved_box(formulation, time.monotonic() + 10.0)
     assert isinstance(box, LiftedBox) and box.far is None
     assert np.isinf(box.upper[-1]) and np.isinf(box.lower[-1])
+
+
+def test_two_coefficients_are_bounded_at_once() -> None:
+    """Bounds of b gamma2 and b gamma3 alone show that one of the two faces is empty."""
+    model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 3, normalise="gamma1")
+    theta, noise = (-0.5, 0.005, 100.0, 300.0), setid.Noise(output=0.05)
+    u = np.random.default_rng(1).uniform(-1, 1, 40)
+    truth = setid.simulate_record(model, theta, u, noise, seed=2)
+    formulation = setid.formulate(truth.data, model, noise, (setid.Stable(),))
+    box = proved_box(formulation, time.monotonic() + 10.0)
+    assert isinstance(box, LiftedBox) and box_follows(box, formulation)
+    assert np.all((box.lower <= theta) & (theta <= box.upper))
+    short = setid.Options(time_limit=5.0, progress=False)
+    result = setid.identify(truth.data, model, noise, (setid.Stable(),), short)
+    assert all(value in result.intervals[name] for name, value in truth.theta.items())
+
+
+def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    formulation, box = known()
+    rows, last = formulation.products, box.rounds[-1]
+    assert rows is not None
+    before = np.array([box.lower, box.upper])
+    before[:, 8] = -np.inf, np.inf
+    solve, calls = sp.solve, list[float]()
+
+    def stopped(problem: sp.Problem, options: sp.Options) -> sp.Result:
+        calls.append(float(problem.upper[8]))
+        if len(calls) > 1:
+            raise KeyboardInterrupt
+        return solve(problem, options)
+
+    monkeypatch.setattr("sparsepop_py.solve", stopped)
+    ends = np.array([last.lower, last.upper])
+    far = nothing_far(formulation, rows, ends, before, time.monotonic() + 100.0)
+    assert len(calls) == 2 and far is not None and far.reach >= 1.0 / calls[0]
+    assert far.follows(formulation, rows, ends, before)
