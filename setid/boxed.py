@@ -13,7 +13,7 @@ from .boxes import ParameterBox, parameter_box
 from .cells import CellBox, cell_box
 from .directions import DirectionBox, direction_box
 from .formulation import Formulation
-from .lifted import LiftedBox, lifted_box, lifted_rows, limited, sharpened
+from .lifted import LiftedBox, completed, lifted_box, lifted_rows
 
 __all__ = ["ProvedBox", "box_follows", "boxed", "objectives", "proved_box", "start_of"]
 
@@ -40,8 +40,7 @@ def proved_box(formulation: Formulation, until: float = inf) -> ProvedBox | None
     rows = lifted_rows(formulation)
     if rows is None:
         return None
-    found = sharpened(lifted_box(rows, start, until), formulation, rows, until)
-    return limited(found, formulation, rows, until)
+    return completed(lifted_box(rows, start, until), formulation, rows, until)
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:

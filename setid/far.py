@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +103,8 @@ def nothing_far(
     return found
 
 
-class _Faces(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Faces:
     """What the problems of all faces have in common."""
 
     formulation: Formulation
@@ -120,21 +123,28 @@ class _Faces(NamedTuple):
             i for m in pairs for i, other in (m, m[::-1]) if other in far and i not in far
         )
         found = _Faces(formulation, rows, ends, box, far, partners)
-        words = [
-            word
-            for row, origin in found._constraints()
-            if origin == "model"
-            for word in row.polynomial.words.tolist()
-        ]
-        return found if far and partners and all(map(found._suits, words)) else None
+        return found if far and partners and all(map(found._told, found._samples)) else None
 
-    def _constraints(self) -> list[tuple[sp.Constraint, str]]:
-        """The first rows of the record and all that priors say, with their origins."""
+    @cached_property
+    def _samples(self) -> list[sp.Constraint]:
+        """The first rows of the record."""
+        return self._of(True)[:_ROWS]
+
+    def _of(self, model: bool) -> list[sp.Constraint]:
+        """The rows of the record, or what priors say."""
         known = self.formulation
-        pairs = list(zip(known.problem.constraints, known.rows.origin, strict=True))
-        rows = [k for k, (_, origin) in enumerate(pairs) if origin == "model"]
-        later = set(rows[_ROWS:])
-        return [pair for k, pair in enumerate(pairs) if k not in later]
+        pairs = zip(known.problem.constraints, known.rows.origin, strict=True)
+        return [row for row, origin in pairs if (origin == "model") == model]
+
+    @cached_property
+    def constraints(self) -> dict[int, list[sp.Constraint]]:
+        """For each face its constraints; priors that its unknowns cannot express are left out."""
+        kept = [row for row in (*self._samples, *self._of(False)) if self._told(row)]
+        return {face: [self._row(row, face) for row in kept] for face in self.far}
+
+    def _told(self, row: sp.Constraint) -> bool:
+        """Whether the unknowns of a face can express a constraint."""
+        return all(map(self._suits, row.polynomial.words.tolist()))
 
     def _suits(self, word: Sequence[int]) -> bool:
         """Whether a term has a partner at most, and an endless parameter only with a partner."""
@@ -205,19 +215,17 @@ class _Faces(NamedTuple):
 
     def _problem(self, face: int, box: Reals) -> sp.Problem:
         """The consistent points of a face."""
-        rows = [self._row(row.polynomial, row.kind, face) for row, _ in self._constraints()]
-        kept, names = [row for row in rows if row is not None], self.formulation.problem.names
-        return sp.Problem(0.0 * sp.variables(len(names))[0], kept, box[0], box[1], names)
+        names = self.formulation.problem.names
+        nothing = 0.0 * sp.variables(len(names))[0]
+        return sp.Problem(nothing, self.constraints[face], box[0], box[1], names)
 
-    def _row(self, polynomial: sp.Polynomial, kind: sp.Kind, face: int) -> sp.Constraint | None:
-        """A constraint in the unknowns of a face; None where these cannot express it."""
-        words = polynomial.words.tolist()
-        if not all(map(self._suits, words)):
-            return None
+    def _row(self, row: sp.Constraint, face: int) -> sp.Constraint:
+        """A constraint in the unknowns of a face."""
+        words = row.polynomial.words.tolist()
         mapped = [self._mapped([v - 1 for v in word if v], face) for word in words]
         wide = np.zeros((len(words), max(map(len, mapped), default=0) or 1), np.int32)
         for place, variables in enumerate(mapped):
             wide[place, wide.shape[1] - len(variables) :] = [v + 1 for v in variables]
         n, names = self.formulation.problem.dimension, self.formulation.problem.names
-        made = sp.Polynomial.from_words(wide, polynomial.coefficients, n, names)
-        return sp.Constraint(made, kind)
+        made = sp.Polynomial.from_words(wide, row.polynomial.coefficients, n, names)
+        return sp.Constraint(made, row.kind)

@@ -29,7 +29,7 @@ from .formulation import Formulation
 from .monomials import Monomial, MonomialRows, merged
 from .regression import Regression
 
-__all__ = ["LiftedBox", "lifted_box", "lifted_rows", "limited", "sharpened"]
+__all__ = ["LiftedBox", "completed", "lifted_box", "lifted_rows"]
 
 Reals = NDArray[np.float64]
 Factor = tuple[int, Monomial, float]  # row, noise samples, value
@@ -185,10 +185,10 @@ def _sharper_hold(
     )
 
 
-def sharpened(
+def completed(
     box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float = math.inf
 ) -> LiftedBox:
-    """The box with sums of monomials bounded by the engine, where these leave parameters endless.
+    """The box with bounds by the engine where rows one by one leave parameters endless.
 
     Parameters
     ----------
@@ -199,9 +199,18 @@ def sharpened(
     until : float
         Reading of ``time.monotonic`` at which all work ends.
     """
-    endless = np.any(np.isinf([box.lower, box.upper])) and not box.empty
+    for step in (_sharpened, _limited):
+        if np.any(np.isinf([box.lower, box.upper])) and not box.empty:
+            box = step(box, formulation, rows, until)
+    return box
+
+
+def _sharpened(
+    box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float
+) -> LiftedBox:
+    """With bounds of sums of monomials over all rows at once."""
     left = min(_SECONDS, 0.5 * (until - time.monotonic()))
-    if not endless or not rows.gains or not rows.sums or left <= 0:
+    if not rows.gains or not rows.sums or left <= 0:
         return box
     joined = _joined(formulation, rows, box.rounds[-1])
     if joined is None:
@@ -215,24 +224,11 @@ def sharpened(
     return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), sharper=proofs)
 
 
-def limited(
-    box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float = math.inf
+def _limited(
+    box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float
 ) -> LiftedBox:
-    """The box with bounds of what has none: no consistent coefficients of a map are far away.
-
-    Parameters
-    ----------
-    box : LiftedBox
-    formulation : Formulation
-    rows : MonomialRows
-        Its rows.
-    until : float
-        Reading of ``time.monotonic`` at which all work ends.
-    """
-    ends = np.array([box.lower, box.upper])
-    if box.empty or np.all(np.isfinite(ends)):
-        return box
-    last = box.rounds[-1]
+    """With bounds of coefficients of maps: no consistent ones are far away."""
+    ends, last = np.array([box.lower, box.upper]), box.rounds[-1]
     far = nothing_far(formulation, rows, np.array([last.lower, last.upper]), ends, until)
     if far is None:
         return box

@@ -120,8 +120,10 @@ class Multipliers:
     def __reduce__(self) -> tuple[Any, ...]:
         """Factors that are lower triangular go without the zeros above."""
         values, shape = self.values, None
-        if values.ndim == 3 and values.size and not np.any(values[:, ~_lower(values.shape)]):
-            values, shape = values[:, _lower(values.shape)], values.shape
+        if values.ndim == 3 and values.size:
+            lower = _lower(values.shape)
+            if not np.any(values[:, ~lower]):
+                values, shape = values[:, lower], values.shape
         return _filled, (self.generator, self.basis, values, shape, self.floor, self.place)
 
     def chosen(self, used: NDArray, values: NDArray) -> Multipliers:

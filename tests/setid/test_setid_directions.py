@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,20 +96,26 @@ def test_damaged_proofs_are_refused() -> None:
         assert not wrong.verify(known, start)
 
 
-def test_the_first_rows_of_a_long_record_are_enough() -> None:
-    """Errors of 40 % leave no bounds row by row; the sides follow from 80 of 118 rows."""
+def long_record() -> tuple[setid.Simulated, setid.Formulation, setid.ParameterBox]:
+    """118 rows with errors of 40 %, which leave no bounds row by row."""
     source = np.random.default_rng(2)
     u, model = source.uniform(-1, 1, 120), setid.TransferFunction(2, 2, 1)
     theta = (-1.2, 0.5, 1.0, 0.5)
     noise = setid.Noise(output=0.4 * float(np.abs(setid.simulate(model, theta, u)).max()))
     truth = setid.simulate_record(model, theta, u, noise, source)
     known = setid.formulate(truth.data, model, noise)
-    start = np.array([np.full(4, -np.inf), np.full(4, np.inf)])
-    first = setid.parameter_box(known.smoothed, start)
+    first = setid.parameter_box(known.smoothed, np.array([np.full(4, -np.inf), np.full(4, np.inf)]))
     assert np.any(np.isinf([first.lower, first.upper]))
+    return truth, known, first
+
+
+def test_the_first_rows_of_a_long_record_are_enough() -> None:
+    truth, known, first = long_record()
     box = directions.direction_box(known, first)
     assert box is not None and set(box.rows) == {80}
+    start = np.array([np.full(4, -np.inf), np.full(4, np.inf)])
     assert np.all(np.isfinite([box.lower, box.upper])) and box.verify(known, start)
+    theta = np.array(list(truth.theta.values()))
     assert np.all((box.lower <= theta) & (theta <= box.upper))
 
 
@@ -142,8 +150,11 @@ def test_an_interrupt_claims_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
     assert directions.direction_box(known, first) is None
 
 
-def test_an_interrupted_side_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    _, known, first = case(28)
+@pytest.mark.parametrize("record", [lambda: case(28), long_record])
+def test_an_interrupted_side_is_not_begun_again(
+    monkeypatch: pytest.MonkeyPatch, record: Callable[[], Any]
+) -> None:
+    _, known, first = record()
     solve, calls = sp.solve, []
 
     def interrupted(problem: sp.Problem, options: sp.Options) -> sp.Result:

@@ -13,7 +13,7 @@ import setid
 import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, proved_box
-from setid.far import nothing_far
+from setid.far import _Faces, nothing_far
 from setid.formulation import Formulation
 from setid.lifted import LiftedBox
 
@@ -103,19 +103,36 @@ def test_nothing_is_claimed_where_far_parameters_explain_the_record(fixed: str |
     assert np.isinf(box.upper[-1]) and np.isinf(box.lower[-1])
 
 
-def test_two_coefficients_are_bounded_at_once() -> None:
-    """Bounds of b gamma2 and b gamma3 alone show that one of the two faces is empty."""
+def hammerstein(theta: tuple[float, ...], size: float) -> tuple[Formulation, LiftedBox]:
+    """Forty samples from which b1 may be zero, so that both coefficients are endless."""
     model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 3, normalise="gamma1")
-    theta, noise = (-0.5, 0.005, 100.0, 300.0), setid.Noise(output=0.05)
-    u = np.random.default_rng(1).uniform(-1, 1, 40)
+    u, noise = np.random.default_rng(1).uniform(-1, 1, 40), setid.Noise(output=size)
     truth = setid.simulate_record(model, theta, u, noise, seed=2)
     formulation = setid.formulate(truth.data, model, noise, (setid.Stable(),))
-    box = proved_box(formulation, time.monotonic() + 10.0)
+    box = proved_box(formulation, time.monotonic() + 30.0)
     assert isinstance(box, LiftedBox) and box_follows(box, formulation)
     assert np.all((box.lower <= theta) & (theta <= box.upper))
-    short = setid.Options(time_limit=5.0, progress=False)
-    result = setid.identify(truth.data, model, noise, (setid.Stable(),), short)
-    assert all(value in result.intervals[name] for name, value in truth.theta.items())
+    return formulation, box
+
+
+def test_two_coefficients_are_bounded_at_once() -> None:
+    _, box = hammerstein((-0.5, 0.3, 1.0, 3.0), 0.3)
+    assert box.lower[1] < 0 < box.upper[1]
+    assert box.far is not None and len(box.far.proofs) == 2
+    assert np.all(np.isfinite([box.lower, box.upper]))
+
+
+def test_bounds_of_products_alone_may_show_that_a_face_is_empty() -> None:
+    """B gamma3 is larger than b gamma2 wherever the record holds, so gamma2 is not the largest."""
+    formulation, box = hammerstein((-0.5, 0.005, 100.0, 300.0), 0.05)
+    rows, last = formulation.products, box.rounds[-1]
+    assert rows is not None and box.far is None  # b1 = 0 explains the record
+    before = np.array([box.lower, box.upper])
+    faces = _Faces.of(formulation, rows, np.array([last.lower, last.upper]), before)
+    assert faces is not None
+    low, high = faces.unknowns(2, 100.0)
+    assert np.any(low > high) and faces.holds(2, 100.0, None)
+    assert not faces.holds(3, 100.0, None)
 
 
 def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
