@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
+from setid.printing import rounded
 
 RECORD = Path(__file__).resolve().parent / "data" / "hairdryer.csv"
 MODEL = setid.TransferFunction(na=2, nb=2, nk=3, offset=True)
@@ -36,7 +37,8 @@ def main() -> None:
 
     band = setid.frequency_band(result)
     low, high = band.decibel[0]
-    print(f"gain at {band.omega[0]:.2f} rad/s: {low:.2f} to {high:.2f} dB, proved")
+    ends = f"{rounded(low, False, 4)} to {rounded(high, True, 4)}"
+    print(f"gain at {band.omega[0]:.2f} rad/s: {ends} dB, proved")
     pictures = {
         "hairdryer_intervals": result.plot(),
         "hairdryer_bode": band.plot("bode"),
@@ -63,7 +65,8 @@ def identified() -> tuple[setid.Identification, setid.IOData]:
     estimation, validation = data.split(200)
     level = setid.consistency(estimation, MODEL, setid.Noise(equation=0.1))
     least = 0.1 * level.scale[0]
-    print(f"least bound of the equation error that explains the record: {least:.5f} V (proved)")
+    proved = rounded(least, False, 5)
+    print(f"least bound of the equation error that explains the record: {proved} V (proved)")
     bound = 1.05 * 0.1 * level.scale[1]
     too_small = setid.identify(estimation, MODEL, setid.Noise(equation=0.95 * least))
     print(f"with {0.95 * least:.5f} V the result is: {too_small.status}")

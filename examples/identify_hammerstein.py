@@ -14,6 +14,7 @@ import numpy as np
 
 import setid
 from setid.block_plots import plot_diagram
+from setid.printing import rounded
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 NOISE = 0.36  # V, an assumption: about the largest residual of a least-squares fit
@@ -46,9 +47,11 @@ def main() -> None:
     print(result.table())
     low, high = result.intervals["a1"].outer
     times = [-data.Ts / np.log(-a) for a in (high, low)]
-    print(f"time constant {times[0]:.0f} .. {times[1]:.0f} s, proved")
+    shortest, longest = rounded(times[0], False, 3), rounded(times[1], True, 3)
+    print(f"time constant {shortest} .. {longest} s, proved")
     for name, ends in setid.convert_intervals(result, "dcgain").items():
-        print(f"  with static gain 1: {name} in [{ends[0]:.3g}, {ends[1]:.3g}]")
+        low, high = rounded(ends[0], False, 3), rounded(ends[1], True, 3)
+        print(f"  with static gain 1: {name} in [{low}, {high}], proved")
 
     comparison = setid.compare(result, validation, kind="sampled")
     print(f"simulated over {validation.samples} samples: fit {comparison.fit[0]:.1f} %")

@@ -15,6 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
+from setid.printing import rounded
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 LINEAR = ["1", "y1", "u1"]
@@ -38,7 +39,8 @@ def main() -> None:
     for name, model in MODELS.items():
         found = setid.consistency(estimation, model, setid.Noise(equation=0.05))
         least[name] = 0.05 * found.scale[1]
-        print(f"{name:<10} least bound of the equation error {0.05 * found.scale[0]:.5f} V, proved")
+        proved = rounded(0.05 * found.scale[0], False, 5)
+        print(f"{name:<10} least bound of the equation error {proved} V, proved")
 
     model = MODELS["quadratic"]
     result = setid.identify(estimation, model, setid.Noise(equation=1.02 * least["quadratic"]))
@@ -59,7 +61,8 @@ def main() -> None:
         "\nthe quadratic coefficient with that bound, and with one that explains all 300 samples:"
     )
     for bend in bends:
-        print(f"  {bend.outer[0]:.5f} .. {bend.outer[1]:.5f}  {certainty(bend)}")
+        low, high = rounded(bend.outer[0], False, 5), rounded(bend.outer[1], True, 5)
+        print(f"  {low} .. {high}  {certainty(bend)}")
     gain = least["linear"] - least["quadratic"]
     print(
         f"""
@@ -81,8 +84,9 @@ def simulating(data: setid.IOData, output: Path, one_step: float) -> None:
         setid.consistency(record, model, setid.Noise(output=0.1)) for record in (estimation, slow)
     )
     print("\noutput errors, every fifth sample:")
-    print(f"least bound of the output error {0.1 * part.scale[0]:.5f} V on 40 samples, proved")
-    print(f"least bound of the output error {0.1 * whole.scale[0]:.5f} V on all 60, proved")
+    for found, samples in ((part, "40 samples"), (whole, "all 60")):
+        proved = rounded(0.1 * found.scale[0], False, 5)
+        print(f"least bound of the output error {proved} V on {samples}, proved")
     noise = setid.Noise(output=1.05 * 0.1 * whole.scale[1])
     result = setid.identify(estimation, model, noise)
     print(result.summary())
@@ -96,12 +100,14 @@ def simulating(data: setid.IOData, output: Path, one_step: float) -> None:
     slowest, fastest = -slow.Ts / math.log(-low), -slow.Ts / math.log(-high)
     band = setid.frequency_band(result, omega=[1e-5])
     weakest, strongest = 10.0 ** (band.decibel[0] / 20.0)
+    times = f"{rounded(fastest, False, 3)} and {rounded(slowest, True, 3)}"
+    gains = f"{rounded(weakest, False, 3)} and {rounded(strongest, True, 3)}"
     print(
         f"""
 What an engineer learns: one step ahead a line explains the level to {one_step:.2f} V; a simulation
 carries no readings along, and one line for all working points then needs {noise.output:.2f} V.
-Even so, the time constant is proved to lie between {fastest:.0f} and {slowest:.0f} s, and the
-gain of slow changes between {weakest:.1f} and {strongest:.1f}: a controller must suit them all.
+Even so, the time constant is proved to lie between {times} s, and the
+gain of slow changes between {gains}: a controller must suit them all.
 The bound that explains 40 samples does not explain all 60: the working point has moved."""
     )
 

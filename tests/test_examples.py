@@ -173,7 +173,7 @@ def test_identify_estimators(tmp_path: Path) -> None:
 
 def test_identify_hairdryer(tmp_path: Path) -> None:
     output = run("identify_hairdryer", tmp_path, "--output", str(tmp_path / "pictures"))
-    assert "0.10270 V (proved)" in output and "the result is: empty" in output
+    assert "0.10269 V (proved)" in output and "the result is: empty" in output
     assert output.count("certified") == 5
     low, high = interval(output, "a1")
     assert -1.497 < low < -1.49 and -1.257 < high < -1.25
