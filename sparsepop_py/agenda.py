@@ -38,15 +38,12 @@ class Agenda:
         Its recipes, and the experience with them.
     scaled : callable
         The scaled problem on the box as it is now; for estimates.
-    narrow : bool
-        Whether boxes may be tightened by linear programs.
     share : float
         Share of the progress that the last rung makes as a rule.
     """
 
     ground: Ground
     scaled: Callable[[], Scaled]
-    narrow: bool = True
     share: float = 0.0
     recipes: list[Recipe] = field(init=False)
 
@@ -86,7 +83,7 @@ class Agenda:
         if recipe.name not in known:
             known[recipe.name] = recipe.seconds(self.scaled(), self.ground.cliques)
         alone = seen.pace * known[recipe.name]
-        if recipe.shape == "linear" and self.narrow and not self.dear:
+        if recipe.shape == "linear" and self.ground.narrow and not self.dear:
             return alone + self._tightening  # other programs follow the first
         return alone
 
@@ -117,7 +114,7 @@ class Agenda:
 
     def _may_tighten(self, recipe: Recipe) -> bool:
         below = recipe.shape in _TIGHTENED and recipe.plain is None
-        return self.narrow and below and bool(self.ground.variables)
+        return self.ground.narrow and below and bool(self.ground.variables)
 
     def _prepared(self, recipe: Recipe) -> Recipe:
         """On a tightened box, where that costs less than failing without is expected to."""

@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 
 from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
 from .boxes import room_of, shrinks
-from .branch import Plan, Search, first_moments
+from .branch import Search
 from .catalogue import Recipe, expected_seconds, hashed, progress
 from .certificate.box import BoxProof, Step, Tightening, tighten
 from .certificate.certificate import Node, Proved, prove
 from .ground import Ground
 from .incumbents import attained, extracted
-from .lifting import Lifted
+from .lifting import Lifted, first_moments
 from .linear import LinearSolution
 from .narrowing import narrowed, taken_again
+from .parts import Plan
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
 from .relaxation import Relaxation
@@ -86,7 +87,7 @@ class Auto:
         replay = self.task.replay()
         self.best = Argued(prove(replay, self.model.box, None, False), Node())
         self.outcome = bound_of(replay, self.model, self.best)
-        self.agenda = Agenda(self.ground, self._scaled, "narrow" not in self.task.options.skip)
+        self.agenda = Agenda(self.ground, self._scaled)
         self.first = self.best.proved.bound
         self.shared, self.start = self.model, self.model.box
         self.tried: list[tuple[Recipe, float, float]] = []  # recipe, bound, seconds
@@ -179,7 +180,7 @@ class Auto:
         if _BRANCH in seen.progress:
             return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
         node = max(1e-2, min(h.seconds for h in self.history))
-        return 1.0 / (node * _NODES * 2.0 ** min(len(self.ground.variables), 8))
+        return 1.0 / (node * _NODES * self.ground.effort)
 
     # ---- one rung ---------------------------------------------------------------------------
 
@@ -327,7 +328,7 @@ class Auto:
     def _narrow(self, lifted: Lifted) -> bool:
         """Tighten bounds by linear programs; whether another round may gain."""
         variables = self.ground.variables[:NARROW]
-        if not variables or "narrow" in self.task.options.skip:
+        if not variables or not self.ground.narrow:
             return False
         with self.task.stages.stage("presolve"):
             made = narrowed(self.task, self.model, lifted, variables)
@@ -384,12 +385,12 @@ class Auto:
     def _plan(self) -> Plan:
         """Parts that linear programs leave open get what closed most of the gap per second."""
         base = self.linear if np.isfinite(self.linear) else self.first
-        narrow = len(self.ground.variables) <= NARROW and self.agenda.narrow
+        narrow = len(self.ground.variables) <= NARROW and "narrow" not in self.task.options.skip
         seen = self.ground.experience.seconds
         program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
         best = worth_in_parts(self.tried, (base, self.task.upper), program)
         parts = self.ground.cliques, self.ground.variables
-        return Plan(*parts, recipe=best, narrow=narrow, room=self._room)
+        return Plan(*parts, True, best, narrow, self.ground.squeeze, self._room)
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

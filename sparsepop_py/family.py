@@ -156,7 +156,7 @@ class Family:
 
     def _tighten(self) -> None:
         """Linear programs tighten the box of all, once."""
-        if self.tightened or self.clock.over:
+        if self.tightened or self.clock.over or not self.ground.narrow:
             return
         self.tightened, start = True, time.process_time()
         with self.stages.stage("presolve"):

@@ -16,6 +16,9 @@ from .shapes import Products
 
 __all__ = ["Ground", "branching"]
 
+_FEW = 12  # variables whose bounds relaxations tighten: two solves each
+_LONG = 300  # constraints beyond which linear programs take longer than relaxations do
+
 
 def branching(products: Products, options: Options) -> tuple[int, ...]:
     """The variables to cut: those asked for, else those that cover all products."""
@@ -41,6 +44,10 @@ class Ground:
         Expected seconds of each recipe.
     active : (m,) bool or None
         The constraints that linear relaxations use; None: all.
+    squeeze : Recipe or None
+        The relaxation that tightens bounds in branch and bound.
+    narrow : bool
+        Whether linear programs tighten bounds before that.
     """
 
     products: Products
@@ -50,6 +57,8 @@ class Ground:
     experience: Experience = field(default_factory=Experience)
     estimates: dict[str, float] = field(default_factory=dict)
     active: NDArray[np.bool_] | None = None
+    squeeze: Recipe | None = None
+    narrow: bool = True
 
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial], options: Options) -> Ground:
@@ -57,4 +66,15 @@ class Ground:
         products = Products.of(problem, objectives)
         cliques = families(problem, objectives, options.sparse, options.chordal)
         recipes = catalogue(problem, cliques, tuple(objectives), options.order, options.skip)
-        return Ground(products, cliques, branching(products, options), recipes)
+        variables = branching(products, options)
+        idle = "squeeze" in options.skip or len(variables) > _FEW
+        star = None if idle else next((r for r in recipes if r.shape == "star"), None)
+        short = star is None or len(problem.constraints) <= _LONG
+        narrow = "narrow" not in options.skip and short
+        return Ground(products, cliques, variables, recipes, squeeze=star, narrow=narrow)
+
+    @property
+    def effort(self) -> float:
+        """About how many bounds branch and bound needs before it ends, in units of four."""
+        count = len(self.variables)
+        return count if self.squeeze is not None else 2.0 ** min(count, 8)

@@ -43,7 +43,7 @@ from .rounding import Interval
 from .sparsity import Cliques
 from .task import Clock
 
-__all__ = ["Lifted", "coordinate_of", "products_error", "tightened"]
+__all__ = ["Lifted", "coordinate_of", "first_moments", "products_error", "tightened"]
 
 _SMALL = 1e-9  # multipliers this small against the largest are left out
 
@@ -185,6 +185,16 @@ class Lifted:
     def products_error(self, solution: LinearSolution) -> NDArray[np.float64]:
         """How far the products are from their factors at a solution, summed by variable (n,)."""
         return products_error(self.relaxation, solution.x)
+
+
+def first_moments(
+    scaled: Scaled, relaxation: Relaxation, y: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The x whose scaled form has the moments of degree one."""
+    letters = np.arange(1, scaled.problem.dimension + 1, dtype=np.int32)[:, None]
+    column = relaxation.moment_numbers(letters) - 1
+    t = np.where(column >= 0, y[np.maximum(column, 0)], 0.0)
+    return scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
 
 def products_error(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -28,6 +28,7 @@ SKIPPED = (
     "components",
     "inverse",
     "narrow",
+    "squeeze",
     "quote",
     "cutoff",
     "branch",
@@ -82,8 +83,8 @@ class Options:
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
         (``"monomials"``, ``"partners"``) or by terms (``"chordal"``, ``"components"``);
         ``"inverse"`` (first bounds from linear rows), ``"narrow"`` (bounds tightened by
-        linear programs), ``"quote"`` (bounds of one objective used for others),
-        ``"cutoff"``, ``"branch"``.
+        linear programs), ``"squeeze"`` (... by semidefinite relaxations, in branch and bound),
+        ``"quote"`` (bounds of one objective used for others), ``"cutoff"``, ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.

@@ -42,6 +42,7 @@ __all__ = [
     "one_round",
     "relaxed",
     "short_if",
+    "solvers_for",
     "stronger",
     "trivially",
 ]
@@ -117,7 +118,7 @@ def argue(
             if share:
                 minimised = minimised - margin(relaxation) * share
             program, small = _programs(relaxation, scaled, minimised, switches)
-        for solver in _solvers(task.options, relaxation, boxed):
+        for solver in solvers_for(task.options, relaxation, boxed):
             with task.stages.stage("solve"):
                 solution = _solution(task, program, small, solver, size)
             with task.stages.stage("certify"):
@@ -156,7 +157,7 @@ def _solution(
         solver,
         task.clock.left,
         _accuracy(task, size, solver, program.q.size),
-        _target(task, size),
+        None if task.goal is None else task.goal / size,
         task.options.max_iterations,
         task.objectives,
     )
@@ -191,13 +192,6 @@ def _accuracy(task: Task, size: float, solver: str, moments: int) -> float:
         return float(np.clip(1e-2 * task.allowed / size, 1e-9, _ROUGH))
     many = max(1.0, moments / _MOMENTS) ** 0.5
     return float(np.clip(1e-2 * task.allowed / (size * many), 1e-9, 1e-6))
-
-
-def _target(task: Task, size: float) -> float | None:
-    """A dual value, in scaled units, that closes the gap with something to spare."""
-    if task.best is None or task.options.effort != "auto":
-        return None
-    return (task.target + 0.2 * task.allowed) / size
 
 
 def _loses(task: Task, outcome: Argued) -> bool:
@@ -255,7 +249,7 @@ def stronger(old: Argued, new: Argued) -> Argued:
     return replace(new, proved=old.proved, node=old.node)
 
 
-def _solvers(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[str, ...]:
+def solvers_for(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[str, ...]:
     """The chosen solver; by default those that suit the relaxation, one after the other."""
     if options.solver != "auto":
         return (options.solver,)

@@ -64,6 +64,8 @@ class Task:
         How many objectives share its feasible set.
     below : bool
         Whether the cut-off lies a little below the attained value, see :meth:`replay`.
+    aim : float or None
+        A bound at which solvers may end; None: one that closes the gap.
     """
 
     problem: Problem
@@ -75,6 +77,7 @@ class Task:
     repair: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
     objectives: int = 1
     below: bool = False
+    aim: float | None = None
 
     @property
     def upper(self) -> float:
@@ -93,6 +96,15 @@ class Task:
     def target(self) -> float:
         """A bound that closes the gap, +inf without an attained point."""
         return self.upper - self.allowed
+
+    @property
+    def goal(self) -> float | None:
+        """A bound at which solvers may end: one that closes the gap with something to spare."""
+        if self.aim is not None:
+            return self.aim
+        if self.best is None or self.options.effort != "auto":
+            return None
+        return self.target + 0.2 * self.allowed
 
     def closed(self, bound: float) -> bool:
         """Whether a proved bound closes the gap, or says that nothing is feasible."""

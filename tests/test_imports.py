@@ -38,7 +38,8 @@ certificate.inverse certificate.rows certificate.box
 certificate.certificate certificate.dual
 extraction sequential rowform descent refinement multistart unbounded options task catalogue sizing
 boxes incumbents
-result polyhedron exact_simplex polytope rungs recovery free lifting narrowing branch
+result polyhedron exact_simplex polytope rungs recovery free lifting narrowing squeezing
+parts branch
 ground agenda auto ladder family solve
 formats formats.expressions formats.text formats.gms_statements formats.gms_writer formats.gms
 structs

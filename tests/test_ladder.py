@@ -13,7 +13,7 @@ from solved import INF, LAB_OPTIMUM, check
 from test_branch import bilinear, cuts_of, least_on_a_grid
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Problem, ProblemError, Status, branch, narrowing
+from sparsepop_py import Options, Problem, ProblemError, Status, narrowing, parts
 from sparsepop_py.catalogue import catalogue
 from sparsepop_py.certificate.box import Known
 from sparsepop_py.ground import Ground
@@ -196,9 +196,9 @@ def test_bounds_are_valid_without_any_part(part, case, monkeypatch):
     def refused(*args, **kwargs):
         raise AssertionError("bounds of variables are tightened")
 
-    if part == "narrow":
-        monkeypatch.setattr(narrowing, "tightened", refused)
-        monkeypatch.setattr(branch, "tightened", refused)
+    doors = {"narrow": [narrowing, parts], "squeeze": [parts]}
+    for module in doors.get(part, []):
+        monkeypatch.setattr(module, {"narrow": "tightened"}.get(part, "squeezed"), refused)
     problem, least = (made() for made in CASES[case])
     options = Options(effort="auto", skip=[part], gap=1e-5, node_limit=30, time_limit=10.0)
     result = check(problem, sp.solve(problem, options))

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import monomials
+from ..cones import Matrices
 from ..polynomial import Polynomial
 from ..presolve.propagation import Rows, is_empty, propagate, sweep
 from ..problem import Problem
@@ -74,7 +75,7 @@ class Sublevel:
 
 @dataclass(frozen=True, eq=False)
 class Tightening:
-    """Bounds of single variables from linear programs on the box (OBBT).
+    """Bounds of single variables from linear programs or one relaxation on the box (OBBT).
 
     Parameters
     ----------
@@ -82,8 +83,8 @@ class Tightening:
         Side +1 says x_v >= value, side -1 says x_v <= value.
     value : (K,) float
         The claims; a claim that the argument does not reach is skipped.
-    argument : LinearDual
-        Of the K polynomials side * x_v.
+    argument : LinearDual or Identity
+        Of the K polynomials side * x_v; an identity speaks of one.
     cutoff : bool
         Whether the row level - f(x) >= 0 stands behind the constraints.
     """
@@ -91,8 +92,19 @@ class Tightening:
     variable: NDArray[np.int64]
     side: NDArray[np.int64]
     value: NDArray[np.float64]
-    argument: LinearDual
+    argument: LinearDual | Identity
     cutoff: bool
+
+    def reached(
+        self, system: PolynomialSystem, equality: NDArray[np.bool_], matrices: Matrices
+    ) -> NDArray[np.float64]:
+        """What the argument proves of each side * x_v, (K,), from the constraints."""
+        asked = coordinates(self.variable, self.side, system.dimension)
+        if isinstance(self.argument, LinearDual):
+            return self.argument.evaluate(system, equality, asked)
+        if self.value.size != 1:
+            return np.full(self.value.size, -np.inf)
+        return np.array([self.argument.evaluate(system, equality, asked, matrices).bound])
 
 
 class Proof(Protocol):
@@ -211,9 +223,7 @@ class Replay:
             return box
 
         def proved() -> NDArray[np.float64]:
-            system, equality = self.system(step.cutoff)
-            asked = coordinates(step.variable, step.side, n)
-            return step.argument.evaluate(system, equality, asked)
+            return step.reached(*self.system(step.cutoff), self.problem.matrices)
 
         bound = proved() if step.cutoff else self._remembered(step, (), proved)
         holds = (bound >= step.value) & np.isfinite(step.value)

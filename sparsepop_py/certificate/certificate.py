@@ -337,7 +337,7 @@ def _numbers(node: Node) -> int:
     count = _stored(node.argument)
     for step in node.box.steps:
         if isinstance(step, Tightening):
-            count += step.argument.numbers
+            count += _stored(step.argument)
         elif isinstance(step, Sublevel):
             count += _stored(step.identity)
     return count

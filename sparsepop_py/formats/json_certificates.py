@@ -44,14 +44,15 @@ LINEAR = record(
 )
 PROPAGATION = record(Propagation, sweeps=whole, cutoff=flag)
 SUBLEVEL = record(Sublevel, identity=IDENTITY, level=number)
-TIGHTENING = record(
-    Tightening, variable=array, side=array, value=array, argument=LINEAR, cutoff=flag
-)
 INVERSE = record(
     LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
 )
 GRAM = record(ExactGram, basis=array, first=array, second=array, value=array)
 ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM})
+_DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR})
+TIGHTENING = record(
+    Tightening, variable=array, side=array, value=array, argument=_DUAL, cutoff=flag
+)
 _CUT = Codec(
     lambda cut: [int(cut[0]), number.write(cut[1])],
     lambda found, place: (whole.read(_two(found, place)[0], place), number.read(found[1], place)),

@@ -107,7 +107,8 @@ def _solved(
     if solver == "clarabel-moment":
         return clarabel_.solve_moment_form(program, time_limit, accuracy, max_iterations)
     if solver == "cliquetree":
-        settings = cliquetree.Settings(gap=max(1e-7, accuracy), solves=solves)
+        rows = max(1e-8, 1e-3 * accuracy)  # what rows miss costs no proof
+        settings = cliquetree.Settings(gap=max(1e-7, accuracy), feasibility=rows, solves=solves)
         if max_iterations is not None:
             settings = replace(settings, iterations=max_iterations)
         return cliquetree.run(
