@@ -38,7 +38,7 @@ from .task import Task
 __all__ = ["Auto"]
 
 _BRANCH = "branch"
-_NODES = 4.0  # parts per cut variable that branch and bound is expected to need, doubled
+_NODES = 4.0  # times the effort of the ground: parts that branch and bound is expected to need
 _SLICE = 3.0  # most seconds that a tree grows before other rungs are considered again
 _PATIENCE = 300  # parts after which linear programs alone are not trusted to close the gap
 _SWEEPS = 3  # of propagation after a step that shrank the box
@@ -390,7 +390,7 @@ class Auto:
         program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
         best = worth_in_parts(self.tried, (base, self.task.upper), program)
         parts = self.ground.cliques, self.ground.variables
-        return Plan(*parts, True, best, narrow, self.ground.squeeze, self._room)
+        return Plan(*parts, best, narrow, self.ground.squeeze, self._room)
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

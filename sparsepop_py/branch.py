@@ -33,6 +33,7 @@ from .task import Task
 __all__ = ["Search"]
 
 _MIDDLE = 0.4  # share of the middle of the box in the place of a cut
+_HOPE = 0.8  # what tightening is expected to leave of the widths, before it was seen
 _USELESS = 0.93  # tightening that leaves this share of the widths on average is given up
 _LOOSE = 0.85  # ... by relaxations, which take longer than linear programs
 _EDGE = 0.2  # a cut keeps this share of the width from both ends
@@ -76,7 +77,7 @@ class Search:
     start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
     count: int = 0
     seen: int = 0
-    left: float = 0.8
+    left: float = _HOPE
     _closed: float = np.inf
     _heap: list[tuple[float, int, _Part]] = field(default_factory=list)
     _root: _Part = field(init=False)
@@ -144,7 +145,7 @@ class Search:
         if np.isfinite(found.left):
             self.left += 0.2 * (found.left - self.left)
             if self.plan.squeeze is not None and self.left > _LOOSE:
-                self.plan = replace(self.plan, squeeze=None)
+                self.plan, self.left = replace(self.plan, squeeze=None), _HOPE
             elif self.left > _USELESS:
                 self.plan = replace(self.plan, narrow=False)
         if found.proved.bound >= part.proved.bound or is_empty(found.box):

@@ -1,11 +1,11 @@
 """Many objectives over one feasible set: what one proves helps the others.
 
-The box is made once by arguments that hold for all objectives: propagation, and linear
-programs for the variables that matter (where a star of few complicating variables may do
-without, only once it has failed). Each objective in turn climbs some rungs, until every gap is
-closed or nothing is left to try. A proved bound of a single variable shrinks
-the shared box (its certificate is quoted, not repeated), and the next rungs are built on
-it; an attained point is tried on all objectives. Cut-offs stay with their objective.
+The box is made once by arguments that hold for all objectives: propagation, and linear programs
+for the variables that matter (where a star of few complicating variables may do without, only
+once it has failed, and not for long records). Each objective in turn climbs some rungs, until
+every gap is closed or nothing is left to try. A proved bound of a single variable shrinks the
+shared box (its certificate is quoted, not repeated), and the next rungs are built on it; an
+attained point is tried on all objectives. Cut-offs stay with their objective.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .catalogue import Experience, Families, Recipe, catalogue, families
+from .lifting import coordinate_of
 from .options import Options
 from .polynomial import Polynomial
 from .problem import Problem
@@ -45,9 +46,9 @@ class Ground:
     active : (m,) bool or None
         The constraints that linear relaxations use; None: all.
     squeeze : Recipe or None
-        The relaxation that tightens bounds in branch and bound.
+        The relaxation that tightens bounds in branch and bound, for objectives +-x_v.
     narrow : bool
-        Whether linear programs tighten bounds before that.
+        Whether linear programs tighten bounds on the whole box.
     """
 
     products: Products
@@ -67,14 +68,17 @@ class Ground:
         cliques = families(problem, objectives, options.sparse, options.chordal)
         recipes = catalogue(problem, cliques, tuple(objectives), options.order, options.skip)
         variables = branching(products, options)
-        idle = "squeeze" in options.skip or len(variables) > _FEW
-        star = None if idle else next((r for r in recipes if r.shape == "star"), None)
+        cuts = "branch" not in options.skip and options.node_limit != 0
+        idle = not cuts or "squeeze" in options.skip or len(variables) > _FEW
+        inside = all(coordinate_of(p) is not None for p in objectives)  # cut-offs are in the box
+        stars = (r for r in recipes if r.shape == "star")
+        star = next(stars, None) if inside and not idle else None
         short = star is None or len(problem.constraints) <= _LONG
         narrow = "narrow" not in options.skip and short
         return Ground(products, cliques, variables, recipes, squeeze=star, narrow=narrow)
 
     @property
     def effort(self) -> float:
-        """About how many bounds branch and bound needs before it ends, in units of four."""
+        """How many relaxations branch and bound is expected to need, up to a factor."""
         count = len(self.variables)
         return count if self.squeeze is not None else 2.0 ** min(count, 8)

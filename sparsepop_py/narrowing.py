@@ -1,8 +1,8 @@
 """Bounds of the variables that matter, tightened by linear programs with the cut-off.
 
-With the row f(x) <= level among the others, the least and the largest value of a variable
-over the linear relaxation bound it for every point that is worth finding. What the box
-loses makes the next relaxation tighter: products are enveloped on smaller intervals.
+On a box that propagation of f(x) <= level has shrunk, the least and the largest value of a
+variable over the linear relaxation bound it for every point that is worth finding. What the
+box loses makes the next relaxation tighter: products are enveloped on smaller intervals.
 
 References
 ----------

@@ -2,8 +2,8 @@
 
 Propagation with the cut-off comes first. Then either a linear program bounds the part, others like
 it tighten its box, and a semidefinite relaxation follows where that leaves it open; or, where few
-variables complicate the problem, one relaxation does all of it: it bounds the part and tightens its
-box in turn while that gains (:mod:`~sparsepop_py.squeezing`).
+variables complicate the problem and the objective is one variable, a relaxation does all of it: it
+bounds the part and tightens its box in turn while that gains (:mod:`~sparsepop_py.squeezing`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from .task import Task
 __all__ = ["Explored", "Plan", "explore"]
 
 _SWEEPS = 6
+_ROUNDS = 6  # of squeezing one part
 _AGAIN = 0.7  # another round of squeezing follows where one left less of the widths
 _HALF = 0.5  # what is spared of the error that a bound may have
 
@@ -42,8 +43,6 @@ class Plan:
         A family for each way of joining variables.
     variables : tuple of int
         Which variables may be cut.
-    linear : bool
-        Solve the linear relaxation of a part.
     recipe : Recipe or None
         The semidefinite relaxation of a part that the linear one leaves open.
     narrow : bool
@@ -56,7 +55,6 @@ class Plan:
 
     cliques: Families
     variables: tuple[int, ...]
-    linear: bool = True
     recipe: Recipe | None = None
     narrow: bool = False
     squeeze: Recipe | None = None
@@ -112,9 +110,9 @@ def explore(task: Task, plan: Plan, box: Interval, level: float | None) -> Explo
         if shrinks(box, smaller):
             box, steps = smaller, (step,)
     found = Explored(steps, box, prove(replay, box, None, False), None)
-    if plan.squeeze is not None:
+    if plan.squeeze is not None and not _done(found, level):
         return _squeezed(task, plan, plan.squeeze, replay, found)
-    if plan.linear and not _done(found, level):
+    if not _done(found, level):
         with task.stages.stage("branch"):
             found = _linear(task, plan, replay, found)
     if plan.recipe is not None and not _done(found, level):
@@ -178,37 +176,35 @@ def _semidefinite(
 
 def _squeezed(task: Task, plan: Plan, recipe: Recipe, replay: Replay, found: Explored) -> Explored:
     """The bound of one relaxation, and while that leaves the part open, its box made smaller."""
-    level, left = replay.level, 0.0
-    while not _done(found, level) and not task.clock.over and left < _AGAIN:
+    level = replay.level
+    for _ in range(_ROUNDS):
         found = _semidefinite(task, plan, recipe, replay, found)
         if _done(found, level) or task.clock.over:
-            break
+            return found
         error = found.error if found.error is not None else np.zeros(found.box.lo.size)
         weights = {v: float(error[v]) + 1e-6 for v in plan.variables}
         points = () if found.point is None else (found.point,)
-        made = squeezed(
-            task,
-            replay,
-            found.box,
-            (recipe, plan.cliques),
-            weights,
-            _enough(task, level, found.proved.bound),
-            points,
-            plan.room,
-        )
-        found = replace(found, box=made.box, steps=(*found.steps, *made.steps))
-        if made.node is not None:
-            nothing = Proved(np.inf, 0.0, "")
-            return replace(found, proved=nothing, argument=made.node.argument, empty=True)
-        if is_empty(made.box):
-            return replace(found, proved=Proved(np.inf, 0.0, ""))
-        left = made.left
-        found = replace(found, left=left if np.isnan(found.left) else found.left)
+        enough = _enough(task, level, found.proved.bound)
+        how = (recipe, plan.cliques)
+        made = squeezed(task, replay, found.box, how, weights, enough, points, plan.room)
+        nothing = made.node is not None or is_empty(made.box)
+        left = 0.0 if nothing else made.left
+        left = left if np.isnan(found.left) else found.left  # of the first round
+        found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)
+        if nothing:
+            argument = None if made.node is None else made.node.argument
+            empty = Proved(np.inf, 0.0, "")
+            return replace(found, proved=empty, argument=argument, empty=argument is not None)
+        alone = prove(replay, found.box, None, False)  # the objective is a variable
+        if alone.bound > found.proved.bound:
+            found = replace(found, proved=alone, argument=None, empty=False)
+        if _done(found, level) or made.left > _AGAIN:
+            break
     return found
 
 
 def _enough(task: Task, level: float | None, bound: float) -> float:
     """Share of the widths at which the bound may reach the level, 0 where nobody knows."""
-    if level is None or not np.isfinite(bound):
+    if level is None or not -np.inf < bound < task.upper < np.inf:
         return 0.0
     return _HALF * (task.upper - level) / (task.upper - bound)

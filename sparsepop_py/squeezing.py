@@ -1,7 +1,8 @@
 """Bounds of the variables that matter, tightened by a semidefinite relaxation with the cut-off.
 
 As :mod:`~sparsepop_py.narrowing` does with linear programs: the least and the largest value of a
-variable over a relaxation of {f <= level} bound it for every point that is worth finding. Where few
+variable over a relaxation of the box bound it for every point that is worth finding, since the box
+holds the cut-off where the objective is a variable. Where few
 variables complicate a problem, its star relaxation often leaves a tenth of each width where linear
 programs leave most, and the next relaxation is tighter on the smaller box. One round takes two
 solves a variable at most, each on the box that the ones before it left, and none for a side that
@@ -107,7 +108,7 @@ def squeezed(
 
     for v, side in ((v, side) for v in moved for side in (1, -1)):
         width, edge = box.hi[v] - box.lo[v], box.lo[v] if side > 0 else box.hi[v]
-        if any(abs(x[v] - edge) <= _TOUCHED * width for x in seen):
+        if width <= 0 or any(abs(x[v] - edge) <= _TOUCHED * width for x in seen):
             continue
         if task.clock.over or is_empty(box) or left() < enough:
             break
@@ -116,7 +117,7 @@ def squeezed(
             seen.append(point)
         if found.node.empty and found.proved.bound == np.inf:
             return Squeezed(box, tuple(steps), node=found.node)
-        value, argument = claim(found.proved), found.node.argument
+        value, argument = _claimed(found), found.node.argument
         if isinstance(argument, Identity) and value - side * edge > _WORTH * width:
             bound = np.array([v]), np.array([side]), np.array([value])
             box, more = _propagated(replay, shrunk(box, *bound))
@@ -130,6 +131,12 @@ def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ..
         return box, ()
     smaller, sweeps = tighten(replay, box, _SWEEPS)
     return (smaller, (sweeps,)) if shrinks(box, smaller) else (box, ())
+
+
+def _claimed(found: Argued) -> float:
+    """What another machine finds proved, too: there, a step that fails loses all of its box."""
+    value = claim(found.proved)
+    return value - 1e-14 * abs(value)
 
 
 def _reached(
@@ -152,14 +159,14 @@ def _reached(
         task.options,
         effort="presolve",
         accuracy=_ROUGH if solver == "cliquetree" else _ACCURACY,
-        max_iterations=_ITERATIONS,
+        max_iterations=min(_ITERATIONS, task.options.max_iterations or _ITERATIONS),
         solver=solver,
     )
     edge, end = (box.lo[v], box.hi[v]) if side > 0 else (-box.hi[v], -box.lo[v])
     aim = float(end + _BEYOND * (end - edge))
     about = replace(task, problem=problem, options=options, best=None, aim=aim)
     found = argue(about, box, scaled, relaxation)
-    value = claim(found.proved)
+    value = _claimed(found)
     if np.isfinite(value):
         with task.stages.stage("certify"):
             needed = value - _SHORT * (value - edge)

@@ -15,13 +15,14 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import room_of
-from sparsepop_py.branch import Plan, Search, explore
+from sparsepop_py.branch import Search
 from sparsepop_py.catalogue import Recipe, catalogue
 from sparsepop_py.certificate.box import BoxProof, Replay
 from sparsepop_py.certificate.certificate import prove
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained
+from sparsepop_py.parts import Plan, explore
 from sparsepop_py.progress import Stages
 from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Model

@@ -217,7 +217,8 @@ class Replay:
         shapes = step.variable.shape == step.side.shape == step.value.shape
         if not shapes or step.variable.ndim != 1 or not are_indices(step.variable, n):
             return box
-        if not np.all((step.side == 1) | (step.side == -1)):
+        floats = step.value.dtype in (np.float64, np.float32)  # others may overflow when negated
+        if not floats or not np.all((step.side == 1) | (step.side == -1)):
             return box
         if not step.argument.scaling.contains(box):
             return box
@@ -233,7 +234,7 @@ class Replay:
         for variable, side, proof in step.bounds:
             if self.holds(variable, side, proof):
                 one = np.array([variable])
-                box = shrunk(box, one, np.array([side]), np.array([proof.bound]))
+                box = shrunk(box, one, np.array([side]), np.array([float(proof.bound)]))
         return box
 
     def holds(self, variable: int, side: int, proof: Proof) -> bool:
@@ -335,7 +336,7 @@ def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: In
     scaling = step.identity.scaling
     if cutoff is None or not cutoff <= step.level < np.inf or not scaling.contains(box):
         return box
-    system, equality = with_cutoff(problem, step.level)
+    system, equality = with_cutoff(problem, float(step.level))
     nothing = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
     proved = step.identity.evaluate(system, equality, nothing, problem.matrices)
     if not proved.floor > 0 or not np.isfinite(proved.bound):

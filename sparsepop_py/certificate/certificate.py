@@ -225,9 +225,10 @@ class Certificate:
     def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
         """As :meth:`recompute`; parts are visited one at a time, so memory does not grow."""
         require_ieee()
-        if self.cutoff is not None and not np.isfinite(self.cutoff):
+        cutoff = None if self.cutoff is None else float(self.cutoff)
+        if cutoff is not None and not np.isfinite(cutoff):
             return -np.inf, np.inf, "the cut-off is not a number"
-        replay = Replay(problem, self.cutoff, known)
+        replay = Replay(problem, cutoff, known)
         self._settle(replay)
         bound, correction, reason, cut_off = np.inf, 0.0, "", False
         stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
@@ -245,8 +246,8 @@ class Certificate:
             if proved.bound < bound:
                 bound, reason = proved.bound, proved.reason
             correction = max(correction, proved.correction)
-        if cut_off and self.cutoff is not None and not bound <= self.cutoff:
-            return self.cutoff, correction, "nothing is proved above the cut-off"
+        if cut_off and cutoff is not None and not bound <= cutoff:
+            return cutoff, correction, "nothing is proved above the cut-off"
         return bound, correction, reason
 
     def _settle(self, replay: Replay) -> None:

@@ -69,7 +69,7 @@ class Multipliers:
             self.basis.ndim == 3
             and self.values.ndim in (2, 3)
             and self.basis.shape[0] == self.values.shape[0] == blocks > 0
-            and self.basis.shape[1] == self.values.shape[1]
+            and self.basis.shape[1] == self.values.shape[1] > 0
             and self.basis.shape[2] > 0
             and (self.place is None or self.place.shape == self.values.shape[:2])
             and (self.place is None or not self.free)

@@ -30,7 +30,7 @@ from .json_codecs import Codec, array, number, optional, record, sequence, text,
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION = "sparsepop-py", 1
+_FORMAT, _VERSION = "sparsepop-py", 2
 _DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
 
 

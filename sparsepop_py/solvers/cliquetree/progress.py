@@ -273,9 +273,9 @@ def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
 def verdict(numbers: Numbers, settings: Settings, log: list[Iteration]) -> str:
     """What to call a solve that cannot go on."""
     distance = gap(numbers, log)
-    if log[-1].primal_residual > settings.loose or distance > settings.loose:
+    if log[-1].primal_residual > settings.loose or distance > max(settings.loose, settings.gap):
         return "failed"
-    return "solved" if distance < settings.accepted else "almost"
+    return "solved" if distance < max(settings.accepted, settings.gap) else "almost"
 
 
 def better(first: Outcome, second: Outcome) -> Outcome:

@@ -1,0 +1,293 @@
+"""Bounds tightened by relaxations: boxes lose no point that is worth finding, and replay.
+
+The problem is a record y_k - e_k + a (y_{k-1} - e_{k-1}) = b u_k with |e_k| <= 0.1 and the least a
+or b that explains it. With a fixed it is a linear program: a grid of a, 1/500 wide, is the oracle.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from solved import check
+from test_branch import search_of
+from test_ladder import star
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Problem, Status, parts
+from sparsepop_py.boxes import room_of
+from sparsepop_py.certificate.box import BoxProof, Known, Replay, Tightening, tighten
+from sparsepop_py.certificate.certificate import Certificate
+from sparsepop_py.certificate.identity import Identity, Multipliers
+from sparsepop_py.feasibility import prove_feasible
+from sparsepop_py.ground import Ground
+from sparsepop_py.parts import Plan, explore
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.progress import Stages
+from sparsepop_py.rounding import Interval
+from sparsepop_py.squeezing import Squeezed, squeezed
+from sparsepop_py.task import Clock, Task
+
+U = np.array([1.0, -1.0, 0.5, 1.0, -0.5, -1.0, 1.0, 0.3])
+Y = np.array([0.05, -1.02, -0.25, 0.87, 0.06, -0.98, 0.37, 0.5])  # a = -0.7, b = 1, and errors
+NOISE = 0.1
+GRID = np.linspace(-1.5, 0.0, 751)
+
+
+def record(objective: int = 1, sign: float = 1.0) -> Problem:
+    """Unknowns a, b, e_0, ..., e_7; objective sign * x_objective."""
+    x = sp.variables(2 + Y.size)
+    a, b, e = x[0], x[1], x[2:]
+    rows = [
+        (Y[k] - e[k]) + a * (Y[k - 1] - e[k - 1]) - b * float(U[k]) == 0 for k in range(1, Y.size)
+    ]
+    bound = [NOISE] * Y.size
+    lower, upper = [-1.5, -3.0, *(-v for v in bound)], [0.0, 3.0, *bound]
+    return Problem(sign * x[objective], rows, lower, upper)
+
+
+def program(a: float, cost: np.ndarray) -> np.ndarray | None:
+    """The (b, e) of least cost with that a, None if no errors explain it."""
+    k = np.arange(1, Y.size)
+    rows = np.zeros((k.size, 1 + Y.size))
+    rows[:, 0] = U[k]
+    rows[k - 1, 1 + k] += 1.0
+    rows[k - 1, k] += a
+    right = Y[k] + a * Y[k - 1]
+    found = linprog(cost, A_eq=rows, b_eq=right, bounds=[(-3, 3)] + [(-NOISE, NOISE)] * Y.size)
+    return found.x if found.status == 0 else None
+
+
+@functools.cache
+def feasible_points() -> np.ndarray:
+    """Corners of the set for every a of the grid: the least and the largest b, and others."""
+    source, found = np.random.default_rng(3), []
+    for a in GRID.tolist():
+        for cost in (*np.eye(1, 1 + Y.size), *-np.eye(1, 1 + Y.size), source.normal(size=9)):
+            x = program(a, cost)
+            if x is not None:
+                found.append([a, *x])
+    return np.array(found)
+
+
+def least(problem: Problem) -> float:
+    """Of the objective on the grid: a little above the least value."""
+    return float(min(problem.objective(x) for x in feasible_points()))
+
+
+def ground_of(problem: Problem, **options) -> Ground:
+    return Ground.of(problem, (problem.objective,), Options(effort="auto", **options))
+
+
+def whole(problem: Problem) -> Interval:
+    return Interval(problem.lower, problem.upper)
+
+
+def cut(problem: Problem, level: float) -> Interval:
+    """The whole box, below a level."""
+    return tighten(Replay(problem, level), whole(problem), 1)[0]
+
+
+def one_round(problem: Problem, level: float, **how) -> Squeezed:
+    ground = ground_of(problem)
+    assert ground.squeeze is not None
+    task = Task(problem, Options(effort="auto"), Stages(), Clock(None))
+    weights = dict.fromkeys(ground.variables, 1.0)
+    recipe = (ground.squeeze, ground.cliques)
+    return squeezed(task, Replay(problem, level), cut(problem, level), recipe, weights, **how)
+
+
+def replayed(problem: Problem, level: float, *steps, room: float = 0.0) -> Interval:
+    box = cut(problem, level)
+    larger = Interval(box.lo - room, box.hi + room)
+    return BoxProof(steps).replay(Replay(problem, level), larger)
+
+
+ENDS = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)]
+
+
+@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize("above", [0.01, 0.1])
+def test_no_point_below_the_level_is_lost_and_the_box_replays(end, above: float) -> None:
+    problem = record(*end)
+    points = feasible_points()
+    value = np.array([problem.objective(x) for x in points])
+    level = least(problem) + above
+    made = one_round(problem, level)
+    good = points[value <= level]
+    assert good.shape[0] > 3
+    assert np.all(good >= made.box.lo - 1e-9) and np.all(good <= made.box.hi + 1e-9)
+    assert made.node is None and made.left < 0.9
+    again = replayed(problem, level, *made.steps)
+    assert np.array_equal(again.lo, made.box.lo) and np.array_equal(again.hi, made.box.hi)
+    old, new = cut(problem, level), made.box
+    assert made.left == pytest.approx((new.hi - new.lo)[0] / (old.hi - old.lo)[0])
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_below_the_least_value_nothing_is_left(end) -> None:
+    """The grid is 1/500 wide: the least value on it is nearly that of the set."""
+    problem = record(*end)
+    task = Task(problem, Options(effort="auto"), Stages(), Clock(None))
+    ground = ground_of(problem)
+    plan = Plan(ground.cliques, ground.variables, squeeze=ground.squeeze)
+    found = explore(task, plan, whole(problem), least(problem) - 0.02)
+    assert found.proved.bound >= least(problem) - 0.02
+    nearly = explore(task, plan, whole(problem), least(problem) + 0.02)
+    assert nearly.proved.bound <= least(problem) + 1e-9
+
+
+def test_a_round_ends_where_widths_are_small_enough() -> None:
+    problem = record()
+    level = least(problem) + 0.02
+    full, brief = one_round(problem, level), one_round(problem, level, enough=0.999)
+    counts = [sum(isinstance(s, Tightening) for s in made.steps) for made in (brief, full)]
+    assert counts == [1, 2]
+    assert full.left < brief.left < 0.999
+
+
+def test_sides_that_a_point_touches_are_left_alone() -> None:
+    problem = record()
+    level = least(problem) + 0.02
+    box = cut(problem, level)
+    made = one_round(problem, level, points=[box.lo, box.hi])
+    assert made.steps == () and made.left == 1.0
+    one_side = one_round(problem, level, points=[box.lo]).box
+    assert one_side.hi[0] < box.hi[0] - 0.01
+
+
+def test_time_that_is_over_ends_a_round() -> None:
+    problem, clock = record(), Clock(None)
+    ground = ground_of(problem)
+    clock.stop()
+    task = Task(problem, Options(effort="auto"), Stages(), clock)
+    recipe = (ground.squeeze, ground.cliques)
+    made = squeezed(task, Replay(problem, 1.0), whole(problem), recipe, {0: 1.0})
+    assert made.steps == () and not is_empty(made.box)
+
+
+def test_arguments_leave_room_for_the_rounding_of_a_replay() -> None:
+    problem = record()
+    level = least(problem) + 0.02
+    made = one_round(problem, level, room=room_of(whole(problem), whole(problem)))
+    again = replayed(problem, level, *made.steps, room=1e-12)
+    assert again.lo[0] == pytest.approx(made.box.lo[0], abs=1e-10)
+    assert again.hi[0] == pytest.approx(made.box.hi[0], abs=1e-10)
+    without = one_round(problem, level)
+    assert replayed(problem, level, *without.steps, room=1e-12).lo[0] < without.box.lo[0] - 0.01
+
+
+LEVEL = 0.95  # of b, which the record bounds from below by about 0.87
+
+
+def step_of() -> tuple[Problem, Tightening]:
+    problem = record()
+    step = one_round(problem, LEVEL).steps[0]
+    assert isinstance(step, Tightening) and isinstance(step.argument, Identity)
+    return problem, step
+
+
+def test_forged_steps_shrink_nothing() -> None:
+    problem, step = step_of()
+    twice = [np.repeat(getattr(step, name), 2) for name in ("variable", "side", "value")]
+    start, honest = cut(problem, LEVEL), replayed(problem, LEVEL, step)
+    assert np.any(honest.lo > start.lo) or np.any(honest.hi < start.hi)
+    for wrong in (
+        replace(step, value=step.value + 1e-3 * abs(step.value)),
+        replace(step, value=np.array([np.nan])),
+        replace(step, side=-step.side),
+        replace(step, variable=np.array([1])),
+        Tightening(*twice, step.argument, False),  # an identity speaks of one polynomial
+    ):
+        box = replayed(problem, LEVEL, wrong)
+        assert np.array_equal(box.lo, start.lo) and np.array_equal(box.hi, start.hi)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.int64, np.bool_, np.complex128])
+def test_values_that_overflow_when_negated_shrink_nothing(kind) -> None:
+    """-x >= -128 holds, but the negative of an 8-bit -128 is -128: the box would be empty."""
+    problem, step = step_of()
+    least = np.iinfo(kind).min if np.issubdtype(kind, np.integer) else 0
+    forged = replace(step, side=np.array([-1]), value=np.array([least], kind))
+    start, box = cut(problem, LEVEL), replayed(problem, LEVEL, forged)
+    assert np.array_equal(box.lo, start.lo) and np.array_equal(box.hi, start.hi)
+    assert replayed(problem, LEVEL, replace(forged, value=np.array([-128.0]))).hi[0] == start.hi[0]
+
+
+def test_quoted_bounds_that_overflow_when_negated_empty_no_box() -> None:
+    """A bound of -2**63 of -x as an integer, whose negative is itself."""
+    problem = record()
+    about = record(0, -1.0)
+    proof = Certificate(about.fingerprint, -(2**63))
+    assert proof.verify(about).ok
+    for bound in (-(2**63), np.int64(-(2**63))):
+        known = Known(((0, -1, replace(proof, bound=bound)),))
+        box = replayed(problem, LEVEL, known)
+        assert np.array_equal(box.hi, cut(problem, LEVEL).hi)
+
+
+def test_blocks_without_monomials_prove_nothing() -> None:
+    problem, step = step_of()
+    group = Multipliers(
+        np.zeros(1, int), np.zeros((1, 0, 1), np.int32), np.zeros((1, 0, 0)), floor=1.0
+    )
+    forged = replace(step, argument=replace(step.argument, multipliers=(group,)))
+    start, box = cut(problem, LEVEL), replayed(problem, LEVEL, forged)
+    assert np.array_equal(box.lo, start.lo) and np.array_equal(box.hi, start.hi)
+
+
+def test_an_argument_for_a_smaller_box_proves_nothing() -> None:
+    problem, step = step_of()
+    box = replayed(problem, LEVEL, step, room=0.01)
+    assert box.lo[0] == -1.51 and box.hi[0] == 0.01
+
+
+@pytest.mark.parametrize("skip", [(), ("squeeze",)])
+def test_trees_with_and_without_prove_the_same(skip: tuple[str, ...], monkeypatch) -> None:
+    calls = []
+    real = parts.squeezed
+    monkeypatch.setattr(parts, "squeezed", lambda *a, **k: calls.append(1) or real(*a, **k))
+    rungs = ("linear", "split", "mixed", "full", "narrow", *skip)
+    for end in ENDS:
+        problem = record(*end)
+        result = check(problem, sp.solve(problem, Options(effort="auto", skip=rungs, gap=1e-6)))
+        assert result.status is Status.OPTIMAL
+        assert least(problem) - 0.01 <= result.lower_bound <= least(problem) + 1e-9
+        again = sp.from_json(sp.to_json(result))
+        assert again.certificate.verify(problem).ok
+    assert bool(calls) == (not skip)
+
+
+def test_long_problems_are_tightened_by_relaxations_only() -> None:
+    def chain(rows: int) -> Problem:
+        c, *v = sp.variables(rows + 2)
+        return Problem(c, [c * a + b == 0.1 for a, b in zip(v, v[1:], strict=False)], -1.0, 1.0)
+
+    short, long = ground_of(chain(100)), ground_of(chain(301))
+    assert short.narrow and not long.narrow
+    assert ground_of(chain(301), skip=("squeeze",)).narrow
+    assert not ground_of(chain(100), skip=("narrow",)).narrow
+
+
+def test_objectives_that_are_no_variable_are_not_squeezed() -> None:
+    """Their cut-off is no bound of the box: nothing would be gained."""
+    assert ground_of(star()).squeeze is None
+    assert ground_of(record()).squeeze is not None
+
+
+def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
+    """Rounds that gain nothing: after some parts the plan is the one without them."""
+    monkeypatch.setattr(parts, "squeezed", lambda task, replay, box, *rest: Squeezed(box))
+    problem = record()
+    ground = ground_of(problem)
+    search = search_of(problem, ground.variables, squeeze=ground.squeeze)
+    search.plan = replace(search.plan, cliques=ground.cliques)
+    points = feasible_points()
+    best = points[np.argmin([problem.objective(x) for x in points])]
+    search.task = replace(search.task, best=prove_feasible(problem, best))
+    assert search.task.best is not None
+    search.grow(6, lambda: False)
+    assert search.plan.squeeze is None
