@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 from solved import check
-from test_branch import search_of
+from test_branch import processes, search_of, threads
 from test_ladder import star
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Problem, Status, parts
+from sparsepop_py import Options, Problem, Status, parts, squeezing
 from sparsepop_py.boxes import room_of
+from sparsepop_py.branch import Search
 from sparsepop_py.certificate.box import BoxProof, Known, Replay, Tightening, tighten
 from sparsepop_py.certificate.certificate import Certificate
 from sparsepop_py.certificate.identity import Identity, Multipliers
@@ -104,6 +105,19 @@ def replayed(problem: Problem, level: float, *steps, room: float = 0.0) -> Inter
     box = cut(problem, level)
     larger = Interval(box.lo - room, box.hi + room)
     return BoxProof(steps).replay(Replay(problem, level), larger)
+
+
+def planted(local: bool = False) -> tuple[Problem, Search]:
+    """A tree for the least b, before it grows."""
+    problem = record()
+    ground, points = ground_of(problem), feasible_points()
+    best = points[np.argmin([problem.objective(x) for x in points])]
+    search = search_of(
+        problem, ground.variables, options=Options(gap=1e-6), local=local, squeeze=ground.squeeze
+    )
+    search.plan = replace(search.plan, cliques=ground.cliques)
+    search.task = replace(search.task, best=prove_feasible(problem, best))
+    return problem, search
 
 
 ENDS = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)]
@@ -281,13 +295,40 @@ def test_objectives_that_are_no_variable_are_not_squeezed() -> None:
 def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
     """Rounds that gain nothing: after some parts the plan is the one without them."""
     monkeypatch.setattr(parts, "squeezed", lambda task, replay, box, *rest: Squeezed(box))
-    problem = record()
-    ground = ground_of(problem)
-    search = search_of(problem, ground.variables, squeeze=ground.squeeze)
-    search.plan = replace(search.plan, cliques=ground.cliques)
-    points = feasible_points()
-    best = points[np.argmin([problem.objective(x) for x in points])]
-    search.task = replace(search.task, best=prove_feasible(problem, best))
-    assert search.task.best is not None
+    _, search = planted()
     search.grow(6, lambda: False)
     assert search.plan.squeeze is None
+
+
+@pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
+def test_an_executor_squeezes_to_the_same_bound(pool) -> None:
+    (problem, alone), (_, shared) = planted(local=True), planted(local=True)
+    alone.grow(200, lambda: False)
+    with pool() as executor:
+        shared.grow(200, lambda: False, executor)
+    for search in (alone, shared):
+        assert search.done
+        assert search.certificate().verify(problem).ok
+        assert search.certificate().bound == pytest.approx(least(problem), abs=2e-3)
+
+
+@pytest.mark.parametrize("solves", [0, 1])
+def test_an_interrupted_round_loses_no_part(solves: int, monkeypatch) -> None:
+    count, real = [], squeezing.argue
+
+    def interrupted(*args):
+        if len(count) == solves:
+            raise KeyboardInterrupt
+        count.append(1)
+        return real(*args)
+
+    problem, search = planted()
+    with monkeypatch.context() as patch:
+        patch.setattr(squeezing, "argue", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            search.grow(200, lambda: False)
+    assert len(count) == solves and search.seen == 0 and not search.done
+    assert search.grow(3, lambda: False) == 3
+    certificate = search.certificate()
+    assert certificate.verify(problem).ok
+    assert least(problem) - 0.01 <= certificate.bound <= least(problem)
