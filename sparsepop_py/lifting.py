@@ -280,7 +280,7 @@ def tightened(
 
 
 def coordinate_of(objective: Polynomial) -> tuple[int, int] | None:
-    """Variable and side of an objective that is a positive multiple of side * x_v, else None."""
-    if objective.terms != 1 or objective.degree != 1 or objective.coefficients[0] ** 2 != 1.0:
+    """Variable and side of an objective that is side * x_v, else None."""
+    if objective.terms != 1 or objective.degree != 1 or abs(objective.coefficients[0]) != 1.0:
         return None
     return int(objective.support[0]), int(objective.coefficients[0])
