@@ -69,7 +69,7 @@ def identified() -> tuple[setid.Identification, setid.IOData]:
     print(f"least bound of the equation error that explains the record: {proved} V (proved)")
     bound = 1.05 * 0.1 * level.scale[1]
     too_small = setid.identify(estimation, MODEL, setid.Noise(equation=0.95 * least))
-    print(f"with {0.95 * least:.5f} V the result is: {too_small.status}")
+    print(f"with {rounded(0.95 * least, False, 4)} V the result is: {too_small.status}")
     noise = setid.Noise(equation=bound)
     return setid.identify(estimation, MODEL, noise, [setid.Stable()]), validation
 

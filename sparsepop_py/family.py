@@ -268,7 +268,7 @@ def tightened_for_all(
     active : (m,) bool or None
         Constraints that were enough for these linear programs; None: all.
     """
-    if "narrow" in options.skip or is_empty(model.box):
+    if is_empty(model.box):
         return model, None
     products = Products.of(problem, objectives)
     targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]

@@ -18,7 +18,6 @@ from .catalogue import Families, Recipe
 from .certificate.box import Replay, Step, tighten
 from .certificate.certificate import Argument, Proved, claim, prove
 from .lifting import Lifted, first_moments, products_error, tightened
-from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
 from .rounding import Interval
 from .rungs import argue, short_if
@@ -110,11 +109,12 @@ def explore(task: Task, plan: Plan, box: Interval, level: float | None) -> Explo
         if shrinks(box, smaller):
             box, steps = smaller, (step,)
     found = Explored(steps, box, prove(replay, box, None, False), None)
-    if plan.squeeze is not None and not _done(found, level):
+    if _done(found, level):
+        return found
+    if plan.squeeze is not None:
         return _squeezed(task, plan, plan.squeeze, replay, found)
-    if not _done(found, level):
-        with task.stages.stage("branch"):
-            found = _linear(task, plan, replay, found)
+    with task.stages.stage("branch"):
+        found = _linear(task, plan, replay, found)
     if plan.recipe is not None and not _done(found, level):
         found = _semidefinite(task, plan, plan.recipe, replay, found)
     return found
@@ -187,16 +187,13 @@ def _squeezed(task: Task, plan: Plan, recipe: Recipe, replay: Replay, found: Exp
         enough = _enough(task, level, found.proved.bound)
         how = (recipe, plan.cliques)
         made = squeezed(task, replay, found.box, how, weights, enough, points, plan.room)
-        nothing = made.node is not None or is_empty(made.box)
-        left = 0.0 if nothing else made.left
-        left = left if np.isnan(found.left) else found.left  # of the first round
+        left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)
-        if nothing:
-            argument = None if made.node is None else made.node.argument
-            empty = Proved(np.inf, 0.0, "")
-            return replace(found, proved=empty, argument=argument, empty=argument is not None)
-        alone = prove(replay, found.box, None, False)  # the objective is a variable
-        if alone.bound > found.proved.bound:
+        if made.node is not None:
+            nothing = Proved(np.inf, 0.0, "")
+            return replace(found, proved=nothing, argument=made.node.argument, empty=True)
+        alone = prove(replay, found.box, None, False)  # +inf where the box is empty
+        if alone.bound > found.proved.bound:  # the objective is a variable
             found = replace(found, proved=alone, argument=None, empty=False)
         if _done(found, level) or made.left > _AGAIN:
             break

@@ -1,13 +1,13 @@
 """Bounds of the variables that matter, tightened by a semidefinite relaxation with the cut-off.
 
 As :mod:`~sparsepop_py.narrowing` does with linear programs: the least and the largest value of a
-variable over a relaxation of the box bound it for every point that is worth finding, since the box
-holds the cut-off where the objective is a variable. Where few
-variables complicate a problem, its star relaxation often leaves a tenth of each width where linear
-programs leave most, and the next relaxation is tighter on the smaller box. One round takes two
-solves a variable at most, each on the box that the ones before it left, and none for a side that
-the points of this round nearly touch. Variables whose products are least true come first; since
-the error of a bound falls about as their widths do, the round ends where these are small enough.
+variable over a relaxation of the box bound it for every point that is worth finding, since the
+box holds the cut-off where the objective is a variable. Where few variables complicate a problem,
+its star relaxation often leaves a tenth of each width where linear programs leave most, and the
+next relaxation is tighter on the smaller box. One round takes two solves a variable at most, each
+on the box that the ones before it left, and none for a side that the points of this round nearly
+touch. Variables whose products are least true come first; since the error of a bound falls about
+as their widths do, the round ends where these are small enough.
 
 References
 ----------
@@ -28,10 +28,11 @@ from .catalogue import Families, Recipe
 from .certificate.box import Replay, Step, Tightening, shrunk, tighten
 from .certificate.certificate import Node, claim
 from .certificate.identity import Identity
+from .enclosure import range_over
 from .lifting import first_moments
-from .polynomial import Polynomial
 from .presolve.propagation import is_empty
 from .presolve.scaling import Scaled, Scaling
+from .problem import Problem
 from .rounding import Interval
 from .rungs import Argued, argue, short_if, solvers_for
 from .task import Task
@@ -59,7 +60,7 @@ class Squeezed:
     steps : tuple
         How it follows.
     left : float
-        Mean share of the widths that is left, weighted.
+        Mean share of the widths that is left, weighted; 0 where no point is.
     node : Node or None
         The argument that no point of the box is worth finding, where a relaxation proved it.
     """
@@ -112,17 +113,19 @@ def squeezed(
             continue
         if task.clock.over or is_empty(box) or left() < enough:
             break
-        found, point = _reached(task, box, recipe, (v, side), room)
+        about = replay.about(v, side)
+        found, point = _reached(task, about, box, recipe, room)
         if point is not None:
             seen.append(point)
         if found.node.empty and found.proved.bound == np.inf:
-            return Squeezed(box, tuple(steps), node=found.node)
+            return Squeezed(box, tuple(steps), 0.0, found.node)
         value, argument = _claimed(found), found.node.argument
         if isinstance(argument, Identity) and value - side * edge > _WORTH * width:
             bound = np.array([v]), np.array([side]), np.array([value])
             box, more = _propagated(replay, shrunk(box, *bound))
             steps += [Tightening(*bound, argument, False), *more]
-    return Squeezed(box, tuple(steps), left() if moved else 1.0)
+    rest = 0.0 if is_empty(box) else left() if moved else 1.0
+    return Squeezed(box, tuple(steps), rest)
 
 
 def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ...]]:
@@ -141,18 +144,14 @@ def _claimed(found: Argued) -> float:
 
 def _reached(
     task: Task,
+    about: Problem,
     box: Interval,
     recipe: tuple[Recipe, Families],
-    target: tuple[int, int],
     room: NDArray[np.float64] | float,
 ) -> tuple[Argued, NDArray[np.float64] | None]:
-    """What the relaxation proves of side * x_v on a box, and its first moments."""
-    (v, side), n = target, task.problem.dimension
-    word = np.array([[v + 1]], np.int32)
-    objective = Polynomial.from_words(word, np.array([float(side)]), n)
-    problem = task.problem.with_objective(objective)
+    """What the relaxation proves of side * x_v, the objective of ``about``, and first moments."""
     with task.stages.stage("relax"):
-        scaled = Scaled.of(problem, Scaling.of_box(box, room=room), (objective,))
+        scaled = Scaled.of(about, Scaling.of_box(box, room=room), (about.objective,))
         relaxation = recipe[0].build(scaled, recipe[1])
     solver = solvers_for(task.options, relaxation, True)[0]
     options = replace(
@@ -162,15 +161,16 @@ def _reached(
         max_iterations=min(_ITERATIONS, task.options.max_iterations or _ITERATIONS),
         solver=solver,
     )
-    edge, end = (box.lo[v], box.hi[v]) if side > 0 else (-box.hi[v], -box.lo[v])
-    aim = float(end + _BEYOND * (end - edge))
-    about = replace(task, problem=problem, options=options, best=None, aim=aim)
-    found = argue(about, box, scaled, relaxation)
+    reach = range_over(about.objective_row, box)
+    least, largest = float(reach.lo[0]), float(reach.hi[0])
+    aim = largest + _BEYOND * (largest - least)
+    own = replace(task, problem=about, options=options, best=None, aim=aim)
+    found = argue(own, box, scaled, relaxation)
     value = _claimed(found)
     if np.isfinite(value):
         with task.stages.stage("certify"):
-            needed = value - _SHORT * (value - edge)
-            found = short_if(needed, about.replay(), box, found)
+            needed = value - _SHORT * (value - least)
+            found = short_if(needed, own.replay(), box, found)
     solution = found.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return found, None

@@ -261,7 +261,7 @@ def test_an_argument_for_a_smaller_box_proves_nothing() -> None:
 
 @pytest.mark.parametrize("skip", [(), ("squeeze",)])
 def test_trees_with_and_without_prove_the_same(skip: tuple[str, ...], monkeypatch) -> None:
-    calls = []
+    calls, written = [], []
     real = parts.squeezed
     monkeypatch.setattr(parts, "squeezed", lambda *a, **k: calls.append(1) or real(*a, **k))
     rungs = ("linear", "split", "mixed", "full", "narrow", *skip)
@@ -270,9 +270,11 @@ def test_trees_with_and_without_prove_the_same(skip: tuple[str, ...], monkeypatc
         result = check(problem, sp.solve(problem, Options(effort="auto", skip=rungs, gap=1e-6)))
         assert result.status is Status.OPTIMAL
         assert least(problem) - 0.01 <= result.lower_bound <= least(problem) + 1e-9
-        again = sp.from_json(sp.to_json(result))
-        assert again.certificate.verify(problem).ok
-    assert bool(calls) == (not skip)
+        again = sp.from_json(sp.to_json(result)).certificate
+        assert again.verify(problem).ok
+        steps = [step for node in again.root for step in node.box.steps]
+        written += [isinstance(getattr(step, "argument", None), Identity) for step in steps]
+    assert bool(calls) == any(written) == (not skip)
 
 
 def test_long_problems_are_tightened_by_relaxations_only() -> None:
@@ -332,3 +334,13 @@ def test_an_interrupted_round_loses_no_part(solves: int, monkeypatch) -> None:
     certificate = search.certificate()
     assert certificate.verify(problem).ok
     assert least(problem) - 0.01 <= certificate.bound <= least(problem)
+
+
+def test_the_error_that_a_bound_may_have_says_when_widths_are_small_enough() -> None:
+    """A tenth of the error may stay, and half of that is spared."""
+    problem, search = planted()
+    task, upper = search.task, search.task.upper
+    assert parts._enough(task, upper - 0.1, upper - 1.0) == pytest.approx(0.05)
+    for level, bound in ((None, 0.0), (upper, upper), (upper, -np.inf), (upper, np.nan)):
+        assert parts._enough(task, level, bound) == 0.0
+    assert parts._enough(replace(task, best=None), 0.5, 0.0) == 0.0

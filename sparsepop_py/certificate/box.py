@@ -247,9 +247,9 @@ class Replay:
 
     def _quoted(self, proof: Proof, variable: int, side: int) -> float:
         """What the certificate of another objective proves about side * x_v."""
-        return proof.recompute(self._about(variable, side), self.known)[0]
+        return proof.recompute(self.about(variable, side), self.known)[0]
 
-    def _about(self, variable: int, side: int) -> Problem:
+    def about(self, variable: int, side: int) -> Problem:
         """The problem with the objective side * x_v."""
         word, value = np.array([[variable + 1]], np.int32), np.array([float(side)])
         target = Polynomial.from_words(word, value, self.problem.dimension)
@@ -258,7 +258,7 @@ class Replay:
     @cached_property
     def _feasible_set(self) -> str:
         """A name of the feasible set, the same for all objectives."""
-        return self._about(0, 1).fingerprint
+        return self.about(0, 1).fingerprint
 
     def _remembered(
         self, argument: object, about: tuple[int, ...], prove: Callable[[], Any]
