@@ -15,36 +15,36 @@ Examples
 (True, True)
 """
 
-from . import problems
-from .certificate.certificate import Certificate, Verdict
-from .cones import psd, second_order
-from .conic import ConicProgram, ConicSolution, assemble
-from .errors import (
+from sparsepop_py import problems
+from sparsepop_py.certificate.certificate import Certificate, Verdict
+from sparsepop_py.cones import psd, second_order
+from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
+from sparsepop_py.errors import (
     FormatError,
     ParameterWarning,
     ProblemError,
     SolverNotFound,
     SparsePOPError,
 )
-from .feasibility import ProvedPoint
-from .formats.gms import read_gms, write_gms
-from .formats.json_ import from_json, read_json, to_json, write_json
-from .formats.mat import read_mat, write_mat
-from .formats.sdpa import read_sdpa, write_sdpa
-from .formats.text import parse
-from .options import Options
-from .polynomial import Constraint, Kind, Polynomial, total, variables
-from .polytope import LinearBound, linear_bounds
-from .problem import Problem
-from .relaxation import Relaxation, relax
-from .result import Point, Result, Status
-from .solve import solve, solve_each
-from .solvers import solve_conic
-from .sparsepop import sparsePOP
-from .sparsepop_output import SparsePOPOutput
-from .sparsity import Cliques, find_cliques
-from .structs import from_structs, to_structs
-from .waki import Switches
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.formats.gms import read_gms, write_gms
+from sparsepop_py.formats.json_ import from_json, read_json, to_json, write_json
+from sparsepop_py.formats.mat import read_mat, write_mat
+from sparsepop_py.formats.sdpa import read_sdpa, write_sdpa
+from sparsepop_py.formats.text import parse
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total, variables
+from sparsepop_py.polytope import LinearBound, linear_bounds
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation, relax
+from sparsepop_py.result import Point, Result, Status
+from sparsepop_py.solve import solve, solve_each
+from sparsepop_py.solvers import solve_conic
+from sparsepop_py.sparsepop import sparsePOP
+from sparsepop_py.sparsepop_output import SparsePOPOutput
+from sparsepop_py.sparsity import Cliques, find_cliques
+from sparsepop_py.structs import from_structs, to_structs
+from sparsepop_py.waki import Switches
 
 __all__ = [
     "Certificate",

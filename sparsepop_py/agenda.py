@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .catalogue import Recipe
-from .ground import Ground
-from .presolve.scaling import Scaled
+from sparsepop_py.catalogue import Recipe
+from sparsepop_py.ground import Ground
+from sparsepop_py.presolve.scaling import Scaled
 
 __all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda", "worth_in_parts"]
 

@@ -15,25 +15,25 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
-from .boxes import room_of, shrinks
-from .branch import Search
-from .catalogue import Recipe, expected_seconds, hashed, progress
-from .certificate.box import BoxProof, Step, Tightening, tighten
-from .certificate.certificate import Node, Proved, prove
-from .ground import Ground
-from .incumbents import attained, extracted
-from .lifting import Lifted, first_moments
-from .linear import LinearSolution
-from .narrowing import narrowed, taken_again
-from .parts import Plan
-from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling
-from .relaxation import Relaxation
-from .result import Rung
-from .rounding import Interval
-from .rungs import Argued, Bound, Model, argue, better, bound_of, level
-from .task import Task
+from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
+from sparsepop_py.boxes import room_of, shrinks
+from sparsepop_py.branch import Search
+from sparsepop_py.catalogue import Recipe, expected_seconds, hashed, progress
+from sparsepop_py.certificate.box import BoxProof, Step, Tightening, tighten
+from sparsepop_py.certificate.certificate import Node, Proved, prove
+from sparsepop_py.ground import Ground
+from sparsepop_py.incumbents import attained, extracted
+from sparsepop_py.lifting import Lifted, first_moments
+from sparsepop_py.linear import LinearSolution
+from sparsepop_py.narrowing import narrowed, taken_again
+from sparsepop_py.parts import Plan
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.result import Rung
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Argued, Bound, Model, argue, better, bound_of, level
+from sparsepop_py.task import Task
 
 __all__ = ["Auto"]
 

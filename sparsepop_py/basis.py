@@ -15,9 +15,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from . import monomials
-from .monomials import Words
-from .problem import Problem
+from sparsepop_py import monomials
+from sparsepop_py.monomials import Words
+from sparsepop_py.problem import Problem
 
 __all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]
 

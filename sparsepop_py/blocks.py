@@ -15,15 +15,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from . import generators, monomials
-from .basis import by_size, clique_bases, reduced_bases
-from .generators import Generators
-from .monomials import Words
-from .newton import consistent_bases
-from .polynomial import Polynomial
-from .problem import Problem
-from .sparsity import Cliques
-from .system import PolynomialSystem
+from sparsepop_py import generators, monomials
+from sparsepop_py.basis import by_size, clique_bases, reduced_bases
+from sparsepop_py.generators import Generators
+from sparsepop_py.monomials import Words
+from sparsepop_py.newton import consistent_bases
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.sparsity import Cliques
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = [
     "BlockGroup",

@@ -11,21 +11,21 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
-from .certificate.dual import identity_of, margin
-from .certificate.inverse import left_inverse
-from .conic import assemble
-from .feasibility import ProvedPoint
-from .options import Options
-from .polynomial import Constraint, Kind
-from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling
-from .problem import Problem
-from .relaxation import least_order, relax
-from .rounding import Interval
-from .sizing import affordable, worth_building
-from .solvers import solve_conic
-from .sparsity import Cliques, find_cliques
+from sparsepop_py.certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
+from sparsepop_py.certificate.dual import identity_of, margin
+from sparsepop_py.certificate.inverse import left_inverse
+from sparsepop_py.conic import assemble
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Constraint, Kind
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import least_order, relax
+from sparsepop_py.rounding import Interval
+from sparsepop_py.sizing import affordable, worth_building
+from sparsepop_py.solvers import solve_conic
+from sparsepop_py.sparsity import Cliques, find_cliques
 
 __all__ = ["find_box", "finite", "room_of", "shrinks"]
 

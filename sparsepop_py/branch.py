@@ -22,13 +22,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.box import BoxProof, Replay, Step
-from .certificate.certificate import Argument, Certificate, Node, Proved, certify, claim, halves
-from .parts import Explored, Plan, explore
-from .presolve.propagation import is_empty
-from .progress import Stages
-from .rounding import Interval
-from .task import Task
+from sparsepop_py.certificate.box import BoxProof, Replay, Step
+from sparsepop_py.certificate.certificate import (
+    Argument,
+    Certificate,
+    Node,
+    Proved,
+    certify,
+    claim,
+    halves,
+)
+from sparsepop_py.parts import Explored, Plan, explore
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.progress import Stages
+from sparsepop_py.rounding import Interval
+from sparsepop_py.task import Task
 
 __all__ = ["Search"]
 

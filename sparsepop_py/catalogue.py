@@ -17,14 +17,14 @@ from math import comb
 
 import numpy as np
 
-from .polynomial import Polynomial
-from .presolve.scaling import Scaled
-from .problem import Problem
-from .relaxation import Relaxation, least_order, relax
-from .rounding import Interval
-from .shapes import Products, Shape
-from .sparsity import Cliques, Joined, Method, find_cliques
-from .terms import Terms
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.presolve.scaling import Scaled
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation, least_order, relax
+from sparsepop_py.rounding import Interval
+from sparsepop_py.shapes import Products, Shape
+from sparsepop_py.sparsity import Cliques, Joined, Method, find_cliques
+from sparsepop_py.terms import Terms
 
 __all__ = [
     "Experience",

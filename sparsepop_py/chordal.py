@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .errors import ProblemError
+from sparsepop_py.errors import ProblemError
 
 __all__ = ["Members", "Method", "chordal_extension", "clique_tree", "incidence", "join"]
 

@@ -12,16 +12,16 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from . import plots
-from .display import rounded
-from .errors import FormatError, ProblemError, SolverNotFound, check_writable
-from .formats.gms import read_gms
-from .options import Options
-from .problem import Problem
-from .relaxation import relax
-from .result import Result, Status
-from .solve import solve
-from .sparsity import find_cliques
+from sparsepop_py import plots
+from sparsepop_py.display import rounded
+from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
+from sparsepop_py.formats.gms import read_gms
+from sparsepop_py.options import Options
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import relax
+from sparsepop_py.result import Result, Status
+from sparsepop_py.solve import solve
+from sparsepop_py.sparsity import find_cliques
 
 __all__ = ["EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 

@@ -16,15 +16,15 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve_triangular
 
-from . import monomials
-from .conic import Cones, ConicProgram, ConicSolution, assemble
-from .monomials import Words
-from .polynomial import Polynomial
-from .presolve.scaling import Scaled
-from .relaxation import Relaxation
-from .solvers.base import solution as recomputed
-from .substitution import Rules
-from .waki import Switches
+from sparsepop_py import monomials
+from sparsepop_py.conic import Cones, ConicProgram, ConicSolution, assemble
+from sparsepop_py.monomials import Words
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.presolve.scaling import Scaled
+from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.solvers.base import solution as recomputed
+from sparsepop_py.substitution import Rules
+from sparsepop_py.waki import Switches
 
 __all__ = ["Condensed", "condensed"]
 

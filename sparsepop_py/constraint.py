@@ -7,10 +7,10 @@ from enum import Enum
 from math import isqrt
 from typing import TYPE_CHECKING
 
-from .errors import ProblemError
+from sparsepop_py.errors import ProblemError
 
 if TYPE_CHECKING:
-    from .polynomial import Polynomial
+    from sparsepop_py.polynomial import Polynomial
 
 __all__ = ["Constraint", "Kind"]
 

@@ -21,9 +21,9 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sps
 
-from .errors import ProblemError, SparsePOPError
-from .sparsepop import sparsePOP
-from .sparsepop_structs import cell, matlab_structs
+from sparsepop_py.errors import ProblemError, SparsePOPError
+from sparsepop_py.sparsepop import sparsePOP
+from sparsepop_py.sparsepop_structs import cell, matlab_structs
 
 __all__ = ["answer", "folder", "main", "serve"]
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import ProblemError
-from .options import Options
-from .polynomial import Constraint, Kind, Polynomial, total, variables
-from .problem import Problem
-from .result import Result
-from .rounding import Interval
-from .solve import solve_each
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total, variables
+from sparsepop_py.problem import Problem
+from sparsepop_py.result import Result
+from sparsepop_py.rounding import Interval
+from sparsepop_py.solve import solve_each
 
 __all__ = ["error_bounds", "index_sets"]
 

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from . import monomials
-from .errors import ProblemError
-from .monomials import Words
-from .relaxation import Relaxation
+from sparsepop_py import monomials
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.monomials import Words
+from sparsepop_py.relaxation import Relaxation
 
 __all__ = ["candidates", "combine", "extract_clique", "means"]
 

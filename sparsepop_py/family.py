@@ -17,28 +17,28 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .agenda import TIGHTENING
-from .auto import Auto
-from .boxes import shrinks
-from .certificate.box import BoxProof, Known, Replay, Step, shrunk, tighten
-from .certificate.certificate import Certificate
-from .enclosure import range_over
-from .feasibility import ProvedPoint
-from .ground import Ground, branching
-from .incumbents import attained, carried, random_starts
-from .ladder import INTERRUPTED, Climbed
-from .lifting import Lifted, coordinate_of, tightened
-from .options import Options
-from .polynomial import Polynomial
-from .presolve.propagation import is_empty
-from .problem import Problem
-from .progress import Stages
-from .rounding import Interval
-from .rungs import Model
-from .sequential import violated_rows
-from .shapes import Products
-from .sparsity import find_cliques
-from .task import Clock, Task
+from sparsepop_py.agenda import TIGHTENING
+from sparsepop_py.auto import Auto
+from sparsepop_py.boxes import shrinks
+from sparsepop_py.certificate.box import BoxProof, Known, Replay, Step, shrunk, tighten
+from sparsepop_py.certificate.certificate import Certificate
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.ground import Ground, branching
+from sparsepop_py.incumbents import attained, carried, random_starts
+from sparsepop_py.ladder import INTERRUPTED, Climbed
+from sparsepop_py.lifting import Lifted, coordinate_of, tightened
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.problem import Problem
+from sparsepop_py.progress import Stages
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Model
+from sparsepop_py.sequential import violated_rows
+from sparsepop_py.shapes import Products
+from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.task import Clock, Task
 
 __all__ = ["Family", "first_starts", "pairs", "tightened_for_all", "width_between"]
 

@@ -28,14 +28,14 @@ import scipy.linalg
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .enclosure import range_over
-from .krawczyk import polished, zero_near
-from .linear import solve_lp
-from .problem import Problem
-from .rational import solve_rationally
-from .rounding import Interval, exact_values
-from .semidefinite import hold_at, hold_over
-from .system import PolynomialSystem
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.krawczyk import polished, zero_near
+from sparsepop_py.linear import solve_lp
+from sparsepop_py.problem import Problem
+from sparsepop_py.rational import solve_rationally
+from sparsepop_py.rounding import Interval, exact_values
+from sparsepop_py.semidefinite import hold_at, hold_over
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 

@@ -12,15 +12,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.box import BoxProof
-from .certificate.certificate import Node, Proved, prove
-from .certificate.dual import floored
-from .conic import assemble
-from .presolve.scaling import Scaled, scale_objective
-from .problem import Problem
-from .recovery import estimate, exact_grams
-from .rounding import Interval
-from .rungs import (
+from sparsepop_py.certificate.box import BoxProof
+from sparsepop_py.certificate.certificate import Node, Proved, prove
+from sparsepop_py.certificate.dual import floored
+from sparsepop_py.conic import assemble
+from sparsepop_py.presolve.scaling import Scaled, scale_objective
+from sparsepop_py.problem import Problem
+from sparsepop_py.recovery import estimate, exact_grams
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import (
     Argued,
     Attempt,
     Bound,
@@ -32,8 +32,8 @@ from .rungs import (
     stronger,
     trivially,
 )
-from .solvers import solve_conic
-from .task import Task
+from sparsepop_py.solvers import solve_conic
+from sparsepop_py.task import Task
 
 __all__ = ["free_round", "good_enough"]
 

@@ -22,12 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import monomials
-from .cones import Matrices
-from .monomials import Words
-from .polynomial import Polynomial
-from .problem import Problem
-from .system import PolynomialSystem
+from sparsepop_py import monomials
+from sparsepop_py.cones import Matrices
+from sparsepop_py.monomials import Words
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = [
     "Generators",

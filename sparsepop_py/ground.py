@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .catalogue import Experience, Families, Recipe, catalogue, families
-from .lifting import coordinate_of
-from .options import Options
-from .polynomial import Polynomial
-from .problem import Problem
-from .shapes import Products
+from sparsepop_py.catalogue import Experience, Families, Recipe, catalogue, families
+from sparsepop_py.lifting import coordinate_of
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.shapes import Products
 
 __all__ = ["Ground", "branching"]
 

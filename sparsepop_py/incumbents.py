@@ -11,20 +11,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import find_box
-from .conic import ConicSolution
-from .enclosure import range_over
-from .extraction import candidates, means
-from .feasibility import ProvedPoint
-from .multistart import Aim, best_attained, starting_points
-from .options import Options
-from .presolve.propagation import is_empty
-from .presolve.scaling import Scaling
-from .problem import Problem
-from .relaxation import Relaxation
-from .rounding import Interval
-from .shapes import Products
-from .task import Task
+from sparsepop_py.boxes import find_box
+from sparsepop_py.conic import ConicSolution
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.extraction import candidates, means
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.multistart import Aim, best_attained, starting_points
+from sparsepop_py.options import Options
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.rounding import Interval
+from sparsepop_py.shapes import Products
+from sparsepop_py.task import Task
 
 __all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
 

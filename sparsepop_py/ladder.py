@@ -18,22 +18,22 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from .auto import Auto
-from .boxes import find_box, finite
-from .certificate.box import BoxProof, Replay
-from .certificate.certificate import Node, prove
-from .feasibility import ProvedPoint
-from .free import free_round, good_enough
-from .ground import Ground
-from .incumbents import attained, extracted
-from .options import Options
-from .problem import Problem
-from .relaxation import least_order
-from .result import Rung
-from .rounding import Interval
-from .rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially
-from .task import Task
-from .unbounded import falling_ray
+from sparsepop_py.auto import Auto
+from sparsepop_py.boxes import find_box, finite
+from sparsepop_py.certificate.box import BoxProof, Replay
+from sparsepop_py.certificate.certificate import Node, prove
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.free import free_round, good_enough
+from sparsepop_py.ground import Ground
+from sparsepop_py.incumbents import attained, extracted
+from sparsepop_py.options import Options
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import least_order
+from sparsepop_py.result import Rung
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially
+from sparsepop_py.task import Task
+from sparsepop_py.unbounded import falling_ray
 
 __all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 

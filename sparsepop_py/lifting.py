@@ -27,21 +27,21 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from . import generators, monomials
-from .certificate.box import Replay, Tightening, coordinates
-from .certificate.linear import LinearDual
-from .conic import ConicProgram, assemble
-from .interned import indices, interned
-from .linear import LinearModel, LinearSolution
-from .monomials import Words
-from .polynomial import Polynomial
-from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling
-from .problem import Problem
-from .relaxation import Relaxation, relax
-from .rounding import Interval
-from .sparsity import Cliques
-from .task import Clock
+from sparsepop_py import generators, monomials
+from sparsepop_py.certificate.box import Replay, Tightening, coordinates
+from sparsepop_py.certificate.linear import LinearDual
+from sparsepop_py.conic import ConicProgram, assemble
+from sparsepop_py.interned import indices, interned
+from sparsepop_py.linear import LinearModel, LinearSolution
+from sparsepop_py.monomials import Words
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation, relax
+from sparsepop_py.rounding import Interval
+from sparsepop_py.sparsity import Cliques
+from sparsepop_py.task import Clock
 
 __all__ = ["Lifted", "coordinate_of", "first_moments", "products_error", "tightened"]
 

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .feasibility import ProvedPoint, prove_feasible
-from .polynomial import Constraint, Kind
-from .problem import Problem
-from .refinement import DENSE_LIMIT, local_search
-from .rounding import Interval
-from .rowform import RowForm
-from .sequential import sequential_search
-from .shapes import Products
+from sparsepop_py.feasibility import ProvedPoint, prove_feasible
+from sparsepop_py.polynomial import Constraint, Kind
+from sparsepop_py.problem import Problem
+from sparsepop_py.refinement import DENSE_LIMIT, local_search
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rowform import RowForm
+from sparsepop_py.sequential import sequential_search
+from sparsepop_py.shapes import Products
 
 __all__ = ["Aim", "best_attained", "starting_points"]
 

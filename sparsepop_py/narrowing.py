@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .boxes import shrinks
-from .certificate.box import BoxProof, Replay, Step, tighten
-from .lifting import Lifted, tightened
-from .presolve.propagation import is_empty
-from .rounding import Interval
-from .rungs import Model
-from .task import Task
+from sparsepop_py.boxes import shrinks
+from sparsepop_py.certificate.box import BoxProof, Replay, Step, tighten
+from sparsepop_py.lifting import Lifted, tightened
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Model
+from sparsepop_py.task import Task
 
 __all__ = ["Narrowed", "narrowed", "taken_again"]
 

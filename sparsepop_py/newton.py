@@ -24,9 +24,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import monomials
-from .basis import Bases, by_size
-from .monomials import Words
+from sparsepop_py import monomials
+from sparsepop_py.basis import Bases, by_size
+from sparsepop_py.monomials import Words
 
 __all__ = ["consistent_bases"]
 

@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 
-from .errors import ProblemError
-from .solvers import require_solver
-from .waki import Switches
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.solvers import require_solver
+from sparsepop_py.waki import Switches
 
 __all__ = ["SKIPPED", "Options"]
 

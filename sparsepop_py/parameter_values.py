@@ -7,7 +7,7 @@ import numbers
 from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
-from .errors import ProblemError
+from sparsepop_py.errors import ProblemError
 
 __all__ = ["CHECKS", "check_error_bounds", "check_level", "check_one_of", "check_order", "wrong"]
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ParameterWarning, ProblemError
-from .options import Options
-from .parameter_table import FIELDS
-from .parameter_values import (
+from sparsepop_py.errors import ParameterWarning, ProblemError
+from sparsepop_py.options import Options
+from sparsepop_py.parameter_table import FIELDS
+from sparsepop_py.parameter_values import (
     CHECKS,
     check_error_bounds,
     check_level,
@@ -26,7 +26,7 @@ from .parameter_values import (
     check_order,
     wrong,
 )
-from .waki import Switches
+from sparsepop_py.waki import Switches
 
 __all__ = ["Parameters", "read_parameters"]
 

@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import shrinks
-from .catalogue import Families, Recipe
-from .certificate.box import Replay, Step, tighten
-from .certificate.certificate import Argument, Proved, claim, prove
-from .lifting import Lifted, first_moments, products_error, tightened
-from .presolve.scaling import Scaled, Scaling
-from .rounding import Interval
-from .rungs import argue, short_if
-from .squeezing import squeezed
-from .task import Task
+from sparsepop_py.boxes import shrinks
+from sparsepop_py.catalogue import Families, Recipe
+from sparsepop_py.certificate.box import Replay, Step, tighten
+from sparsepop_py.certificate.certificate import Argument, Proved, claim, prove
+from sparsepop_py.lifting import Lifted, first_moments, products_error, tightened
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import argue, short_if
+from sparsepop_py.squeezing import squeezed
+from sparsepop_py.task import Task
 
 __all__ = ["Explored", "Plan", "explore"]
 

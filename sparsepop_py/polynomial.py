@@ -18,10 +18,10 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
-from . import monomials
-from .constraint import Constraint, Kind
-from .errors import ProblemError
-from .monomials import Words
+from sparsepop_py import monomials
+from sparsepop_py.constraint import Constraint, Kind
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.monomials import Words
 
 __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 

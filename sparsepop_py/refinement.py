@@ -17,11 +17,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from .descent import newton_polish, zeros_of_squares
-from .errors import SolverNotFound
-from .problem import Problem
-from .sequential import sequential_search
-from .shapes import Products
+from sparsepop_py.descent import newton_polish, zeros_of_squares
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.problem import Problem
+from sparsepop_py.sequential import sequential_search
+from sparsepop_py.shapes import Products
 
 __all__ = ["DENSE_LIMIT", "local_search"]
 

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.certificate import Certificate
-from .conic import ConicSolution
-from .display import rounded
-from .feasibility import ProvedPoint
-from .options import Options
-from .problem import Problem
-from .relaxation import Relaxation
+from sparsepop_py.certificate.certificate import Certificate
+from sparsepop_py.conic import ConicSolution
+from sparsepop_py.display import rounded
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.options import Options
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -220,7 +220,7 @@ class Result:
 
     def plot_history(self, ax: Any = None) -> Axes:
         """The gap against CPU seconds, rung by rung."""
-        from .plots import plot_history
+        from sparsepop_py.plots import plot_history
 
         return plot_history(self, ax)
 
@@ -237,6 +237,6 @@ class Result:
 
     def plot(self, ax: Any = None) -> Axes:
         """Contours, feasible set and points in two dimensions, else the block pattern."""
-        from .plots import plot_result
+        from sparsepop_py.plots import plot_result
 
         return plot_result(self, ax)

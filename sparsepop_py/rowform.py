@@ -20,8 +20,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from .polynomial import Constraint, Kind, Polynomial, total, variables
-from .problem import Problem
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total, variables
+from sparsepop_py.problem import Problem
 
 __all__ = ["RowForm"]
 

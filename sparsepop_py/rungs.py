@@ -10,25 +10,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import find_box
-from .certificate.box import BoxProof, Propagation, Replay
-from .certificate.certificate import Certificate, Node, Proved, certify, claim, prove
-from .certificate.dual import identity_of, margin, repaired, shortened
-from .certificate.identity import Identity
-from .condense import Condensed, condensed
-from .conic import ConicProgram, ConicSolution, assemble
-from .options import Options
-from .polynomial import Polynomial
-from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling, scale_objective
-from .problem import Problem
-from .relaxation import Relaxation
-from .rounding import Interval
-from .sizing import fitting_relaxations
-from .solvers import preferred, solve_conic
-from .sparsity import Joined, find_cliques
-from .task import Task
-from .waki import Switches
+from sparsepop_py.boxes import find_box
+from sparsepop_py.certificate.box import BoxProof, Propagation, Replay
+from sparsepop_py.certificate.certificate import Certificate, Node, Proved, certify, claim, prove
+from sparsepop_py.certificate.dual import identity_of, margin, repaired, shortened
+from sparsepop_py.certificate.identity import Identity
+from sparsepop_py.condense import Condensed, condensed
+from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.presolve.scaling import Scaled, Scaling, scale_objective
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.rounding import Interval
+from sparsepop_py.sizing import fitting_relaxations
+from sparsepop_py.solvers import preferred, solve_conic
+from sparsepop_py.sparsity import Joined, find_cliques
+from sparsepop_py.task import Task
+from sparsepop_py.waki import Switches
 
 __all__ = [
     "Argued",

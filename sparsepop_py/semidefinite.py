@@ -18,9 +18,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from .cones import Matrices
-from .enclosure import range_over
-from .rounding import Interval, exact_values, gram, up
+from sparsepop_py.cones import Matrices
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.rounding import Interval, exact_values, gram, up
 
 __all__ = ["entries_hold", "hold_at", "hold_over", "is_semidefinite", "surely_semidefinite"]
 

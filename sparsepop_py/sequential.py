@@ -28,8 +28,8 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .linear import LinearModel
-from .problem import Problem
+from sparsepop_py.linear import LinearModel
+from sparsepop_py.problem import Problem
 
 __all__ = ["restored", "sequential_search", "violated_rows"]
 

@@ -16,12 +16,12 @@ from math import comb
 
 import numpy as np
 
-from .options import Options
-from .polynomial import Polynomial
-from .problem import Problem
-from .relaxation import Relaxation, least_order, relax
-from .sparsity import Cliques
-from .waki import plain_relaxation
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation, least_order, relax
+from sparsepop_py.sparsity import Cliques
+from sparsepop_py.waki import plain_relaxation
 
 __all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 

@@ -14,24 +14,24 @@ from itertools import chain, tee
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import find_box, finite
-from .certificate.box import BoxProof
-from .errors import ProblemError, SparsePOPError
-from .family import Family, first_starts, pairs, width_between
-from .feasibility import ProvedPoint
-from .incumbents import first_attained, random_starts
-from .ladder import INTERRUPTED, Climbed, climb, nothing_yet
-from .options import Options
-from .polynomial import Polynomial
-from .presolve.propagation import is_empty
-from .problem import Problem
-from .progress import Stages
-from .result import Point, Result, Status
-from .rounding import Interval
-from .rungs import Bound, Model, level, relaxed
-from .task import Clock, Task
-from .threads import one_thread
-from .unbounded import falling_ray
+from sparsepop_py.boxes import find_box, finite
+from sparsepop_py.certificate.box import BoxProof
+from sparsepop_py.errors import ProblemError, SparsePOPError
+from sparsepop_py.family import Family, first_starts, pairs, width_between
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.incumbents import first_attained, random_starts
+from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.problem import Problem
+from sparsepop_py.progress import Stages
+from sparsepop_py.result import Point, Result, Status
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Bound, Model, level, relaxed
+from sparsepop_py.task import Clock, Task
+from sparsepop_py.threads import one_thread
+from sparsepop_py.unbounded import falling_ray
 
 __all__ = ["solve", "solve_each"]
 

@@ -13,26 +13,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import find_box
-from .error_bounds import error_bounds, index_sets
-from .errors import ProblemError
-from .feasibility import ProvedPoint
-from .incumbents import attain
-from .monomials import evaluate
-from .options import Options
-from .parameters import Parameters, read_parameters
-from .problem import Problem
-from .progress import Stages
-from .relaxation import least_order
-from .result import Result, Status
-from .rungs import Model, relaxed
-from .solve import solve
-from .sparsepop_files import check_files, write_files
-from .sparsepop_input import Input, read_input, with_tolerance
-from .sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
-from .sparsepop_report import write_report
-from .sparsepop_sizes import BuiltSDP, sizes_of, solver_info
-from .task import Clock, Task
+from sparsepop_py.boxes import find_box
+from sparsepop_py.error_bounds import error_bounds, index_sets
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.incumbents import attain
+from sparsepop_py.monomials import evaluate
+from sparsepop_py.options import Options
+from sparsepop_py.parameters import Parameters, read_parameters
+from sparsepop_py.problem import Problem
+from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation import least_order
+from sparsepop_py.result import Result, Status
+from sparsepop_py.rungs import Model, relaxed
+from sparsepop_py.solve import solve
+from sparsepop_py.sparsepop_files import check_files, write_files
+from sparsepop_py.sparsepop_input import Input, read_input, with_tolerance
+from sparsepop_py.sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
+from sparsepop_py.sparsepop_report import write_report
+from sparsepop_py.sparsepop_sizes import BuiltSDP, sizes_of, solver_info
+from sparsepop_py.task import Clock, Task
 
 __all__ = ["sparsePOP"]
 

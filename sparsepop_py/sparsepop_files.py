@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from . import monomials
-from .errors import check_writable
-from .formats.sdpa import write_info, write_sdpa
-from .parameters import Parameters
-from .polynomial import Polynomial
-from .problem import Problem
-from .relaxation import Relaxation
-from .sparsepop_output import SparsePOPOutput
-from .sparsepop_report import report
-from .sparsepop_sizes import BuiltSDP
+from sparsepop_py import monomials
+from sparsepop_py.errors import check_writable
+from sparsepop_py.formats.sdpa import write_info, write_sdpa
+from sparsepop_py.parameters import Parameters
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.sparsepop_output import SparsePOPOutput
+from sparsepop_py.sparsepop_report import report
+from sparsepop_py.sparsepop_sizes import BuiltSDP
 
 __all__ = ["check_files", "write_files"]
 

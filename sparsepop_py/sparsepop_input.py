@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from . import problems
-from .errors import ProblemError
-from .formats.gms import read_gms
-from .polynomial import Constraint, Kind
-from .presolve.scaling import Scaled, Scaling
-from .problem import Problem
-from .rounding import Interval
-from .structs import from_structs
+from sparsepop_py import problems
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.formats.gms import read_gms
+from sparsepop_py.polynomial import Constraint, Kind
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.problem import Problem
+from sparsepop_py.rounding import Interval
+from sparsepop_py.structs import from_structs
 
 __all__ = ["Input", "read_input", "with_tolerance"]
 

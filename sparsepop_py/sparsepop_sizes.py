@@ -8,16 +8,16 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from . import monomials
-from .condense import Condensed, condensed
-from .conic import ConicProgram, ConicSolution, assemble
-from .monomials import Words
-from .presolve.scaling import Scaled, Scaling
-from .relaxation import Relaxation
-from .result import Result, Status
-from .rounding import Interval
-from .sedumi import SeDuMi, dimacs_errors, full_columns
-from .sparsepop_output import SDPInfo, SolverInfo
+from sparsepop_py import monomials
+from sparsepop_py.condense import Condensed, condensed
+from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
+from sparsepop_py.monomials import Words
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.result import Result, Status
+from sparsepop_py.rounding import Interval
+from sparsepop_py.sedumi import SeDuMi, dimacs_errors, full_columns
+from sparsepop_py.sparsepop_output import SDPInfo, SolverInfo
 
 __all__ = ["BuiltSDP", "sizes_of", "solver_info"]
 

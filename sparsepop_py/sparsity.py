@@ -24,12 +24,12 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from . import monomials
-from .chordal import Members, Method, chordal_extension, clique_tree, incidence, join
-from .errors import ProblemError
-from .monomials import Words
-from .polynomial import Polynomial
-from .problem import Problem
+from sparsepop_py import monomials
+from sparsepop_py.chordal import Members, Method, chordal_extension, clique_tree, incidence, join
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.monomials import Words
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
 
 __all__ = [
     "Cliques",

@@ -23,19 +23,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .boxes import shrinks
-from .catalogue import Families, Recipe
-from .certificate.box import Replay, Step, Tightening, shrunk, tighten
-from .certificate.certificate import Node, claim
-from .certificate.identity import Identity
-from .enclosure import range_over
-from .lifting import first_moments
-from .presolve.propagation import is_empty
-from .presolve.scaling import Scaled, Scaling
-from .problem import Problem
-from .rounding import Interval
-from .rungs import Argued, argue, short_if, solvers_for
-from .task import Task
+from sparsepop_py.boxes import shrinks
+from sparsepop_py.catalogue import Families, Recipe
+from sparsepop_py.certificate.box import Replay, Step, Tightening, shrunk, tighten
+from sparsepop_py.certificate.certificate import Node, claim
+from sparsepop_py.certificate.identity import Identity
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.lifting import first_moments
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.problem import Problem
+from sparsepop_py.rounding import Interval
+from sparsepop_py.rungs import Argued, argue, short_if, solvers_for
+from sparsepop_py.task import Task
 
 __all__ = ["Squeezed", "squeezed"]
 

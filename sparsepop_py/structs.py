@@ -18,12 +18,12 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from . import monomials
-from .cones import cone
-from .errors import ProblemError
-from .polynomial import Constraint, Kind, Polynomial, total
-from .problem import Problem
-from .system import PolynomialSystem
+from sparsepop_py import monomials
+from sparsepop_py.cones import cone
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.problem import Problem
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["from_structs", "to_structs"]
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import monomials
-from .blocks import BlockGroup, Blocks, ragged
-from .monomials import Words
-from .polynomial import Polynomial
-from .problem import Problem
+from sparsepop_py import monomials
+from sparsepop_py.blocks import BlockGroup, Blocks, ragged
+from sparsepop_py.monomials import Words
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
 
 __all__ = ["KINDS", "Rules"]
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.box import Replay
-from .feasibility import ProvedPoint
-from .options import Options
-from .problem import Problem
-from .progress import Stages
+from sparsepop_py.certificate.box import Replay
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.options import Options
+from sparsepop_py.problem import Problem
+from sparsepop_py.progress import Stages
 
 __all__ = ["Clock", "Task"]
 

@@ -15,10 +15,10 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from .feasibility import ProvedPoint
-from .polynomial import Polynomial
-from .problem import Problem
-from .semidefinite import entries_hold
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.semidefinite import entries_hold
 
 __all__ = ["falling_ray"]
 

@@ -23,15 +23,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..enclosure import range_over
-from ..presolve.propagation import is_empty
-from ..problem import Problem
-from ..rounding import Interval, require_ieee
-from ..system import PolynomialSystem
-from .box import BoxProof, Known, Replay, Sublevel, Tightening, is_index
-from .gram import ExactGram
-from .identity import Identity
-from .linear import LinearDual
+from sparsepop_py.certificate.box import BoxProof, Known, Replay, Sublevel, Tightening, is_index
+from sparsepop_py.certificate.gram import ExactGram
+from sparsepop_py.certificate.identity import Identity
+from sparsepop_py.certificate.linear import LinearDual
+from sparsepop_py.enclosure import range_over
+from sparsepop_py.presolve.propagation import is_empty
+from sparsepop_py.problem import Problem
+from sparsepop_py.rounding import Interval, require_ieee
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
 

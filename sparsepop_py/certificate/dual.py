@@ -15,18 +15,18 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from .. import monomials
-from ..blocks import BlockGroup
-from ..conic import ConicProgram, split_dual
-from ..generators import single_letters
-from ..interned import indices, interned
-from ..polynomial import Polynomial, total
-from ..presolve.scaling import Scaled
-from ..problem import Problem
-from ..relaxation import Relaxation
-from .identity import Identity
-from .multipliers import Multipliers
-from .priced import Priced
+from sparsepop_py import monomials
+from sparsepop_py.blocks import BlockGroup
+from sparsepop_py.certificate.identity import Identity
+from sparsepop_py.certificate.multipliers import Multipliers
+from sparsepop_py.certificate.priced import Priced
+from sparsepop_py.conic import ConicProgram, split_dual
+from sparsepop_py.generators import single_letters
+from sparsepop_py.interned import indices, interned
+from sparsepop_py.polynomial import Polynomial, total
+from sparsepop_py.presolve.scaling import Scaled
+from sparsepop_py.problem import Problem
+from sparsepop_py.relaxation import Relaxation
 
 __all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
 

@@ -22,11 +22,11 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import monomials
-from ..monomials import Words
-from ..polynomial import Polynomial
-from ..rounding import Interval
-from .multipliers import are_indices, are_numbers
+from sparsepop_py import monomials
+from sparsepop_py.certificate.multipliers import are_indices, are_numbers
+from sparsepop_py.monomials import Words
+from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.rounding import Interval
 
 __all__ = ["ExactGram"]
 

@@ -30,15 +30,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import generators, monomials
-from ..cones import Matrices
-from ..enclosure import expand_affine
-from ..monomials import Words
-from ..presolve.scaling import Scaling
-from ..rounding import Interval, sum_by, up
-from ..system import PolynomialSystem
-from .multipliers import Multipliers, ScaledGenerators, are_indices, are_numbers
-from .priced import Priced
+from sparsepop_py import generators, monomials
+from sparsepop_py.certificate.multipliers import (
+    Multipliers,
+    ScaledGenerators,
+    are_indices,
+    are_numbers,
+)
+from sparsepop_py.certificate.priced import Priced
+from sparsepop_py.cones import Matrices
+from sparsepop_py.enclosure import expand_affine
+from sparsepop_py.monomials import Words
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.rounding import Interval, sum_by, up
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 

@@ -24,15 +24,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import generators, monomials
-from ..enclosure import expand_affine
-from ..interned import indices
-from ..monomials import Words
-from ..presolve.scaling import Scaling
-from ..rounding import Interval, sum_by
-from ..system import PolynomialSystem
-from .identity import losses
-from .multipliers import ScaledGenerators, are_indices, are_numbers
+from sparsepop_py import generators, monomials
+from sparsepop_py.certificate.identity import losses
+from sparsepop_py.certificate.multipliers import ScaledGenerators, are_indices, are_numbers
+from sparsepop_py.enclosure import expand_affine
+from sparsepop_py.interned import indices
+from sparsepop_py.monomials import Words
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.rounding import Interval, sum_by
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["LinearDual"]
 

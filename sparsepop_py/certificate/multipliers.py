@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import generators, monomials
-from ..cones import Matrices
-from ..enclosure import expand_affine
-from ..interned import interned
-from ..monomials import Words
-from ..presolve.scaling import Scaling
-from ..rounding import Interval, gram
-from ..system import PolynomialSystem
+from sparsepop_py import generators, monomials
+from sparsepop_py.cones import Matrices
+from sparsepop_py.enclosure import expand_affine
+from sparsepop_py.interned import interned
+from sparsepop_py.monomials import Words
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.rounding import Interval, gram
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Multipliers", "ScaledGenerators", "are_indices", "are_numbers"]
 

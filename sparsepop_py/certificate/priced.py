@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..enclosure import monomial_ranges
-from ..monomials import Words
-from ..presolve.scaling import Scaling
-from ..rounding import Interval, sum_by
-from .multipliers import are_indices, are_numbers
+from sparsepop_py.certificate.multipliers import are_indices, are_numbers
+from sparsepop_py.enclosure import monomial_ranges
+from sparsepop_py.monomials import Words
+from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.rounding import Interval, sum_by
 
 __all__ = ["Priced"]
 

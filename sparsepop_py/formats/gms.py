@@ -14,12 +14,17 @@ from typing import Literal
 
 import numpy as np
 
-from ..monomials import degrees
-from ..polynomial import Constraint, Kind, Polynomial
-from ..problem import Problem
-from .expressions import ExpressionError, Vocabulary, parse_expression, parse_number
-from .gms_statements import Statement, read_statements
-from .gms_writer import write_gms
+from sparsepop_py.formats.expressions import (
+    ExpressionError,
+    Vocabulary,
+    parse_expression,
+    parse_number,
+)
+from sparsepop_py.formats.gms_statements import Statement, read_statements
+from sparsepop_py.formats.gms_writer import write_gms
+from sparsepop_py.monomials import degrees
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.problem import Problem
 
 __all__ = ["read_gms", "write_gms"]
 

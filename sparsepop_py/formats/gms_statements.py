@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import FormatError
-from .expressions import excerpt
+from sparsepop_py.errors import FormatError
+from sparsepop_py.formats.expressions import excerpt
 
 __all__ = ["Statement", "read_statements"]
 

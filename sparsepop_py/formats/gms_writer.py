@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ProblemError
-from ..polynomial import Kind, Polynomial
-from ..problem import Problem
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.polynomial import Kind, Polynomial
+from sparsepop_py.problem import Problem
 
 __all__ = ["write_gms"]
 

@@ -15,18 +15,27 @@ from typing import Any
 
 import numpy as np
 
-from ..certificate.certificate import Certificate
-from ..errors import FormatError, ProblemError
-from ..feasibility import ProvedPoint
-from ..options import Options
-from ..polynomial import Constraint, Kind, Polynomial
-from ..problem import Problem
-from ..result import Point, Result, Rung, Status
-from ..unbounded import falling_ray
-from ..waki import Switches
-from . import json_codecs as codecs
-from .json_certificates import CERTIFICATE
-from .json_codecs import Codec, array, number, optional, record, sequence, text, whole
+from sparsepop_py.certificate.certificate import Certificate
+from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.feasibility import ProvedPoint
+from sparsepop_py.formats import json_codecs as codecs
+from sparsepop_py.formats.json_certificates import CERTIFICATE
+from sparsepop_py.formats.json_codecs import (
+    Codec,
+    array,
+    number,
+    optional,
+    record,
+    sequence,
+    text,
+    whole,
+)
+from sparsepop_py.options import Options
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.problem import Problem
+from sparsepop_py.result import Point, Result, Rung, Status
+from sparsepop_py.unbounded import falling_ray
+from sparsepop_py.waki import Switches
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..certificate.box import BoxProof, Known, Propagation, Sublevel, Tightening
-from ..certificate.certificate import Certificate, Node
-from ..certificate.gram import ExactGram
-from ..certificate.identity import Identity, Multipliers
-from ..certificate.inverse import LeftInverse
-from ..certificate.linear import LinearDual
-from ..certificate.priced import Priced
-from ..presolve.scaling import Scaling
-from . import json_codecs as codecs
-from .json_codecs import Codec, array, flag, number, optional, record, sequence, tagged, text, whole
+from sparsepop_py.certificate.box import BoxProof, Known, Propagation, Sublevel, Tightening
+from sparsepop_py.certificate.certificate import Certificate, Node
+from sparsepop_py.certificate.gram import ExactGram
+from sparsepop_py.certificate.identity import Identity, Multipliers
+from sparsepop_py.certificate.inverse import LeftInverse
+from sparsepop_py.certificate.linear import LinearDual
+from sparsepop_py.certificate.priced import Priced
+from sparsepop_py.formats import json_codecs as codecs
+from sparsepop_py.formats.json_codecs import (
+    Codec,
+    array,
+    flag,
+    number,
+    optional,
+    record,
+    sequence,
+    tagged,
+    text,
+    whole,
+)
+from sparsepop_py.presolve.scaling import Scaling
 
 __all__ = ["CERTIFICATE"]
 

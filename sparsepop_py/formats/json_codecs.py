@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ProblemError
+from sparsepop_py.errors import ProblemError
 
 __all__ = [
     "Codec",

@@ -20,8 +20,8 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from ..conic import Cones, ConicProgram
-from ..errors import FormatError, ProblemError
+from sparsepop_py.conic import Cones, ConicProgram
+from sparsepop_py.errors import FormatError, ProblemError
 
 __all__ = ["read_sdpa", "write_info", "write_sdpa"]
 

@@ -7,10 +7,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from ..errors import FormatError
-from ..polynomial import Constraint, Kind, Polynomial, total
-from ..problem import Problem
-from .expressions import (
+from sparsepop_py.errors import FormatError
+from sparsepop_py.formats.expressions import (
     ExpressionError,
     Token,
     Vocabulary,
@@ -20,6 +18,8 @@ from .expressions import (
     parse_number,
     tokenize,
 )
+from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.problem import Problem
 
 __all__ = ["parse", "sum_of_squares"]
 

@@ -21,10 +21,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import monomials
-from ..enclosure import Factors, product
-from ..rounding import Interval, down, sum_by, up
-from ..system import PolynomialSystem
+from sparsepop_py import monomials
+from sparsepop_py.enclosure import Factors, product
+from sparsepop_py.rounding import Interval, down, sum_by, up
+from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Rows", "propagate", "sweep"]
 

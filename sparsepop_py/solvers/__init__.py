@@ -9,9 +9,9 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from ..conic import ConicProgram, ConicSolution
-from ..errors import SolverNotFound
-from . import clarabel_, cliquetree, cvxpy_
+from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.solvers import clarabel_, cliquetree, cvxpy_
 
 __all__ = ["preferred", "require_solver", "solve_conic", "solver_names"]
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ..conic import ConicProgram, ConicSolution
-from ..errors import SolverNotFound
-from .base import solution
+from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.solvers.base import solution
 
 __all__ = ["require", "solve"]
 

@@ -29,15 +29,15 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
-from ...conic import ConicProgram, ConicSolution
-from ...errors import SolverNotFound
-from ..base import solution
-from .interior import minimise
-from .kernels import Workers, compiled_kernels
-from .numbers import Numbers
-from .progress import Iterate, Iteration, Outcome, Settings, better
-from .second_order import second_order_multipliers, with_second_order
-from .symbolic import Symbolic, analyse, numpy_seconds, pattern_key
+from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.solvers.base import solution
+from sparsepop_py.solvers.cliquetree.interior import minimise
+from sparsepop_py.solvers.cliquetree.kernels import Workers, compiled_kernels
+from sparsepop_py.solvers.cliquetree.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.progress import Iterate, Iteration, Outcome, Settings, better
+from sparsepop_py.solvers.cliquetree.second_order import second_order_multipliers, with_second_order
+from sparsepop_py.solvers.cliquetree.symbolic import Symbolic, analyse, numpy_seconds, pattern_key
 
 __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "run", "solve"]
 __all__ += ["second_order_multipliers", "with_second_order"]

@@ -16,11 +16,11 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from ...conic import Cones
-from .fronts import Fronts
-from .kernels import Workers, check, compiled_kernels
-from .layout import BlockStack, Layout
-from .tree import Tree
+from sparsepop_py.conic import Cones
+from sparsepop_py.solvers.cliquetree.fronts import Fronts
+from sparsepop_py.solvers.cliquetree.kernels import Workers, check, compiled_kernels
+from sparsepop_py.solvers.cliquetree.layout import BlockStack, Layout
+from sparsepop_py.solvers.cliquetree.tree import Tree
 
 __all__ = ["Assembly", "BlockPairs", "PairProduct", "RowPairs", "StackProduct"]
 __all__ += ["block_pairs", "row_pairs", "stacked"]

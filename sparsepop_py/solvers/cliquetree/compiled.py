@@ -13,10 +13,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import compiled_blocks as blocks
-from . import compiled_lanes as lanes
-from . import compiled_pairs as pairs
-from .machine import LANES, WORD, filled, inline, jit, load, routine, spread, store, total
+from sparsepop_py.solvers.cliquetree import compiled_blocks as blocks
+from sparsepop_py.solvers.cliquetree import compiled_lanes as lanes
+from sparsepop_py.solvers.cliquetree import compiled_pairs as pairs
+from sparsepop_py.solvers.cliquetree.machine import (
+    LANES,
+    WORD,
+    filled,
+    inline,
+    jit,
+    load,
+    routine,
+    spread,
+    store,
+    total,
+)
 
 __all__ = ["blocks", "factorize", "lanes", "pairs", "scatter", "solve"]
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .compiled_lanczos import ritz
-from .machine import (
+from sparsepop_py.solvers.cliquetree.compiled_lanczos import ritz
+from sparsepop_py.solvers.cliquetree.machine import (
     LANES,
     WORD,
     filled,

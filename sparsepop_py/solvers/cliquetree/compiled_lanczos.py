@@ -11,7 +11,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from .machine import LANES, WORD, filled, inline, jit, load, spread, store
+from sparsepop_py.solvers.cliquetree.machine import (
+    LANES,
+    WORD,
+    filled,
+    inline,
+    jit,
+    load,
+    spread,
+    store,
+)
 
 __all__ = ["ritz"]
 

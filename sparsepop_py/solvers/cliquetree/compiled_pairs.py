@@ -11,8 +11,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from .compiled_blocks import pad, room_of, width_of
-from .machine import LANES, WORD, filled, index, inline, jit, load, number, put, spread, store
+from sparsepop_py.solvers.cliquetree.compiled_blocks import pad, room_of, width_of
+from sparsepop_py.solvers.cliquetree.machine import (
+    LANES,
+    WORD,
+    filled,
+    index,
+    inline,
+    jit,
+    load,
+    number,
+    put,
+    spread,
+    store,
+)
 
 __all__ = ["pair_sums"]
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .assembly import BlockPairs
-from .kernels import (
+from sparsepop_py.solvers.cliquetree.assembly import BlockPairs
+from sparsepop_py.solvers.cliquetree.kernels import (
     Workers,
     cholesky,
     compiled_kernels,
@@ -22,7 +22,7 @@ from .kernels import (
     symmetric,
     transposed,
 )
-from .layout import BlockStack
+from sparsepop_py.solvers.cliquetree.layout import BlockStack
 
 __all__ = ["CompiledCone", "Cone"]
 

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .elimination import Front, parents
-from .kernels import Workers, check, compiled_kernels
+from sparsepop_py.solvers.cliquetree.elimination import Front, parents
+from sparsepop_py.solvers.cliquetree.kernels import Workers, check, compiled_kernels
 
 __all__ = ["FrontFactor", "Fronts", "line_up"]
 

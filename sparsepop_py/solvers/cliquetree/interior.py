@@ -25,12 +25,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fronts import FrontFactor
-from .kernels import OutOfTime
-from .numbers import Numbers
-from .progress import Iterate, Iteration, Outcome, Settings, gap, judge, verdict, wants_repair
-from .repair import Repair, safe_value
-from .tree import Factor
+from sparsepop_py.solvers.cliquetree.fronts import FrontFactor
+from sparsepop_py.solvers.cliquetree.kernels import OutOfTime
+from sparsepop_py.solvers.cliquetree.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.progress import (
+    Iterate,
+    Iteration,
+    Outcome,
+    Settings,
+    gap,
+    judge,
+    verdict,
+    wants_repair,
+)
+from sparsepop_py.solvers.cliquetree.repair import Repair, safe_value
+from sparsepop_py.solvers.cliquetree.tree import Factor
 
 __all__ = ["minimise"]
 

@@ -12,13 +12,13 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from ...conic import ConicProgram
-from .assembly import BlockPairs, PairProduct, StackProduct
-from .cone import CompiledCone, Cone
-from .fronts import FrontFactor, Fronts
-from .kernels import Workers
-from .symbolic import Symbolic
-from .tree import Factor
+from sparsepop_py.conic import ConicProgram
+from sparsepop_py.solvers.cliquetree.assembly import BlockPairs, PairProduct, StackProduct
+from sparsepop_py.solvers.cliquetree.cone import CompiledCone, Cone
+from sparsepop_py.solvers.cliquetree.fronts import FrontFactor, Fronts
+from sparsepop_py.solvers.cliquetree.kernels import Workers
+from sparsepop_py.solvers.cliquetree.symbolic import Symbolic
+from sparsepop_py.solvers.cliquetree.tree import Factor
 
 __all__ = ["Numbers"]
 

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fronts import FrontFactor
-from .numbers import Numbers
-from .progress import Iterate
-from .tree import Factor
+from sparsepop_py.solvers.cliquetree.fronts import FrontFactor
+from sparsepop_py.solvers.cliquetree.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.progress import Iterate
+from sparsepop_py.solvers.cliquetree.tree import Factor
 
 __all__ = ["Repair", "safe_value"]
 

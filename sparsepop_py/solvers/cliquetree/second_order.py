@@ -20,8 +20,8 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from ...conic import ConicProgram
-from ...errors import ProblemError
+from sparsepop_py.conic import ConicProgram
+from sparsepop_py.errors import ProblemError
 
 __all__ = ["second_order_multipliers", "with_second_order"]
 

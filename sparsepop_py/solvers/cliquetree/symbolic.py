@@ -18,12 +18,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...conic import ConicProgram
-from .assembly import Assembly, BlockPairs, RowPairs, block_pairs, row_pairs, stacked
-from .elimination import amalgamate, eliminate, maximal
-from .fronts import Fronts, line_up
-from .layout import Layout, lay_out
-from .tree import Tree, plant
+from sparsepop_py.conic import ConicProgram
+from sparsepop_py.solvers.cliquetree.assembly import (
+    Assembly,
+    BlockPairs,
+    RowPairs,
+    block_pairs,
+    row_pairs,
+    stacked,
+)
+from sparsepop_py.solvers.cliquetree.elimination import amalgamate, eliminate, maximal
+from sparsepop_py.solvers.cliquetree.fronts import Fronts, line_up
+from sparsepop_py.solvers.cliquetree.layout import Layout, lay_out
+from sparsepop_py.solvers.cliquetree.tree import Tree, plant
 
 __all__ = ["Symbolic", "analyse", "numpy_seconds", "pattern_key"]
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .elimination import Front, parents
-from .kernels import check, cholesky, lower_inverse, transposed
+from sparsepop_py.solvers.cliquetree.elimination import Front, parents
+from sparsepop_py.solvers.cliquetree.kernels import check, cholesky, lower_inverse, transposed
 
 __all__ = ["Factor", "FrontStack", "Tree", "plant"]
 
