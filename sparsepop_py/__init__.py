@@ -16,8 +16,9 @@ Examples
 """
 
 from sparsepop_py import problems
+from sparsepop_py.algebra.matrix_constraints import psd, second_order
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.certificate.certificate import Certificate, Verdict
-from sparsepop_py.cones import psd, second_order
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.errors import (
     FormatError,
@@ -33,7 +34,6 @@ from sparsepop_py.formats.mat import read_mat, write_mat
 from sparsepop_py.formats.sdpa import read_sdpa, write_sdpa
 from sparsepop_py.formats.text import parse
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.polytope import LinearBound, linear_bounds
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation, relax

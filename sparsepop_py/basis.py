@@ -15,8 +15,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.monomials import Words
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.problem import Problem
 
 __all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]

@@ -15,15 +15,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.basis import by_size, clique_bases, reduced_bases
 from sparsepop_py.generators import Generators
-from sparsepop_py.monomials import Words
 from sparsepop_py.newton import consistent_bases
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.sparsity import Cliques
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = [
     "BlockGroup",

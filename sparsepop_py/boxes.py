@@ -11,13 +11,13 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
 from sparsepop_py.certificate.dual import identity_of, margin
 from sparsepop_py.certificate.inverse import left_inverse
 from sparsepop_py.conic import assemble
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Constraint, Kind
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import Problem

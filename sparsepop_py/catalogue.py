@@ -17,7 +17,7 @@ from math import comb
 
 import numpy as np
 
-from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.presolve.scaling import Scaled
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation, least_order, relax

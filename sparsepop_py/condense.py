@@ -16,10 +16,10 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve_triangular
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.conic import Cones, ConicProgram, ConicSolution, assemble
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.scaling import Scaled
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.solvers.base import solution as recomputed

@@ -19,8 +19,8 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.relaxation import Relaxation
 
 __all__ = ["Cones", "ConicProgram", "ConicSolution", "assemble", "split_dual"]

@@ -18,8 +18,8 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import Problem
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["newton_polish", "zeros_of_squares"]
 

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.blocks import BlockGroup, Blocks, ragged, row_monomials
 from sparsepop_py.generators import Generators
-from sparsepop_py.monomials import Words
 from sparsepop_py.substitution import Rules
 
 __all__ = ["eliminated"]

@@ -12,10 +12,10 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.monomials import Words
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.rounding import Interval, sum_by
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.problem import Problem
 from sparsepop_py.result import Result
 from sparsepop_py.rounding import Interval

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.monomials import Words
 from sparsepop_py.relaxation import Relaxation
 
 __all__ = ["candidates", "combine", "extract_clique", "means"]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.agenda import TIGHTENING
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import shrinks
 from sparsepop_py.certificate.box import BoxProof, Known, Replay, Step, shrunk, tighten
@@ -29,7 +30,6 @@ from sparsepop_py.incumbents import attained, carried, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem import Problem
 from sparsepop_py.progress import Stages

@@ -28,6 +28,7 @@ import scipy.linalg
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.enclosure import range_over
 from sparsepop_py.krawczyk import polished, zero_near
 from sparsepop_py.linear import solve_lp
@@ -35,7 +36,6 @@ from sparsepop_py.problem import Problem
 from sparsepop_py.rational import solve_rationally
 from sparsepop_py.rounding import Interval, exact_values
 from sparsepop_py.semidefinite import hold_at, hold_over
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 

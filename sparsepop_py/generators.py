@@ -22,12 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.cones import Matrices
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.matrix_constraints import Matrices
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import Problem
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = [
     "Generators",

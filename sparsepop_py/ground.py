@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.catalogue import Experience, Families, Recipe, catalogue, families
 from sparsepop_py.lifting import coordinate_of
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.shapes import Products
 

@@ -21,9 +21,9 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.enclosure import jacobian_range, range_over
 from sparsepop_py.rounding import Interval, matmul
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["polished", "zero_near"]
 

@@ -27,14 +27,15 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.certificate.box import Replay, Tightening, coordinates
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.conic import ConicProgram, assemble
 from sparsepop_py.interned import indices, interned
 from sparsepop_py.linear import LinearModel, LinearSolution
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import Problem

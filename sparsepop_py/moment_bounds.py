@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.blocks import BlockGroup
 from sparsepop_py.enclosure import monomial_ranges
-from sparsepop_py.monomials import Words
 from sparsepop_py.problem import Problem
 from sparsepop_py.rounding import Interval
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["moment_bounds"]
 

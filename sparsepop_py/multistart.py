@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.feasibility import ProvedPoint, prove_feasible
-from sparsepop_py.polynomial import Constraint, Kind
 from sparsepop_py.problem import Problem
 from sparsepop_py.refinement import DENSE_LIMIT, local_search
 from sparsepop_py.rounding import Interval

@@ -24,9 +24,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.basis import Bases, by_size
-from sparsepop_py.monomials import Words
 
 __all__ = ["consistent_bases"]
 

@@ -15,11 +15,11 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.certificate.certificate import Verdict
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.exact_simplex import Outcome, Simplex
 from sparsepop_py.polyhedron import Polyhedron
-from sparsepop_py.polynomial import Kind, Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.result import Status
 from sparsepop_py.rounding import Interval

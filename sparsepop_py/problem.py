@@ -19,12 +19,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sparsepop_py import symbolic
-from sparsepop_py.cones import Matrices, SymbolicCone
+from sparsepop_py.algebra import sympy_ as symbolic
+from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.squares import Weighted, constant_above, expanded
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Problem"]
 

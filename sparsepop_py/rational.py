@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from sparsepop_py.system import PolynomialSystem
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 
 __all__ = ["solve_rationally"]
 

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sparsepop_py.monomials import Words
+from sparsepop_py.algebra.monomials import Words
 
 __all__ = [
     "Interval",

@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total, variables
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.problem import Problem
 
 __all__ = ["RowForm"]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box
 from sparsepop_py.certificate.box import BoxProof, Propagation, Replay
 from sparsepop_py.certificate.certificate import Certificate, Node, Proved, certify, claim, prove
@@ -18,7 +19,6 @@ from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.condense import Condensed, condensed
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling, scale_objective
 from sparsepop_py.problem import Problem

@@ -18,7 +18,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.cones import Matrices
+from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.enclosure import range_over
 from sparsepop_py.rounding import Interval, exact_values, gram, up
 

@@ -25,12 +25,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.blocks import BlockGroup, Blocks, matrix_block
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.sparsity import Cliques
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Products", "Shape", "shaped_blocks"]
 

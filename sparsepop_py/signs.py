@@ -20,9 +20,9 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from sparsepop_py import monomials
-from sparsepop_py.monomials import Words
-from sparsepop_py.system import PolynomialSystem
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 
 __all__ = ["invariant_words", "sign_codes"]
 

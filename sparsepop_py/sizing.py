@@ -16,8 +16,8 @@ from math import comb
 
 import numpy as np
 
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation, least_order, relax
 from sparsepop_py.sparsity import Cliques

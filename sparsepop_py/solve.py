@@ -14,6 +14,7 @@ from itertools import chain, tee
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box, finite
 from sparsepop_py.certificate.box import BoxProof
 from sparsepop_py.errors import ProblemError, SparsePOPError
@@ -22,7 +23,6 @@ from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.incumbents import first_attained, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem import Problem
 from sparsepop_py.progress import Stages

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py import problems
+from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.formats.gms import read_gms
-from sparsepop_py.polynomial import Constraint, Kind
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import Problem
 from sparsepop_py.rounding import Interval

@@ -8,10 +8,10 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.condense import Condensed, condensed
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
-from sparsepop_py.monomials import Words
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Result, Status

@@ -24,11 +24,11 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.chordal import Members, Method, chordal_extension, clique_tree, incidence, join
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 
 __all__ = [

@@ -11,9 +11,9 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.rounding import Interval
 
 __all__ = ["Weighted", "constant_above", "expanded"]

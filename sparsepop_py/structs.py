@@ -18,12 +18,12 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.cones import cone
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.matrix_constraints import cone
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.problem import Problem
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["from_structs", "to_structs"]
 

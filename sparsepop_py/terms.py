@@ -40,12 +40,12 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.blocks import BlockGroup, Blocks, row_monomials, stacked_groups
 from sparsepop_py.chordal import chordal_extension, clique_tree
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.generators import Generators
-from sparsepop_py.monomials import Words
 from sparsepop_py.signs import invariant_words, sign_codes
 
 __all__ = ["Closure", "Terms", "term_sparse"]

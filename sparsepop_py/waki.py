@@ -34,7 +34,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.basis import clique_bases
 from sparsepop_py.blocks import (
     BlockGroup,
@@ -48,14 +52,11 @@ from sparsepop_py.elimination import eliminated
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.generators import Generators
 from sparsepop_py.moment_bounds import moment_bounds
-from sparsepop_py.monomials import Words
 from sparsepop_py.newton import consistent_bases
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation, conic_rows, least_order
 from sparsepop_py.sparsity import Cliques
 from sparsepop_py.substitution import KINDS, Rules
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Switches", "plain_relaxation"]
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
-from sparsepop_py import Problem, monomials
+from sparsepop_py import Problem
+from sparsepop_py.algebra import monomials
 from sparsepop_py.basis import clique_bases, reduced_bases
 from sparsepop_py.newton import consistent_bases
 from sparsepop_py.sparsity import find_cliques

@@ -13,7 +13,7 @@ from random_matrices import matrix_at, random_problem
 
 import sparsepop_py as sp
 from sparsepop_py import Kind, ProblemError
-from sparsepop_py.cones import cone
+from sparsepop_py.algebra.matrix_constraints import cone
 
 SEEDS = st.integers(0, 2**32 - 1)
 x, y = sp.variables(2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import combine, extract_clique
 

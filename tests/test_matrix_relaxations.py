@@ -11,7 +11,8 @@ from random_cases import some_polynomial
 from random_matrices import feasible_grid, matrix_at, random_matrix, random_problem
 
 import sparsepop_py as sp
-from sparsepop_py import assemble, monomials, relax, solve_conic
+from sparsepop_py import assemble, relax, solve_conic
+from sparsepop_py.algebra import monomials
 
 SEEDS = st.integers(0, 2**32 - 1)
 x, y = sp.variables(2)

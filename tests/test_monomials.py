@@ -8,7 +8,7 @@ import scipy.sparse as sps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
 
 
 @st.composite

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import sparsepop_py as sp
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
 from sparsepop_py.newton import consistent_bases
 
 settings.register_profile("newton", deadline=None, derandomize=True)

@@ -8,9 +8,9 @@ from exact_polynomials import value_at
 from scipy import optimize
 
 from sparsepop_py import problems
+from sparsepop_py.algebra.polynomial import total
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import total
-from sparsepop_py.system import PolynomialSystem
 
 CHAINS = [
     (problems.rosenbrock, 1.0),

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import Kind, Problem
-from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.presolve.propagation import Rows, is_empty, propagate, sweep
 from sparsepop_py.rounding import Interval
-from sparsepop_py.system import PolynomialSystem
 
 INF = np.inf
 

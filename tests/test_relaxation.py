@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
-from sparsepop_py import Kind, Problem, ProblemError, assemble, monomials, relax, solve_conic
+from sparsepop_py import Kind, Problem, ProblemError, assemble, relax, solve_conic
+from sparsepop_py.algebra import monomials
 from sparsepop_py.relaxation import least_order
 from sparsepop_py.sparsity import find_cliques
 

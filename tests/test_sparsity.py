@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import problems
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.sparsity import (
     Cliques,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import Kind, Problem, ProblemError
-from sparsepop_py.symbolic import convert
+from sparsepop_py.algebra.sympy_ import convert
 
 A, B = sympy.symbols("a b")
 

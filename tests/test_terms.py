@@ -10,14 +10,15 @@ from hypothesis import strategies as st
 from relaxed import LOSSLESS, METHODS, dense, solved, value
 
 import sparsepop_py as sp
-from sparsepop_py import Problem, assemble, generators, monomials, relax, solve_conic
+from sparsepop_py import Problem, assemble, generators, relax, solve_conic
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.blocks import block_groups
 from sparsepop_py.certificate.box import Replay
 from sparsepop_py.certificate.certificate import Node, certify, prove
 from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import candidates
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.rounding import Interval
 from sparsepop_py.sparsity import find_cliques

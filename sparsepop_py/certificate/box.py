@@ -16,18 +16,18 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.matrix_constraints import Matrices
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.certificate.inverse import LeftInverse
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.certificate.multipliers import are_indices
 from sparsepop_py.certificate.rows import box_rows, with_cutoff
-from sparsepop_py.cones import Matrices
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.presolve.propagation import Rows, is_empty, propagate, sweep
 from sparsepop_py.problem import Problem
 from sparsepop_py.rounding import Interval
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = [
     "BoxProof",

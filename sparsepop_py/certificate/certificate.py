@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.box import BoxProof, Known, Replay, Sublevel, Tightening, is_index
 from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity
@@ -31,7 +32,6 @@ from sparsepop_py.enclosure import range_over
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem import Problem
 from sparsepop_py.rounding import Interval, require_ieee
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
 

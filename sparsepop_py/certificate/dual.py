@@ -15,7 +15,8 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial import Polynomial, total
 from sparsepop_py.blocks import BlockGroup
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.certificate.multipliers import Multipliers
@@ -23,7 +24,6 @@ from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.conic import ConicProgram, split_dual
 from sparsepop_py.generators import single_letters
 from sparsepop_py.interned import indices, interned
-from sparsepop_py.polynomial import Polynomial, total
 from sparsepop_py.presolve.scaling import Scaled
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation

@@ -30,7 +30,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.matrix_constraints import Matrices
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.multipliers import (
     Multipliers,
     ScaledGenerators,
@@ -38,12 +42,9 @@ from sparsepop_py.certificate.multipliers import (
     are_numbers,
 )
 from sparsepop_py.certificate.priced import Priced
-from sparsepop_py.cones import Matrices
 from sparsepop_py.enclosure import expand_affine
-from sparsepop_py.monomials import Words
 from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval, sum_by, up
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 

@@ -24,15 +24,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.identity import losses
 from sparsepop_py.certificate.multipliers import ScaledGenerators, are_indices, are_numbers
 from sparsepop_py.enclosure import expand_affine
 from sparsepop_py.interned import indices
-from sparsepop_py.monomials import Words
 from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval, sum_by
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["LinearDual"]
 

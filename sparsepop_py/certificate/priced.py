@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.certificate.multipliers import are_indices, are_numbers
 from sparsepop_py.enclosure import monomial_ranges
-from sparsepop_py.monomials import Words
 from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.rounding import Interval, sum_by
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.presolve.propagation import Rows
 from sparsepop_py.problem import Problem
 from sparsepop_py.rounding import Interval, up
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["box_rows", "with_cutoff"]
 

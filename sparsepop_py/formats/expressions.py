@@ -14,8 +14,8 @@ from itertools import chain
 
 import numpy as np
 
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.polynomial import Polynomial
 
 __all__ = [
     "ExpressionError",

@@ -14,6 +14,8 @@ from typing import Literal
 
 import numpy as np
 
+from sparsepop_py.algebra.monomials import degrees
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.formats.expressions import (
     ExpressionError,
     Vocabulary,
@@ -22,8 +24,6 @@ from sparsepop_py.formats.expressions import (
 )
 from sparsepop_py.formats.gms_statements import Statement, read_statements
 from sparsepop_py.formats.gms_writer import write_gms
-from sparsepop_py.monomials import degrees
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.problem import Problem
 
 __all__ = ["read_gms", "write_gms"]

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Kind, Polynomial
 from sparsepop_py.problem import Problem
 
 __all__ = ["write_gms"]

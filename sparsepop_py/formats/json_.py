@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.certificate.certificate import Certificate
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.feasibility import ProvedPoint
@@ -31,7 +32,6 @@ from sparsepop_py.formats.json_codecs import (
     whole,
 )
 from sparsepop_py.options import Options
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.result import Point, Result, Rung, Status
 from sparsepop_py.unbounded import falling_ray

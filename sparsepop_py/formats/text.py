@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.errors import FormatError
 from sparsepop_py.formats.expressions import (
     ExpressionError,
@@ -18,7 +19,6 @@ from sparsepop_py.formats.expressions import (
     parse_number,
     tokenize,
 )
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.problem import Problem
 
 __all__ = ["parse", "sum_of_squares"]

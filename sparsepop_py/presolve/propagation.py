@@ -21,10 +21,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.enclosure import Factors, product
 from sparsepop_py.rounding import Interval, down, sum_by, up
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Rows", "propagate", "sweep"]
 

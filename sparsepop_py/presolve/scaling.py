@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators, monomials
+from sparsepop_py import generators
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial import Constraint, Polynomial
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.enclosure import expand_affine
 from sparsepop_py.interned import interned
-from sparsepop_py.polynomial import Constraint, Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.rounding import Interval
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Scaled", "Scaling", "scale_objective"]
 

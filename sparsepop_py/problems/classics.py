@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sparsepop_py.polynomial import variables
+from sparsepop_py.algebra.polynomial import variables
 from sparsepop_py.problem import Problem
 
 __all__ = ["laboratory", "motzkin"]

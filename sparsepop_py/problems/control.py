@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.problem import Problem
 from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
 

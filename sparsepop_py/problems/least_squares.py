@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
 from sparsepop_py.problem import Problem
 
 __all__ = ["Squares", "Term", "check_size", "least_squares"]

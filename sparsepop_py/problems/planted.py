@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
+from sparsepop_py.algebra import monomials
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem import Problem
 from sparsepop_py.problems.least_squares import Squares, check_size, least_squares

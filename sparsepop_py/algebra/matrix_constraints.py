@@ -24,11 +24,11 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.constraint import Constraint, Kind
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.constraint import Constraint, Kind
+from sparsepop_py.algebra.polynomial import Polynomial, total
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Polynomial, total
-from sparsepop_py.system import PolynomialSystem
 
 __all__ = ["Matrices", "SymbolicCone", "cone", "psd", "second_order"]
 

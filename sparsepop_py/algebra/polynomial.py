@@ -1,7 +1,7 @@
 """Sparse real polynomials and the constraints that comparisons of them make.
 
 A :class:`Polynomial` is a frozen pair of arrays: words (see
-:mod:`sparsepop_py.monomials`) and coefficients. Arithmetic merges equal
+:mod:`sparsepop_py.algebra.monomials`) and coefficients. Arithmetic merges equal
 monomials with one sort, so 10^5 terms in 10^4 variables take milliseconds;
 many terms are added in one pass by :func:`total`.
 """
@@ -18,10 +18,10 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.constraint import Constraint, Kind
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.constraint import Constraint, Kind
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.monomials import Words
 
 __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 

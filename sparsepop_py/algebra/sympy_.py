@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from sparsepop_py.cones import SymbolicCone, cone
+from sparsepop_py.algebra.matrix_constraints import SymbolicCone, cone
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.polynomial import Constraint, Kind, Polynomial
 
 __all__ = ["convert"]
 

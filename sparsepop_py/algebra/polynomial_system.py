@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import monomials
-from sparsepop_py.monomials import Words
-from sparsepop_py.polynomial import Polynomial
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
 
 __all__ = ["PolynomialSystem"]
 

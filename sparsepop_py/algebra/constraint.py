@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sparsepop_py.errors import ProblemError
 
 if TYPE_CHECKING:
-    from sparsepop_py.polynomial import Polynomial
+    from sparsepop_py.algebra.polynomial import Polynomial
 
 __all__ = ["Constraint", "Kind"]
 
