@@ -17,8 +17,8 @@ import sparsepop_py as sp
 from sparsepop_py.conic import ConicProgram
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
-from sparsepop_py.rounding import Interval
 from sparsepop_py.shapes import Shape
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 from . import identification, networks
 

@@ -31,9 +31,9 @@ from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Rung
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Argued, Bound, Model, argue, better, bound_of, level
 from sparsepop_py.task import Task
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["Auto"]
 

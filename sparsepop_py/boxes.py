@@ -22,10 +22,10 @@ from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import least_order, relax
-from sparsepop_py.rounding import Interval
 from sparsepop_py.sizing import affordable, worth_building
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.sparsity import Cliques, find_cliques
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["find_box", "finite", "room_of", "shrinks"]
 

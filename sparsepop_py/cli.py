@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from sparsepop_py import plots
-from sparsepop_py.display import rounded
 from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
 from sparsepop_py.formats.gms import read_gms
 from sparsepop_py.options import Options
@@ -22,6 +21,7 @@ from sparsepop_py.relaxation import relax
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solve import solve
 from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 

@@ -23,7 +23,6 @@ from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import shrinks
 from sparsepop_py.certificate.box import BoxProof, Known, Replay, Step, shrunk, tighten
 from sparsepop_py.certificate.certificate import Certificate
-from sparsepop_py.enclosure import range_over
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.ground import Ground, branching
 from sparsepop_py.incumbents import attained, carried, random_starts
@@ -33,12 +32,13 @@ from sparsepop_py.options import Options
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem import Problem
 from sparsepop_py.progress import Stages
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Model
 from sparsepop_py.sequential import violated_rows
 from sparsepop_py.shapes import Products
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 
 __all__ = ["Family", "first_starts", "pairs", "tightened_for_all", "width_between"]
 

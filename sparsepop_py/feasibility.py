@@ -9,8 +9,8 @@ linearly, are solved for in rationals while all others keep their doubles; then 
 constraint and bound is checked exactly.
 
 Krawczyk's test. As many variables as there are equalities are enclosed in a box that
-provably contains a zero (see :mod:`sparsepop_py.krawczyk`); inequalities and bounds are
-then checked over the box. Matrices are checked by :mod:`sparsepop_py.semidefinite`.
+provably contains a zero (see :mod:`sparsepop_py.verified.arithmetic.krawczyk`); inequalities and bounds are
+then checked over the box. Matrices are checked by :mod:`sparsepop_py.verified.arithmetic.definiteness`.
 
 Before either, the vector is pulled off nearly active inequalities by a linear program,
 so that the last digits of the solved variables cannot violate them.
@@ -29,13 +29,13 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.enclosure import range_over
-from sparsepop_py.krawczyk import polished, zero_near
 from sparsepop_py.linear import solve_lp
 from sparsepop_py.problem import Problem
-from sparsepop_py.rational import solve_rationally
-from sparsepop_py.rounding import Interval, exact_values
-from sparsepop_py.semidefinite import hold_at, hold_over
+from sparsepop_py.verified.arithmetic.definiteness import hold_at, hold_over
+from sparsepop_py.verified.arithmetic.interval import Interval, exact_values
+from sparsepop_py.verified.arithmetic.krawczyk import polished, zero_near
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.arithmetic.rational import solve_rationally
 
 __all__ = ["ProvedPoint", "prove_feasible", "prove_point"]
 

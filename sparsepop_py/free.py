@@ -19,7 +19,6 @@ from sparsepop_py.conic import assemble
 from sparsepop_py.presolve.scaling import Scaled, scale_objective
 from sparsepop_py.problem import Problem
 from sparsepop_py.recovery import estimate, exact_grams
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import (
     Argued,
     Attempt,
@@ -34,6 +33,7 @@ from sparsepop_py.rungs import (
 )
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.task import Task
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["free_round", "good_enough"]
 

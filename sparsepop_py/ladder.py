@@ -30,10 +30,10 @@ from sparsepop_py.options import Options
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import least_order
 from sparsepop_py.result import Rung
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially
 from sparsepop_py.task import Task
 from sparsepop_py.unbounded import falling_ray
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 

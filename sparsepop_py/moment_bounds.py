@@ -15,9 +15,9 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.blocks import BlockGroup
-from sparsepop_py.enclosure import monomial_ranges
 from sparsepop_py.problem import Problem
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import monomial_ranges
 
 __all__ = ["moment_bounds"]
 

@@ -17,10 +17,10 @@ from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.feasibility import ProvedPoint, prove_feasible
 from sparsepop_py.problem import Problem
 from sparsepop_py.refinement import DENSE_LIMIT, local_search
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rowform import RowForm
 from sparsepop_py.sequential import sequential_search
 from sparsepop_py.shapes import Products
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["Aim", "best_attained", "starting_points"]
 

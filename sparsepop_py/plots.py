@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.display import rounded
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Result, Status
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

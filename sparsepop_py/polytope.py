@@ -22,7 +22,7 @@ from sparsepop_py.exact_simplex import Outcome, Simplex
 from sparsepop_py.polyhedron import Polyhedron
 from sparsepop_py.problem import Problem
 from sparsepop_py.result import Status
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["LinearBound", "linear_bounds"]
 

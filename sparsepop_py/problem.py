@@ -24,7 +24,7 @@ from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.squares import Weighted, constant_above, expanded
+from sparsepop_py.verified.arithmetic.sum_of_squares import Weighted, constant_above, expanded
 
 __all__ = ["Problem"]
 

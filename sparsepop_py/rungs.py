@@ -23,11 +23,11 @@ from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling, scale_objective
 from sparsepop_py.problem import Problem
 from sparsepop_py.relaxation import Relaxation
-from sparsepop_py.rounding import Interval
 from sparsepop_py.sizing import fitting_relaxations
 from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity import Joined, find_cliques
 from sparsepop_py.task import Task
+from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.waki import Switches
 
 __all__ = [

@@ -27,11 +27,11 @@ from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import Point, Result, Status
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Bound, Model, level, relaxed
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.threads import one_thread
 from sparsepop_py.unbounded import falling_ray
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["solve", "solve_each"]
 

@@ -21,8 +21,8 @@ from sparsepop_py.errors import ProblemError
 from sparsepop_py.formats.gms import read_gms
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import Problem
-from sparsepop_py.rounding import Interval
 from sparsepop_py.structs import from_structs
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["Input", "read_input", "with_tolerance"]
 

@@ -15,9 +15,9 @@ from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Result, Status
-from sparsepop_py.rounding import Interval
 from sparsepop_py.sedumi import SeDuMi, dimacs_errors, full_columns
 from sparsepop_py.sparsepop_output import SDPInfo, SolverInfo
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["BuiltSDP", "sizes_of", "solver_info"]
 

@@ -24,10 +24,10 @@ from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained
 from sparsepop_py.parts import Plan, explore
 from sparsepop_py.progress import Stages
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Model
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = np.inf
 CATALOGUE = catalogue

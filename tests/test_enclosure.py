@@ -12,8 +12,12 @@ from hypothesis import strategies as st
 import sparsepop_py as sp
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.enclosure import expand_affine, jacobian_range, range_over
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import (
+    expand_affine,
+    jacobian_range,
+    range_over,
+)
 
 N = 3
 SYMBOLS = sympy.symbols("x:3")

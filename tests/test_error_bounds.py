@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py.error_bounds import error_bounds
-from sparsepop_py.rounding import exact_values
+from sparsepop_py.verified.arithmetic.interval import exact_values
 
 SIZES = st.sampled_from([1e-9, 1.0, 1e8, 1e16])
 

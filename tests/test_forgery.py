@@ -27,7 +27,7 @@ from sparsepop_py.certificate.certificate import Certificate, Node, certify, pro
 from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity, Multipliers, Priced, losses
 from sparsepop_py.presolve.scaling import Scaling
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from sparsepop_py import problems
 from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.recovery import exact_grams
-from sparsepop_py.squares import constant_above
+from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
 
 # optima: Waki, Kim, Kojima, Muramatsu (2006), section 6.1; nondquar: Conn et al. (1988)
 EXACT = [

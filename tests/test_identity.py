@@ -13,7 +13,7 @@ import sparsepop_py as sp
 from sparsepop_py.certificate.dual import identity_of, margin, repaired
 from sparsepop_py.certificate.identity import Identity, Multipliers
 from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = np.inf
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py.certificate.inverse import LeftInverse, left_inverse
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = float("inf")
 

@@ -13,8 +13,8 @@ from sparsepop_py import Problem, Status
 from sparsepop_py.certificate.box import BoxProof, Replay
 from sparsepop_py.certificate.certificate import prove
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
-from sparsepop_py.rounding import Interval
 from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 
 class Bilinear:

@@ -20,7 +20,7 @@ from sparsepop_py.certificate.box import BoxProof, Replay, Tightening
 from sparsepop_py.certificate.certificate import Certificate, Node
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.presolve.scaling import Scaling
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = np.inf
 NONE = np.zeros((0, 2), np.int64)

@@ -13,8 +13,8 @@ import sparsepop_py as sp
 from sparsepop_py.certificate.box import BoxProof, Known, Propagation, Replay
 from sparsepop_py.certificate.certificate import Certificate, Node
 from sparsepop_py.lifting import Lifted, tightened
-from sparsepop_py.rounding import Interval
 from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = np.inf
 

@@ -9,7 +9,7 @@ import sparsepop_py as sp
 from sparsepop_py import multistart
 from sparsepop_py.multistart import starting_points
 from sparsepop_py.refinement import local_search
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 
 def test_a_missing_ipopt_names_the_extra(monkeypatch):

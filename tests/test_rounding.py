@@ -13,8 +13,8 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from sparsepop_py import rounding
-from sparsepop_py.rounding import Interval, exact_values, gram, sum_by
+from sparsepop_py.verified.arithmetic import interval as rounding
+from sparsepop_py.verified.arithmetic.interval import Interval, exact_values, gram, sum_by
 
 LARGEST = float(np.finfo(float).max)
 SMALLEST = 5e-324

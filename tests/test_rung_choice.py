@@ -20,9 +20,9 @@ from sparsepop_py.ground import Ground
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.narrowing import taken_again
 from sparsepop_py.progress import Stages
-from sparsepop_py.rounding import Interval
 from sparsepop_py.rungs import Model
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = float("inf")
 

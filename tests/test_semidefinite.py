@@ -9,8 +9,13 @@ from hypothesis import strategies as st
 from random_matrices import exactly_semidefinite, holds, random_problem
 
 import sparsepop_py as sp
-from sparsepop_py.rounding import Interval
-from sparsepop_py.semidefinite import hold_at, hold_over, is_semidefinite, surely_semidefinite
+from sparsepop_py.verified.arithmetic.definiteness import (
+    hold_at,
+    hold_over,
+    is_semidefinite,
+    surely_semidefinite,
+)
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 SEEDS = st.integers(0, 2**32 - 1)
 

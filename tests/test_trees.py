@@ -19,8 +19,8 @@ from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaling
-from sparsepop_py.rounding import Interval
 from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = np.inf
 POOLING = Path(__file__).resolve().parent.parent / "examples" / "problems" / "pooling.gms"

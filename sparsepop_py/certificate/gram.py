@@ -26,7 +26,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.certificate.multipliers import are_indices, are_numbers
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["ExactGram"]
 

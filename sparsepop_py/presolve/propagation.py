@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.enclosure import Factors, product
-from sparsepop_py.rounding import Interval, down, sum_by, up
+from sparsepop_py.verified.arithmetic.interval import Interval, down, sum_by, up
+from sparsepop_py.verified.arithmetic.polynomial_range import Factors, product
 
 __all__ = ["Rows", "propagate", "sweep"]
 

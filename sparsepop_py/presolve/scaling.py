@@ -17,10 +17,10 @@ from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.enclosure import expand_affine
-from sparsepop_py.interned import interned
 from sparsepop_py.problem import Problem
-from sparsepop_py.rounding import Interval
+from sparsepop_py.verified.arithmetic.array_cache import interned
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 
 __all__ = ["Scaled", "Scaling", "scale_objective"]
 

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.enclosure import jacobian_range, range_over
-from sparsepop_py.rounding import Interval, matmul
+from sparsepop_py.verified.arithmetic.interval import Interval, matmul
+from sparsepop_py.verified.arithmetic.polynomial_range import jacobian_range, range_over
 
 __all__ = ["polished", "zero_near"]
 

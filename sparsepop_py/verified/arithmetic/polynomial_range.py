@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.rounding import Interval, sum_by
+from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 
 __all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
 

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.matrix_constraints import Matrices
-from sparsepop_py.enclosure import range_over
-from sparsepop_py.rounding import Interval, exact_values, gram, up
+from sparsepop_py.verified.arithmetic.interval import Interval, exact_values, gram, up
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 
 __all__ = ["entries_hold", "hold_at", "hold_over", "is_semidefinite", "surely_semidefinite"]
 
