@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]
 

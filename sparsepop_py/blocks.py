@@ -1,6 +1,6 @@
 """The blocks of a relaxation: which polynomial, which clique, which monomials.
 
-Every generator (see :mod:`sparsepop_py.generators`) makes one block in its home clique; the
+Every generator (see :mod:`sparsepop_py.problem.generators`) makes one block in its home clique; the
 bounds of a variable make one in every clique that holds it. A matrix G of polynomials makes
 one with the entries L(G_pq b c), for all pairs (p, b) and (q, c) of a row of G and a monomial.
 Blocks of equal size are stacked, so that nothing here runs over monomials one by one.
@@ -15,15 +15,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.basis import by_size, clique_bases, reduced_bases
-from sparsepop_py.generators import Generators
 from sparsepop_py.newton import consistent_bases
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem import generators
+from sparsepop_py.problem.generators import Generators
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsity import Cliques
 
 __all__ = [
@@ -47,7 +47,7 @@ class BlockGroup:
     free : bool
         Rows L(g b_i) = 0 of an equality when true, matrices L(g b b') when false.
     generator : (K,) int
-        What each block is made of, numbered as in :mod:`sparsepop_py.generators`; 0 is
+        What each block is made of, numbered as in :mod:`sparsepop_py.problem.generators`; 0 is
         the constant 1 (a moment matrix).
     clique : (K,) int
         The clique of each block.

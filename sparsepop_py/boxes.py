@@ -20,7 +20,7 @@ from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import least_order, relax
 from sparsepop_py.sizing import affordable, worth_building
 from sparsepop_py.solvers import solve_conic

@@ -19,7 +19,7 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.presolve.scaling import Scaled
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation, least_order, relax
 from sparsepop_py.shapes import Products, Shape
 from sparsepop_py.sparsity import Cliques, Joined, Method, find_cliques

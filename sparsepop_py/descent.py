@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["newton_polish", "zeros_of_squares"]
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.blocks import BlockGroup, Blocks, ragged, row_monomials
-from sparsepop_py.generators import Generators
+from sparsepop_py.problem.generators import Generators
 from sparsepop_py.substitution import Rules
 
 __all__ = ["eliminated"]

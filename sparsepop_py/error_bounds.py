@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Result
 from sparsepop_py.solve import solve_each
 from sparsepop_py.verified.arithmetic.interval import Interval

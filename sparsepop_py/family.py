@@ -30,7 +30,7 @@ from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.rungs import Model
 from sparsepop_py.sequential import violated_rows

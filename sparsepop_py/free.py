@@ -17,7 +17,7 @@ from sparsepop_py.certificate.certificate import Node, Proved, prove
 from sparsepop_py.certificate.dual import floored
 from sparsepop_py.conic import assemble
 from sparsepop_py.presolve.scaling import Scaled, scale_objective
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.recovery import estimate, exact_grams
 from sparsepop_py.rungs import (
     Argued,

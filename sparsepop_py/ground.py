@@ -12,7 +12,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.catalogue import Experience, Families, Recipe, catalogue, families
 from sparsepop_py.lifting import coordinate_of
 from sparsepop_py.options import Options
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.shapes import Products
 
 __all__ = ["Ground", "branching"]

@@ -19,7 +19,7 @@ from sparsepop_py.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaling
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.shapes import Products
 from sparsepop_py.task import Task

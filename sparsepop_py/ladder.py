@@ -27,7 +27,7 @@ from sparsepop_py.free import free_round, good_enough
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
 from sparsepop_py.options import Options
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import least_order
 from sparsepop_py.result import Rung
 from sparsepop_py.rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially

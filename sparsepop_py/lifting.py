@@ -27,7 +27,6 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
@@ -37,7 +36,8 @@ from sparsepop_py.conic import ConicProgram, assemble
 from sparsepop_py.linear import LinearModel, LinearSolution
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem import generators
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation, relax
 from sparsepop_py.sparsity import Cliques
 from sparsepop_py.task import Clock

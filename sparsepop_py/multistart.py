@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.feasibility import ProvedPoint, prove_feasible
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.refinement import DENSE_LIMIT, local_search
 from sparsepop_py.rowform import RowForm
 from sparsepop_py.sequential import sequential_search

@@ -20,7 +20,7 @@ from sparsepop_py.certificate.certificate import Verdict
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.exact_simplex import Outcome, Simplex
 from sparsepop_py.polyhedron import Polyhedron
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Status
 from sparsepop_py.verified.arithmetic.interval import Interval
 

@@ -37,15 +37,15 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.blocks import BlockGroup, block_groups, stacked_groups
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.generators import Generators
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem import generators
+from sparsepop_py.problem.generators import Generators
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.shapes import Shape, shaped_blocks
 from sparsepop_py.sparsity import Cliques, find_cliques
 from sparsepop_py.terms import Terms, term_sparse

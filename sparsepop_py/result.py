@@ -14,7 +14,7 @@ from sparsepop_py.certificate.certificate import Certificate
 from sparsepop_py.conic import ConicSolution
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.verified.arithmetic.display import rounded
 

@@ -21,7 +21,7 @@ from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling, scale_objective
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.sizing import fitting_relaxations
 from sparsepop_py.solvers import preferred, solve_conic

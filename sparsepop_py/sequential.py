@@ -29,7 +29,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.linear import LinearModel
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["restored", "sequential_search", "violated_rows"]
 

@@ -25,12 +25,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.blocks import BlockGroup, Blocks, matrix_block
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem import generators
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsity import Cliques
 
 __all__ = ["Products", "Shape", "shaped_blocks"]
@@ -129,7 +129,7 @@ def shaped_blocks(
         Scaled, of degree two (of any degree where the shape is linear).
     cliques : Cliques
     system : PolynomialSystem
-        All generators, numbered as in :mod:`sparsepop_py.generators`.
+        All generators, numbered as in :mod:`sparsepop_py.problem.generators`.
     objectives : sequence of Polynomial
     """
     products = Products.of(problem, objectives)

@@ -24,7 +24,7 @@ from sparsepop_py.incumbents import first_attained, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.rungs import Bound, Model, level, relaxed

@@ -20,7 +20,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.formats.gms import read_gms
 from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.structs import from_structs
 from sparsepop_py.verified.arithmetic.interval import Interval
 

@@ -29,7 +29,7 @@ from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.chordal import Members, Method, chordal_extension, clique_tree, incidence, join
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = [
     "Cliques",

@@ -31,7 +31,7 @@ from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.lifting import first_moments
 from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.rungs import Argued, argue, short_if, solvers_for
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval

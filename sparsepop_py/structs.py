@@ -23,7 +23,7 @@ from sparsepop_py.algebra.matrix_constraints import cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["from_structs", "to_structs"]
 

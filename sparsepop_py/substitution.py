@@ -18,7 +18,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.blocks import BlockGroup, Blocks, ragged
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["KINDS", "Rules"]
 
@@ -64,7 +64,7 @@ class Rules:
     Parameters
     ----------
     generator : (K,) int
-        Their numbers as in :mod:`sparsepop_py.generators`.
+        Their numbers as in :mod:`sparsepop_py.problem.generators`.
     leading : (K, 2) int32
         The word that each of them rewrites.
     rest : (K, 2) int32

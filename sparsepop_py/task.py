@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sparsepop_py.certificate.box import Replay
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 
 __all__ = ["Clock", "Task"]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.feasibility import ProvedPoint
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import entries_hold
 
 __all__ = ["falling_ray"]

@@ -34,7 +34,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
@@ -50,10 +49,11 @@ from sparsepop_py.blocks import (
 )
 from sparsepop_py.elimination import eliminated
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.generators import Generators
 from sparsepop_py.moment_bounds import moment_bounds
 from sparsepop_py.newton import consistent_bases
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem import generators
+from sparsepop_py.problem.generators import Generators
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation, conic_rows, least_order
 from sparsepop_py.sparsity import Cliques
 from sparsepop_py.substitution import KINDS, Rules

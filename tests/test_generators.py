@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
-from sparsepop_py import Problem, generators
+from sparsepop_py import Problem
 from sparsepop_py.algebra import monomials
+from sparsepop_py.problem import generators
 from sparsepop_py.sparsity import find_cliques
 
 INF = np.inf

@@ -14,12 +14,12 @@ from random_cases import SEEDS, on_grid, random_case, some_polynomial
 from scipy.optimize import linprog
 
 import sparsepop_py as sp
-from sparsepop_py import generators
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.box import BoxProof, Replay, Tightening
 from sparsepop_py.certificate.certificate import Certificate, Node
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.interval import Interval
 
 INF = np.inf

@@ -13,7 +13,7 @@ import sparsepop_py as sp
 from sparsepop_py import problems
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsity import (
     Cliques,
     chordal_extension,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from relaxed import LOSSLESS, METHODS, dense, solved, value
 
 import sparsepop_py as sp
-from sparsepop_py import Problem, assemble, generators, relax, solve_conic
+from sparsepop_py import Problem, assemble, relax, solve_conic
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.blocks import block_groups
@@ -20,6 +20,7 @@ from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import candidates
 from sparsepop_py.presolve.scaling import Scaled, Scaling
+from sparsepop_py.problem import generators
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.terms import term_sparse
 from sparsepop_py.verified.arithmetic.interval import Interval

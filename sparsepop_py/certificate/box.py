@@ -26,7 +26,7 @@ from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.certificate.multipliers import are_indices
 from sparsepop_py.certificate.rows import box_rows, with_cutoff
 from sparsepop_py.presolve.propagation import Rows, is_empty, propagate, sweep
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = [

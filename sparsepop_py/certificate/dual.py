@@ -22,9 +22,9 @@ from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.certificate.multipliers import Multipliers
 from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.conic import ConicProgram, split_dual
-from sparsepop_py.generators import single_letters
 from sparsepop_py.presolve.scaling import Scaled
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.generators import single_letters
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 

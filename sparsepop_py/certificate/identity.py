@@ -30,7 +30,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.monomials import Words
@@ -43,6 +42,7 @@ from sparsepop_py.certificate.multipliers import (
 )
 from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by, up
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 

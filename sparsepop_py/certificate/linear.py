@@ -24,13 +24,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.identity import losses
 from sparsepop_py.certificate.multipliers import ScaledGenerators, are_indices, are_numbers
 from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import indices
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
@@ -47,7 +47,7 @@ class LinearDual:
     scaling : Scaling
         Its box is an assumption here; whoever uses the bounds has to prove it.
     generator : (L,) int
-        What each multiplier multiplies, numbered as in :mod:`sparsepop_py.generators`.
+        What each multiplier multiplies, numbered as in :mod:`sparsepop_py.problem.generators`.
     word : (L, D) int32
         The monomial in t that goes with it: the constant unless it multiplies an equality.
     value : (L,) float

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py import generators
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import interned
 from sparsepop_py.verified.arithmetic.interval import Interval, gram
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
@@ -40,7 +40,7 @@ class Multipliers:
     Parameters
     ----------
     generator : (K,) int
-        What they multiply, numbered as in :mod:`sparsepop_py.generators`.
+        What they multiply, numbered as in :mod:`sparsepop_py.problem.generators`.
     basis : (K, s, D) int32
         Monomials in t, as words.
     values : (K, s) or (K, s, r) float

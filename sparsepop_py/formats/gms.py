@@ -24,7 +24,7 @@ from sparsepop_py.formats.expressions import (
 )
 from sparsepop_py.formats.gms_statements import Statement, read_statements
 from sparsepop_py.formats.gms_writer import write_gms
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_gms", "write_gms"]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["write_gms"]
 

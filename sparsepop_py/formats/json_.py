@@ -32,7 +32,7 @@ from sparsepop_py.formats.json_codecs import (
     whole,
 )
 from sparsepop_py.options import Options
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Point, Result, Rung, Status
 from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.waki import Switches

@@ -17,7 +17,7 @@ from scipy.io.matlab import MatReadError
 
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.formats.json_ import from_json, to_json
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.sparsepop_structs import cell, matlab_structs
 from sparsepop_py.structs import INFINITE, from_structs, to_structs

@@ -19,7 +19,7 @@ from sparsepop_py.formats.expressions import (
     parse_number,
     tokenize,
 )
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["parse", "sum_of_squares"]
 

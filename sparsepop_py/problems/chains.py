@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problems.least_squares import Squares, Term, check_size, least_squares
 
 __all__ = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sparsepop_py.algebra.polynomial import variables
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["laboratory", "motzkin"]
 

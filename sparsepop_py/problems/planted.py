@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
 
 __all__ = ["planted_point", "random_quartic"]

@@ -27,7 +27,7 @@ from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.problem import Problem
+from sparsepop_py.problem.problem import Problem
 
 __all__ = [
     "Generators",
