@@ -15,10 +15,10 @@ import scipy.sparse as sps
 
 import sparsepop_py as sp
 from sparsepop_py.conic import ConicProgram
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.shapes import Shape
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 from . import identification, networks
 

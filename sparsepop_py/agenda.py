@@ -14,7 +14,7 @@ import numpy as np
 
 from sparsepop_py.catalogue import Recipe
 from sparsepop_py.ground import Ground
-from sparsepop_py.presolve.scaling import Scaled
+from sparsepop_py.verified.box.scaling import Scaled
 
 __all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda", "worth_in_parts"]
 

@@ -27,13 +27,13 @@ from sparsepop_py.lifting import Lifted, first_moments
 from sparsepop_py.linear import LinearSolution
 from sparsepop_py.narrowing import narrowed, taken_again
 from sparsepop_py.parts import Plan
-from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Rung
 from sparsepop_py.rungs import Argued, Bound, Model, argue, better, bound_of, level
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 __all__ = ["Auto"]
 

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
 from sparsepop_py.certificate.dual import identity_of, margin
-from sparsepop_py.certificate.inverse import left_inverse
 from sparsepop_py.conic import assemble
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
-from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import least_order, relax
 from sparsepop_py.sizing import affordable, worth_building
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.sparsity import Cliques, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.left_inverse import left_inverse
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 __all__ = ["find_box", "finite", "room_of", "shrinks"]
 

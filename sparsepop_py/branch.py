@@ -33,10 +33,10 @@ from sparsepop_py.certificate.certificate import (
     halves,
 )
 from sparsepop_py.parts import Explored, Plan, explore
-from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.progress import Stages
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
 
 __all__ = ["Search"]
 

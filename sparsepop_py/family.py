@@ -29,7 +29,6 @@ from sparsepop_py.incumbents import attained, carried, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.options import Options
-from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.rungs import Model
@@ -39,6 +38,7 @@ from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
 
 __all__ = ["Family", "first_starts", "pairs", "tightened_for_all", "width_between"]
 

@@ -16,7 +16,6 @@ from sparsepop_py.certificate.box import BoxProof
 from sparsepop_py.certificate.certificate import Node, Proved, prove
 from sparsepop_py.certificate.dual import floored
 from sparsepop_py.conic import assemble
-from sparsepop_py.presolve.scaling import Scaled, scale_objective
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.recovery import estimate, exact_grams
 from sparsepop_py.rungs import (
@@ -34,6 +33,7 @@ from sparsepop_py.rungs import (
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, scale_objective
 
 __all__ = ["free_round", "good_enough"]
 

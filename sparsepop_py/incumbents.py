@@ -17,14 +17,14 @@ from sparsepop_py.extraction import candidates, means
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
-from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.shapes import Products
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaling
 
 __all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
 

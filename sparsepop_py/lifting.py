@@ -34,8 +34,6 @@ from sparsepop_py.certificate.box import Replay, Tightening, coordinates
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.conic import ConicProgram, assemble
 from sparsepop_py.linear import LinearModel, LinearSolution
-from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation, relax
@@ -43,6 +41,8 @@ from sparsepop_py.sparsity import Cliques
 from sparsepop_py.task import Clock
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 __all__ = ["Lifted", "coordinate_of", "first_moments", "products_error", "tightened"]
 

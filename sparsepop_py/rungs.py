@@ -19,8 +19,6 @@ from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.condense import Condensed, condensed
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
-from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.presolve.scaling import Scaled, Scaling, scale_objective
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.sizing import fitting_relaxations
@@ -28,6 +26,8 @@ from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity import Joined, find_cliques
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaled, Scaling, scale_objective
 from sparsepop_py.waki import Switches
 
 __all__ = [

@@ -23,7 +23,6 @@ from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.incumbents import first_attained, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from sparsepop_py.options import Options
-from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import Point, Result, Status
@@ -32,6 +31,7 @@ from sparsepop_py.task import Clock, Task
 from sparsepop_py.threads import one_thread
 from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
 
 __all__ = ["solve", "solve_each"]
 

@@ -19,10 +19,10 @@ from sparsepop_py import problems
 from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.formats.gms import read_gms
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.structs import from_structs
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 __all__ = ["Input", "read_input", "with_tolerance"]
 

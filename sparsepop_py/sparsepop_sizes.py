@@ -12,12 +12,12 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.condense import Condensed, condensed
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Result, Status
 from sparsepop_py.sedumi import SeDuMi, dimacs_errors, full_columns
 from sparsepop_py.sparsepop_output import SDPInfo, SolverInfo
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 __all__ = ["BuiltSDP", "sizes_of", "solver_info"]
 

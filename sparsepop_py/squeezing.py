@@ -29,13 +29,13 @@ from sparsepop_py.certificate.box import Replay, Step, Tightening, shrunk, tight
 from sparsepop_py.certificate.certificate import Node, claim
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.lifting import first_moments
-from sparsepop_py.presolve.propagation import is_empty
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.rungs import Argued, argue, short_if, solvers_for
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 __all__ = ["Squeezed", "squeezed"]
 

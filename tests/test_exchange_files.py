@@ -27,13 +27,13 @@ from sparsepop_py.certificate.box import (
     Tightening,
 )
 from sparsepop_py.certificate.identity import Identity, Multipliers
-from sparsepop_py.certificate.inverse import LeftInverse
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.conic import Cones
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.formats import json_, json_certificates
-from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.verified.box.left_inverse import LeftInverse
+from sparsepop_py.verified.box.scaling import Scaling
 
 few = settings(
     max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

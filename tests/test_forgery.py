@@ -26,8 +26,8 @@ from sparsepop_py.certificate.box import BoxProof, Replay, Sublevel, sublevel_bo
 from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
 from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity, Multipliers, Priced, losses
-from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaling
 
 
 @pytest.fixture

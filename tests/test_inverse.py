@@ -14,8 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.inverse import LeftInverse, left_inverse
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.left_inverse import LeftInverse, left_inverse
 
 INF = float("inf")
 

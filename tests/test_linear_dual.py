@@ -18,9 +18,9 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.box import BoxProof, Replay, Tightening
 from sparsepop_py.certificate.certificate import Certificate, Node
 from sparsepop_py.certificate.linear import LinearDual
-from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaling
 
 INF = np.inf
 NONE = np.zeros((0, 2), np.int64)

@@ -19,8 +19,8 @@ from sparsepop_py.certificate.certificate import Node, certify, prove
 from sparsepop_py.certificate.dual import identity_of, shortened
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.certificate.multipliers import Multipliers
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 SEEDS = st.integers(0, 2**32 - 1)
 INF = np.inf

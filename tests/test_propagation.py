@@ -12,8 +12,8 @@ import sparsepop_py as sp
 from sparsepop_py import Kind, Problem
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.presolve.propagation import Rows, is_empty, propagate, sweep
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import Rows, is_empty, propagate, sweep
 
 INF = np.inf
 

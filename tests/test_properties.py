@@ -21,10 +21,10 @@ from sparsepop_py.certificate.box import box_rows
 from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.feasibility import prove_feasible
-from sparsepop_py.presolve.propagation import is_empty, propagate
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty, propagate
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 quick = settings(max_examples=40, deadline=None, derandomize=True, database=None)
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 INF = np.inf
 finite = st.one_of(

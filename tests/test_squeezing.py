@@ -26,11 +26,11 @@ from sparsepop_py.certificate.identity import Identity, Multipliers
 from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
 from sparsepop_py.parts import Plan, explore
-from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.progress import Stages
 from sparsepop_py.squeezing import Squeezed, squeezed
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
 
 U = np.array([1.0, -1.0, 0.5, 1.0, -0.5, -1.0, 1.0, 0.3])
 Y = np.array([0.05, -1.02, -0.25, 0.87, 0.06, -0.98, 0.37, 0.5])  # a = -0.7, b = 1, and errors

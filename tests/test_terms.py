@@ -19,11 +19,11 @@ from sparsepop_py.certificate.certificate import Node, certify, prove
 from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import candidates
-from sparsepop_py.presolve.scaling import Scaled, Scaling
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.terms import term_sparse
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 
 def split(problem, order, method, steps=None, cliques=None, lean=False):

@@ -21,13 +21,13 @@ from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.identity import Identity
-from sparsepop_py.certificate.inverse import LeftInverse
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.certificate.multipliers import are_indices
-from sparsepop_py.certificate.rows import box_rows, with_cutoff
-from sparsepop_py.presolve.propagation import Rows, is_empty, propagate, sweep
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.left_inverse import LeftInverse
+from sparsepop_py.verified.box.propagation import Rows, is_empty, propagate, sweep
+from sparsepop_py.verified.box.rows import box_rows, with_cutoff
 
 __all__ = [
     "BoxProof",

@@ -28,10 +28,10 @@ from sparsepop_py.certificate.box import BoxProof, Known, Replay, Sublevel, Tigh
 from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.certificate.linear import LinearDual
-from sparsepop_py.presolve.propagation import is_empty
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
 
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
 

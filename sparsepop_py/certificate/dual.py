@@ -22,11 +22,11 @@ from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.certificate.multipliers import Multipliers
 from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.conic import ConicProgram, split_dual
-from sparsepop_py.presolve.scaling import Scaled
 from sparsepop_py.problem.generators import single_letters
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
+from sparsepop_py.verified.box.scaling import Scaled
 
 __all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
 

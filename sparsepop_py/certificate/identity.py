@@ -41,10 +41,10 @@ from sparsepop_py.certificate.multipliers import (
     are_numbers,
 )
 from sparsepop_py.certificate.priced import Priced
-from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by, up
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
+from sparsepop_py.verified.box.scaling import Scaling
 
 __all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 

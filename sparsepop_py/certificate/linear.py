@@ -29,11 +29,11 @@ from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.certificate.identity import losses
 from sparsepop_py.certificate.multipliers import ScaledGenerators, are_indices, are_numbers
-from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import indices
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
+from sparsepop_py.verified.box.scaling import Scaling
 
 __all__ = ["LinearDual"]
 

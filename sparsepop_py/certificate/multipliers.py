@@ -24,11 +24,11 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.presolve.scaling import Scaling
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import interned
 from sparsepop_py.verified.arithmetic.interval import Interval, gram
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
+from sparsepop_py.verified.box.scaling import Scaling
 
 __all__ = ["Multipliers", "ScaledGenerators", "are_indices", "are_numbers"]
 

@@ -8,7 +8,6 @@ from sparsepop_py.certificate.box import BoxProof, Known, Propagation, Sublevel,
 from sparsepop_py.certificate.certificate import Certificate, Node
 from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.certificate.identity import Identity, Multipliers
-from sparsepop_py.certificate.inverse import LeftInverse
 from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.formats import json_codecs as codecs
@@ -24,7 +23,8 @@ from sparsepop_py.formats.json_codecs import (
     text,
     whole,
 )
-from sparsepop_py.presolve.scaling import Scaling
+from sparsepop_py.verified.box.left_inverse import LeftInverse
+from sparsepop_py.verified.box.scaling import Scaling
 
 __all__ = ["CERTIFICATE"]
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.presolve.propagation import Rows
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval, up
+from sparsepop_py.verified.box.propagation import Rows
 
 __all__ = ["box_rows", "with_cutoff"]
 
