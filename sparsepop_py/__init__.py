@@ -18,7 +18,6 @@ Examples
 from sparsepop_py import problems
 from sparsepop_py.algebra.matrix_constraints import psd, second_order
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
-from sparsepop_py.certificate.certificate import Certificate, Verdict
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.errors import (
     FormatError,
@@ -44,6 +43,7 @@ from sparsepop_py.sparsepop import sparsePOP
 from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.sparsity import Cliques, find_cliques
 from sparsepop_py.structs import from_structs, to_structs
+from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
 from sparsepop_py.waki import Switches
 
 __all__ = [

@@ -19,8 +19,6 @@ from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_pa
 from sparsepop_py.boxes import room_of, shrinks
 from sparsepop_py.branch import Search
 from sparsepop_py.catalogue import Recipe, expected_seconds, hashed, progress
-from sparsepop_py.certificate.box import BoxProof, Step, Tightening, tighten
-from sparsepop_py.certificate.certificate import Node, Proved, prove
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
 from sparsepop_py.lifting import Lifted, first_moments
@@ -34,6 +32,8 @@ from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening, tighten
 
 __all__ = ["Auto"]
 

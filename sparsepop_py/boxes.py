@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
-from sparsepop_py.certificate.box import BoxProof, Replay, Step, Sublevel, sublevel_box, tighten
 from sparsepop_py.certificate.dual import identity_of, margin
 from sparsepop_py.conic import assemble
 from sparsepop_py.feasibility import ProvedPoint
@@ -26,6 +25,14 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.left_inverse import left_inverse
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.steps import (
+    BoxProof,
+    Replay,
+    Step,
+    Sublevel,
+    sublevel_box,
+    tighten,
+)
 
 __all__ = ["find_box", "finite", "room_of", "shrinks"]
 

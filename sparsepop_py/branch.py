@@ -22,8 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.certificate.box import BoxProof, Replay, Step
-from sparsepop_py.certificate.certificate import (
+from sparsepop_py.parts import Explored, Plan, explore
+from sparsepop_py.progress import Stages
+from sparsepop_py.task import Task
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.certificate import (
     Argument,
     Certificate,
     Node,
@@ -32,11 +36,7 @@ from sparsepop_py.certificate.certificate import (
     claim,
     halves,
 )
-from sparsepop_py.parts import Explored, Plan, explore
-from sparsepop_py.progress import Stages
-from sparsepop_py.task import Task
-from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step
 
 __all__ = ["Search"]
 

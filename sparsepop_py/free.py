@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.certificate.box import BoxProof
-from sparsepop_py.certificate.certificate import Node, Proved, prove
 from sparsepop_py.certificate.dual import floored
 from sparsepop_py.conic import assemble
 from sparsepop_py.problem.problem import Problem
@@ -34,6 +32,8 @@ from sparsepop_py.solvers import solve_conic
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, scale_objective
+from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
+from sparsepop_py.verified.certificate.steps import BoxProof
 
 __all__ = ["free_round", "good_enough"]
 

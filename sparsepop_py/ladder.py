@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import find_box, finite
-from sparsepop_py.certificate.box import BoxProof, Replay
-from sparsepop_py.certificate.certificate import Node, prove
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.free import free_round, good_enough
 from sparsepop_py.ground import Ground
@@ -34,6 +32,8 @@ from sparsepop_py.rungs import Argued, Bound, Model, better, bound_of, level, on
 from sparsepop_py.task import Task
 from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Node, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 __all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 

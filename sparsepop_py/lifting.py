@@ -30,8 +30,6 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.certificate.box import Replay, Tightening, coordinates
-from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.conic import ConicProgram, assemble
 from sparsepop_py.linear import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
@@ -43,6 +41,8 @@ from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.steps import Replay, Tightening, coordinates
 
 __all__ = ["Lifted", "coordinate_of", "first_moments", "products_error", "tightened"]
 

@@ -18,12 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsepop_py.boxes import shrinks
-from sparsepop_py.certificate.box import BoxProof, Replay, Step, tighten
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.rungs import Model
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
 
 __all__ = ["Narrowed", "narrowed", "taken_again"]
 

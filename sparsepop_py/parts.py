@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from sparsepop_py.boxes import shrinks
 from sparsepop_py.catalogue import Families, Recipe
-from sparsepop_py.certificate.box import Replay, Step, tighten
-from sparsepop_py.certificate.certificate import Argument, Proved, claim, prove
 from sparsepop_py.lifting import Lifted, first_moments, products_error, tightened
 from sparsepop_py.rungs import argue, short_if
 from sparsepop_py.squeezing import squeezed
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.certificate import Argument, Proved, claim, prove
+from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 
 __all__ = ["Explored", "Plan", "explore"]
 

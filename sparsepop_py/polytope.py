@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
-from sparsepop_py.certificate.certificate import Verdict
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.exact_simplex import Outcome, Simplex
 from sparsepop_py.polyhedron import Polyhedron
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Status
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Verdict
 
 __all__ = ["LinearBound", "linear_bounds"]
 

@@ -27,12 +27,12 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.blocks import BlockGroup, Blocks, stacked_groups
-from sparsepop_py.certificate.gram import ExactGram
 from sparsepop_py.conic import assemble, split_dual
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation import Relaxation, on_groups
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.terms import term_sparse
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
 __all__ = ["estimate", "exact_grams"]
 

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box
-from sparsepop_py.certificate.box import BoxProof, Propagation, Replay
-from sparsepop_py.certificate.certificate import Certificate, Node, Proved, certify, claim, prove
 from sparsepop_py.certificate.dual import identity_of, margin, repaired, shortened
-from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.condense import Condensed, condensed
 from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
@@ -28,6 +25,16 @@ from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling, scale_objective
+from sparsepop_py.verified.certificate.certificate import (
+    Certificate,
+    Node,
+    Proved,
+    certify,
+    claim,
+    prove,
+)
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay
 from sparsepop_py.waki import Switches
 
 __all__ = [

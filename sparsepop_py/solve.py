@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box, finite
-from sparsepop_py.certificate.box import BoxProof
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.family import Family, first_starts, pairs, width_between
 from sparsepop_py.feasibility import ProvedPoint
@@ -32,6 +31,7 @@ from sparsepop_py.threads import one_thread
 from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.steps import BoxProof
 
 __all__ = ["solve", "solve_each"]
 

@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.certificate.certificate import Certificate
 from sparsepop_py.parameters import Parameters
 from sparsepop_py.result import Result, Status
+from sparsepop_py.verified.certificate.certificate import Certificate
 
 __all__ = ["CpuTime", "POPOutput", "SDPInfo", "SolverInfo", "SparsePOPOutput"]
 

@@ -11,10 +11,10 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.certificate.certificate import Certificate
 from sparsepop_py.parameter_table import FIELDS
 from sparsepop_py.parameters import Parameters
 from sparsepop_py.sparsepop_output import POPOutput, SparsePOPOutput
+from sparsepop_py.verified.certificate.certificate import Certificate
 
 __all__ = ["cell", "matlab_structs"]
 

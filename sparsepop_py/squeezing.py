@@ -25,9 +25,6 @@ from numpy.typing import NDArray
 
 from sparsepop_py.boxes import shrinks
 from sparsepop_py.catalogue import Families, Recipe
-from sparsepop_py.certificate.box import Replay, Step, Tightening, shrunk, tighten
-from sparsepop_py.certificate.certificate import Node, claim
-from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.lifting import first_moments
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.rungs import Argued, argue, short_if, solvers_for
@@ -36,6 +33,9 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.certificate import Node, claim
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import Replay, Step, Tightening, shrunk, tighten
 
 __all__ = ["Squeezed", "squeezed"]
 

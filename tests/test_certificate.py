@@ -27,11 +27,11 @@ from known_certificates import (
 
 import sparsepop_py as sp
 from sparsepop_py import rungs, solvers
-from sparsepop_py.certificate.box import BoxProof, Propagation, Replay
-from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
 from sparsepop_py.certificate.dual import shortened
 from sparsepop_py.solvers import clarabel_
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay
 
 ROOT = Path(sp.__file__).resolve().parent
 

@@ -18,7 +18,15 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import (
+from sparsepop_py.conic import Cones
+from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.formats import json_, json_certificates
+from sparsepop_py.verified.box.left_inverse import LeftInverse
+from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.priced import Priced
+from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
+from sparsepop_py.verified.certificate.steps import (
     BoxProof,
     Known,
     Propagation,
@@ -26,14 +34,6 @@ from sparsepop_py.certificate.box import (
     Sublevel,
     Tightening,
 )
-from sparsepop_py.certificate.identity import Identity, Multipliers
-from sparsepop_py.certificate.linear import LinearDual
-from sparsepop_py.certificate.priced import Priced
-from sparsepop_py.conic import Cones
-from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.formats import json_, json_certificates
-from sparsepop_py.verified.box.left_inverse import LeftInverse
-from sparsepop_py.verified.box.scaling import Scaling
 
 few = settings(
     max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]

@@ -22,12 +22,18 @@ from known_certificates import (
 )
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import BoxProof, Replay, Sublevel, sublevel_box, with_cutoff
-from sparsepop_py.certificate.certificate import Certificate, Node, certify, prove
-from sparsepop_py.certificate.gram import ExactGram
-from sparsepop_py.certificate.identity import Identity, Multipliers, Priced, losses
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify, prove
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
+from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers, Priced, losses
+from sparsepop_py.verified.certificate.steps import (
+    BoxProof,
+    Replay,
+    Sublevel,
+    sublevel_box,
+    with_cutoff,
+)
 
 
 @pytest.fixture

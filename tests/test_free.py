@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import problems
-from sparsepop_py.certificate.gram import ExactGram
-from sparsepop_py.certificate.identity import Identity
 from sparsepop_py.recovery import exact_grams
 from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
+from sparsepop_py.verified.certificate.sos_identity import Identity
 
 # optima: Waki, Kim, Kojima, Muramatsu (2006), section 6.1; nondquar: Conn et al. (1988)
 EXACT = [

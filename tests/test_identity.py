@@ -11,9 +11,9 @@ from exact_polynomials import exact_bound
 
 import sparsepop_py as sp
 from sparsepop_py.certificate.dual import identity_of, margin, repaired
-from sparsepop_py.certificate.identity import Identity, Multipliers
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
 
 INF = np.inf
 

@@ -15,9 +15,9 @@ from test_branch import bilinear, cuts_of, least_on_a_grid
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status, narrowing, parts
 from sparsepop_py.catalogue import catalogue
-from sparsepop_py.certificate.box import Known
 from sparsepop_py.ground import Ground
 from sparsepop_py.options import SKIPPED
+from sparsepop_py.verified.certificate.steps import Known
 
 CATALOGUE = catalogue
 A = np.array([1.0, -2.0, 1.5, 0.5, -1.0, 2.0])

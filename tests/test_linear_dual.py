@@ -15,12 +15,12 @@ from scipy.optimize import linprog
 
 import sparsepop_py as sp
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.certificate.box import BoxProof, Replay, Tightening
-from sparsepop_py.certificate.certificate import Certificate, Node
-from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.certificate import Certificate, Node
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Tightening
 
 INF = np.inf
 NONE = np.zeros((0, 2), np.int64)

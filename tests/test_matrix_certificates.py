@@ -14,13 +14,13 @@ from known_certificates import with_multipliers, with_root
 from random_matrices import feasible_grid, random_problem
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import Replay
-from sparsepop_py.certificate.certificate import Node, certify, prove
 from sparsepop_py.certificate.dual import identity_of, shortened
-from sparsepop_py.certificate.identity import Identity
-from sparsepop_py.certificate.multipliers import Multipliers
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.certificate import Node, certify, prove
+from sparsepop_py.verified.certificate.multipliers import Multipliers
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import Replay
 
 SEEDS = st.integers(0, 2**32 - 1)
 INF = np.inf

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import BoxProof, Known, Propagation, Replay
-from sparsepop_py.certificate.certificate import Certificate, Node
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Certificate, Node
+from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay
 
 INF = np.inf
 

@@ -14,8 +14,6 @@ from sparsepop_py import Problem, assemble, relax, solve_conic
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.blocks import block_groups
-from sparsepop_py.certificate.box import Replay
-from sparsepop_py.certificate.certificate import Node, certify, prove
 from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import candidates
@@ -24,6 +22,8 @@ from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.terms import term_sparse
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.certificate import Node, certify, prove
+from sparsepop_py.verified.certificate.steps import Replay
 
 
 def split(problem, order, method, steps=None, cliques=None, lean=False):

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import BoxProof, Propagation, Replay, Tightening
-from sparsepop_py.certificate.certificate import Certificate, Node, halves
-from sparsepop_py.certificate.linear import LinearDual
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, halves
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay, Tightening
 
 INF = np.inf
 POOLING = Path(__file__).resolve().parent.parent / "examples" / "problems" / "pooling.gms"

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.certificate.certificate import Certificate
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.formats import json_codecs as codecs
@@ -35,6 +34,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Point, Result, Rung, Status
 from sparsepop_py.unbounded import falling_ray
+from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.waki import Switches
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]

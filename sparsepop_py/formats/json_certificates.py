@@ -4,12 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from sparsepop_py.certificate.box import BoxProof, Known, Propagation, Sublevel, Tightening
-from sparsepop_py.certificate.certificate import Certificate, Node
-from sparsepop_py.certificate.gram import ExactGram
-from sparsepop_py.certificate.identity import Identity, Multipliers
-from sparsepop_py.certificate.linear import LinearDual
-from sparsepop_py.certificate.priced import Priced
 from sparsepop_py.formats import json_codecs as codecs
 from sparsepop_py.formats.json_codecs import (
     Codec,
@@ -25,6 +19,18 @@ from sparsepop_py.formats.json_codecs import (
 )
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.certificate import Certificate, Node
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.priced import Priced
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
+from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
+from sparsepop_py.verified.certificate.steps import (
+    BoxProof,
+    Known,
+    Propagation,
+    Sublevel,
+    Tightening,
+)
 
 __all__ = ["CERTIFICATE"]
 

@@ -20,14 +20,14 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.certificate.identity import Identity
-from sparsepop_py.certificate.linear import LinearDual
-from sparsepop_py.certificate.multipliers import are_indices
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.propagation import Rows, is_empty, propagate, sweep
 from sparsepop_py.verified.box.rows import box_rows, with_cutoff
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.multipliers import are_indices
+from sparsepop_py.verified.certificate.sos_identity import Identity
 
 __all__ = [
     "BoxProof",

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.certificate.multipliers import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 from sparsepop_py.verified.arithmetic.polynomial_range import monomial_ranges
 from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.multipliers import are_indices, are_numbers
 
 __all__ = ["Priced"]
 

@@ -6,7 +6,7 @@ With x = centre + scale * t, any multipliers at all give the identity
     sigma_k = |L_k' b_k(t)|^2 + floor_k |b_k(t)|^2 >= 0,
 
 where r is whatever remains. Matrices G_k >= 0 add products <S_k(t), G_k(x)> with squares S_k of
-matrices (see :mod:`~sparsepop_py.certificate.multipliers`). On the feasible set g_k >= 0 and
+matrices (see :mod:`~sparsepop_py.verified.certificate.multipliers`). On the feasible set g_k >= 0 and
 h_j = 0, so f(x) >= r(t). Where the variables are boxed, |t^a| <= 1 (and t^a in [0, 1] for
 even a), hence f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed variable is
 instead moved into the Gram matrix of a block of the constant 1 (or of t_v >= 0): a symmetric
@@ -34,17 +34,17 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.certificate.multipliers import (
+from sparsepop_py.problem import generators
+from sparsepop_py.verified.arithmetic.interval import Interval, sum_by, up
+from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
+from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.multipliers import (
     Multipliers,
     ScaledGenerators,
     are_indices,
     are_numbers,
 )
-from sparsepop_py.certificate.priced import Priced
-from sparsepop_py.problem import generators
-from sparsepop_py.verified.arithmetic.interval import Interval, sum_by, up
-from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
-from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.priced import Priced
 
 __all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 
