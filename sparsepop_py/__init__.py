@@ -26,7 +26,6 @@ from sparsepop_py.errors import (
     SolverNotFound,
     SparsePOPError,
 )
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.formats.gms import read_gms, write_gms
 from sparsepop_py.formats.json_ import from_json, read_json, to_json, write_json
 from sparsepop_py.formats.mat import read_mat, write_mat
@@ -44,6 +43,7 @@ from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.sparsity import Cliques, find_cliques
 from sparsepop_py.structs import from_structs, to_structs
 from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.waki import Switches
 
 __all__ = [

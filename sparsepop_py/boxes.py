@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.certificate.dual import identity_of, margin
 from sparsepop_py.conic import assemble
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import least_order, relax
@@ -33,6 +32,7 @@ from sparsepop_py.verified.certificate.steps import (
     sublevel_box,
     tighten,
 )
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["find_box", "finite", "room_of", "shrinks"]
 

@@ -21,7 +21,6 @@ from sparsepop_py.agenda import TIGHTENING
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import shrinks
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.ground import Ground, branching
 from sparsepop_py.incumbents import attained, carried, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed
@@ -39,6 +38,7 @@ from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["Family", "first_starts", "pairs", "tightened_for_all", "width_between"]
 

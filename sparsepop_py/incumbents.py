@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from sparsepop_py.boxes import find_box
 from sparsepop_py.conic import ConicSolution
 from sparsepop_py.extraction import candidates, means
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
@@ -25,6 +24,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
 

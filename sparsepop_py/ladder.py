@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import find_box, finite
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.free import free_round, good_enough
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
@@ -30,10 +29,11 @@ from sparsepop_py.relaxation import least_order
 from sparsepop_py.result import Rung
 from sparsepop_py.rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially
 from sparsepop_py.task import Task
-from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Node, prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
 

@@ -1,6 +1,6 @@
 """Local search: candidate minimisers in floating point.
 
-Nothing here is proved; :mod:`sparsepop_py.feasibility` decides what is attained. SLSQP
+Nothing here is proved; :mod:`sparsepop_py.verified.points.feasible_point` decides what is attained. SLSQP
 serves problems of up to a few hundred variables, L-BFGS-B large ones that have bounds
 only, trust-constr the rest; sequential linear programming is there for problems of degree
 two. IPOPT through casadi is an optional extra.

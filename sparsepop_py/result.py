@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.conic import ConicSolution
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

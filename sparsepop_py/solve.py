@@ -18,7 +18,6 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box, finite
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.family import Family, first_starts, pairs, width_between
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.incumbents import first_attained, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from sparsepop_py.options import Options
@@ -28,10 +27,11 @@ from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.rungs import Bound, Model, level, relaxed
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.threads import one_thread
-from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["solve", "solve_each"]
 

@@ -17,7 +17,6 @@ from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.boxes import find_box
 from sparsepop_py.error_bounds import error_bounds, index_sets
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.incumbents import attain
 from sparsepop_py.options import Options
 from sparsepop_py.parameters import Parameters, read_parameters
@@ -33,6 +32,7 @@ from sparsepop_py.sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
 from sparsepop_py.sparsepop_report import write_report
 from sparsepop_py.sparsepop_sizes import BuiltSDP, sizes_of, solver_info
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["sparsePOP"]
 

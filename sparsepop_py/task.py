@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.certificate.steps import Replay
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["Clock", "Task"]
 

@@ -17,7 +17,6 @@ from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import room_of
 from sparsepop_py.branch import Search
 from sparsepop_py.catalogue import Recipe, catalogue
-from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained
 from sparsepop_py.parts import Plan, explore
@@ -28,6 +27,7 @@ from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
+from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 INF = np.inf
 CATALOGUE = catalogue

@@ -14,10 +14,10 @@ from test_ladder import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_
 import sparsepop_py as sp
 from sparsepop_py import Options, Status, auto, branch, rungs
 from sparsepop_py.boxes import find_box
-from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ladder import INTERRUPTED
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.certificate.steps import Replay
+from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 SOLVE_CONIC, EXPLORE, STAGE = rungs.solve_conic, branch.explore, Stages.stage
 

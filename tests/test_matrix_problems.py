@@ -11,13 +11,13 @@ from random_matrices import feasible_grid, holds, random_problem
 from solved import check
 
 import sparsepop_py as sp
-from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.refinement import local_search
 from sparsepop_py.rowform import RowForm
-from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty, propagate
 from sparsepop_py.verified.certificate.steps import box_rows
+from sparsepop_py.verified.points.feasible_point import prove_feasible
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 INF = np.inf
 SEEDS = st.integers(0, 2**32 - 1)

@@ -18,13 +18,13 @@ from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
 from sparsepop_py.certificate.dual import identity_of
-from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty, propagate
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import box_rows
+from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 quick = settings(max_examples=40, deadline=None, derandomize=True, database=None)
 

@@ -14,7 +14,6 @@ from sparsepop_py import Options, Problem
 from sparsepop_py.auto import Auto
 from sparsepop_py.boxes import find_box
 from sparsepop_py.catalogue import Experience, Recipe, families, progress
-from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.narrowing import taken_again
@@ -23,6 +22,7 @@ from sparsepop_py.rungs import Model
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import Replay
+from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 INF = float("inf")
 

@@ -20,7 +20,6 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status, parts, squeezing
 from sparsepop_py.boxes import room_of
 from sparsepop_py.branch import Search
-from sparsepop_py.feasibility import prove_feasible
 from sparsepop_py.ground import Ground
 from sparsepop_py.parts import Plan, explore
 from sparsepop_py.progress import Stages
@@ -31,6 +30,7 @@ from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Tightening, tighten
+from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 U = np.array([1.0, -1.0, 0.5, 1.0, -0.5, -1.0, 1.0, 0.3])
 Y = np.array([0.05, -1.02, -0.25, 0.87, 0.06, -0.98, 0.37, 0.5])  # a = -0.7, b = 1, and errors

@@ -13,7 +13,6 @@ import pytest
 import sparsepop_py as sp
 from benchmarks.identification import task
 from sparsepop_py.certificate.dual import identity_of, shortened
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.progress import Stages
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
@@ -21,6 +20,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.sos_identity import Multipliers
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 
 def test_equal_arrays_are_one_and_unequal_ones_are_not():

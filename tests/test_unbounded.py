@@ -9,8 +9,8 @@ import pytest
 from exact_polynomials import value_at
 
 import sparsepop_py as sp
-from sparsepop_py.feasibility import prove_feasible
-from sparsepop_py.unbounded import falling_ray
+from sparsepop_py.verified.points.feasible_point import prove_feasible
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 
 def follow(problem, start, ray):

@@ -17,7 +17,6 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.formats import json_codecs as codecs
 from sparsepop_py.formats.json_certificates import CERTIFICATE
 from sparsepop_py.formats.json_codecs import (
@@ -33,8 +32,9 @@ from sparsepop_py.formats.json_codecs import (
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Point, Result, Rung, Status
-from sparsepop_py.unbounded import falling_ray
 from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
 from sparsepop_py.waki import Switches
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.feasibility import ProvedPoint
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import entries_hold
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["falling_ray"]
 
