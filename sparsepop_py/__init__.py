@@ -40,7 +40,7 @@ from sparsepop_py.solve import solve, solve_each
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.sparsepop import sparsePOP
 from sparsepop_py.sparsepop_output import SparsePOPOutput
-from sparsepop_py.sparsity import Cliques, find_cliques
+from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.structs import from_structs, to_structs
 from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
 from sparsepop_py.verified.points.feasible_point import ProvedPoint

@@ -24,7 +24,7 @@ from sparsepop_py.newton import consistent_bases
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.sparsity import Cliques
+from sparsepop_py.sparsity.correlative import Cliques
 
 __all__ = [
     "BlockGroup",

@@ -19,7 +19,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import least_order, relax
 from sparsepop_py.sizing import affordable, worth_building
 from sparsepop_py.solvers import solve_conic
-from sparsepop_py.sparsity import Cliques, find_cliques
+from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.left_inverse import left_inverse
 from sparsepop_py.verified.box.propagation import is_empty

@@ -20,7 +20,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import relax
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solve import solve
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]

@@ -31,7 +31,7 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.rungs import Model
 from sparsepop_py.sequential import violated_rows
 from sparsepop_py.shapes import Products
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over

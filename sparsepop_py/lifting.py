@@ -35,7 +35,7 @@ from sparsepop_py.linear import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation, relax
-from sparsepop_py.sparsity import Cliques
+from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.task import Clock
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -47,7 +47,7 @@ from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.shapes import Shape, shaped_blocks
-from sparsepop_py.sparsity import Cliques, find_cliques
+from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.terms import Terms, term_sparse
 
 __all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax"]

@@ -20,7 +20,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.sizing import fitting_relaxations
 from sparsepop_py.solvers import preferred, solve_conic
-from sparsepop_py.sparsity import Joined, find_cliques
+from sparsepop_py.sparsity.correlative import Joined, find_cliques
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty

@@ -55,7 +55,7 @@ from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation, conic_rows, least_order
-from sparsepop_py.sparsity import Cliques
+from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.substitution import KINDS, Rules
 
 __all__ = ["Switches", "plain_relaxation"]

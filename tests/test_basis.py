@@ -13,7 +13,7 @@ from sparsepop_py import Problem
 from sparsepop_py.algebra import monomials
 from sparsepop_py.basis import clique_bases, reduced_bases
 from sparsepop_py.newton import consistent_bases
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 
 
 def exponents(basis, n):

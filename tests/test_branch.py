@@ -22,7 +22,7 @@ from sparsepop_py.incumbents import attained
 from sparsepop_py.parts import Plan, explore
 from sparsepop_py.progress import Stages
 from sparsepop_py.rungs import Model
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove

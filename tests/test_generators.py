@@ -10,7 +10,7 @@ import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.algebra import monomials
 from sparsepop_py.problem import generators
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 
 INF = np.inf
 NOTHING = np.zeros((0, 2), int)

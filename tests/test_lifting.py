@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 import sparsepop_py as sp
 from sparsepop_py import Problem, Status
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay

@@ -11,7 +11,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.lifting import Lifted, tightened
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay

@@ -11,7 +11,7 @@ from relaxed import value
 import sparsepop_py as sp
 from sparsepop_py import Kind, Problem, assemble, relax, solve_conic
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 
 INF = np.inf
 

@@ -14,7 +14,7 @@ from sparsepop_py import problems
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.sparsity import (
+from sparsepop_py.sparsity.correlative import (
     Cliques,
     chordal_extension,
     csp_graph,

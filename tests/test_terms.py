@@ -18,7 +18,7 @@ from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import candidates
 from sparsepop_py.problem import generators
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.terms import term_sparse
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling

@@ -27,9 +27,16 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.chordal import Members, Method, chordal_extension, clique_tree, incidence, join
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.sparsity.chordal import (
+    Members,
+    Method,
+    chordal_extension,
+    clique_tree,
+    incidence,
+    join,
+)
 
 __all__ = [
     "Cliques",
