@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sps
 
 import sparsepop_py as sp
-from sparsepop_py.conic import ConicProgram
+from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.shapes import Shape
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -18,7 +18,7 @@ Examples
 from sparsepop_py import problems
 from sparsepop_py.algebra.matrix_constraints import psd, second_order
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
-from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.errors import (
     FormatError,
     ParameterWarning,

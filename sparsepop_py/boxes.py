@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
 from sparsepop_py.certificate.dual import identity_of, margin
-from sparsepop_py.conic import assemble
+from sparsepop_py.conic.program import assemble
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import least_order, relax

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import spsolve_triangular
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.conic import Cones, ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, assemble
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.solvers.base import solution as recomputed
 from sparsepop_py.substitution import Rules

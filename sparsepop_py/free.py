@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.certificate.dual import floored
-from sparsepop_py.conic import assemble
+from sparsepop_py.conic.program import assemble
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.recovery import estimate, exact_grams
 from sparsepop_py.rungs import (

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.boxes import find_box
-from sparsepop_py.conic import ConicSolution
+from sparsepop_py.conic.program import ConicSolution
 from sparsepop_py.extraction import candidates, means
 from sparsepop_py.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.conic import ConicProgram, assemble
+from sparsepop_py.conic.program import ConicProgram, assemble
 from sparsepop_py.linear import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem

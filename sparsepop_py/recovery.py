@@ -27,7 +27,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.blocks import BlockGroup, Blocks, stacked_groups
-from sparsepop_py.conic import assemble, split_dual
+from sparsepop_py.conic.program import assemble, split_dual
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation import Relaxation, on_groups
 from sparsepop_py.solvers import solve_conic

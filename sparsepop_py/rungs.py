@@ -14,7 +14,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box
 from sparsepop_py.certificate.dual import identity_of, margin, repaired, shortened
 from sparsepop_py.condense import Condensed, condensed
-from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import Cones, ConicProgram, ConicSolution
+from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution
 
 __all__ = ["SeDuMi", "dimacs_errors", "full_columns"]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.condense import Condensed, condensed
-from sparsepop_py.conic import ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.relaxation import Relaxation
 from sparsepop_py.result import Result, Status
 from sparsepop_py.sedumi import SeDuMi, dimacs_errors, full_columns

@@ -8,7 +8,7 @@ import scipy.sparse as sps
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
-from sparsepop_py.conic import Cones, ConicProgram
+from sparsepop_py.conic.program import Cones, ConicProgram
 from sparsepop_py.solvers import cliquetree, preferred, solve_conic
 
 

@@ -9,7 +9,7 @@ import scipy.sparse as sps
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
-from sparsepop_py.conic import Cones, ConicProgram
+from sparsepop_py.conic.program import Cones, ConicProgram
 from sparsepop_py.errors import ProblemError, SolverNotFound
 from sparsepop_py.solvers import cliquetree
 from sparsepop_py.solvers.cliquetree import kernels

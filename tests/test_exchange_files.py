@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.conic import Cones
+from sparsepop_py.conic.program import Cones
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.formats import json_, json_certificates
 from sparsepop_py.verified.box.left_inverse import LeftInverse

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import splu
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial, total
 from sparsepop_py.blocks import BlockGroup
-from sparsepop_py.conic import ConicProgram, split_dual
+from sparsepop_py.conic.program import ConicProgram, split_dual
 from sparsepop_py.problem.generators import single_letters
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation import Relaxation
@@ -48,7 +48,7 @@ def identity_of(
     relaxation, scaled
         The relaxation that was solved, and the scaled problem it is of.
     z : (R,) float
-        Dual in the convention of :mod:`sparsepop_py.conic`.
+        Dual in the convention of :mod:`sparsepop_py.conic.program`.
     objective_size : float
         original objective = size * scaled objective.
     floor : float

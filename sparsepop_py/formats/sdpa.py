@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import Cones, ConicProgram
+from sparsepop_py.conic.program import Cones, ConicProgram
 from sparsepop_py.errors import FormatError, ProblemError
 
 __all__ = ["read_sdpa", "write_info", "write_sdpa"]

@@ -1,7 +1,7 @@
 """Conic solvers behind one function: ``solve_conic(program, name)``.
 
 One file or folder a solver; each turns a ConicProgram into a ConicSolution in the
-convention of :mod:`sparsepop_py.conic`.
+convention of :mod:`sparsepop_py.conic.program`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.solvers import clarabel_, cliquetree, cvxpy_
 

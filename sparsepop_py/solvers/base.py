@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 
 __all__ = ["solution"]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.solvers.base import solution
 

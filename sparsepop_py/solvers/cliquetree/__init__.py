@@ -29,7 +29,7 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
-from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.solvers.base import solution
 from sparsepop_py.solvers.cliquetree.interior import minimise

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import Cones
+from sparsepop_py.conic.program import Cones
 from sparsepop_py.solvers.cliquetree.fronts import Fronts
 from sparsepop_py.solvers.cliquetree.kernels import Workers, check, compiled_kernels
 from sparsepop_py.solvers.cliquetree.layout import BlockStack, Layout

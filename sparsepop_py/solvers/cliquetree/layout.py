@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import Cones
+from sparsepop_py.conic.program import Cones
 
 __all__ = ["LANES", "BlockStack", "Layout", "lay_out"]
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import ConicProgram
+from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.solvers.cliquetree.assembly import BlockPairs, PairProduct, StackProduct
 from sparsepop_py.solvers.cliquetree.cone import CompiledCone, Cone
 from sparsepop_py.solvers.cliquetree.fronts import FrontFactor, Fronts

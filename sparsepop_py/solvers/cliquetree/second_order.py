@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import ConicProgram
+from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.errors import ProblemError
 
 __all__ = ["second_order_multipliers", "with_second_order"]
@@ -52,7 +52,7 @@ def with_second_order(
     The point of the disc of radius one with the least sum of coordinates:
 
     >>> import numpy as np, scipy.sparse as sps
-    >>> from sparsepop_py.conic import Cones, ConicProgram
+    >>> from sparsepop_py.conic.program import Cones, ConicProgram
     >>> from sparsepop_py.solvers import cliquetree
     >>> free = ConicProgram(np.ones(2), sps.csc_array((0, 2)), np.zeros(0), Cones(0, 0, ()))
     >>> G, h = sps.csc_array(np.array([[0, 0], [-1, 0], [0, -1.0]])), np.array([1.0, 0, 0])

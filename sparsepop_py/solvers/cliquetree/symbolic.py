@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.conic import ConicProgram
+from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.solvers.cliquetree.assembly import (
     Assembly,
     BlockPairs,
