@@ -15,8 +15,8 @@ import scipy.sparse as sps
 
 import sparsepop_py as sp
 from sparsepop_py.conic.program import ConicProgram
-from sparsepop_py.relaxation import Relaxation
-from sparsepop_py.shapes import Shape
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.relaxation.shapes import Shape
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 

@@ -34,7 +34,7 @@ from sparsepop_py.formats.text import parse
 from sparsepop_py.options import Options
 from sparsepop_py.polytope import LinearBound, linear_bounds
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation, relax
+from sparsepop_py.relaxation.moment import Relaxation, relax
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solve import solve, solve_each
 from sparsepop_py.solvers import solve_conic

@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
 from sparsepop_py.boxes import room_of, shrinks
 from sparsepop_py.branch import Search
-from sparsepop_py.catalogue import Recipe, expected_seconds, hashed, progress
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
 from sparsepop_py.lifting import Lifted, first_moments
 from sparsepop_py.linear import LinearSolution
 from sparsepop_py.narrowing import narrowed, taken_again
 from sparsepop_py.parts import Plan
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress
+from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Rung
 from sparsepop_py.rungs import Argued, Bound, Model, argue, better, bound_of, level
 from sparsepop_py.task import Task

@@ -17,7 +17,7 @@ from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check
 from sparsepop_py.formats.gms import read_gms
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import relax
+from sparsepop_py.relaxation.moment import relax
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solve import solve
 from sparsepop_py.sparsity.correlative import find_cliques

@@ -4,7 +4,7 @@ In f - gamma = sum_l sigma_l + sum_k sigma_k g_k + sum_j lambda_j h_j compare th
 one monomial that f lacks. If only squares b^2 of bases contribute to it, times terms of their
 g_k of one sign, then their diagonal Gram entries add up to zero, hence are zero, and so are
 their rows: these b leave. That goes on until nothing leaves. For sigma_l alone it is
-:mod:`sparsepop_py.newton`; here the multipliers of the constraints take part.
+:mod:`sparsepop_py.relaxation.newton_polytope`; here the multipliers of the constraints take part.
 
 References
 ----------
@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.blocks import BlockGroup, Blocks, ragged, row_monomials
 from sparsepop_py.problem.generators import Generators
+from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, ragged, row_monomials
 from sparsepop_py.substitution import Rules
 
 __all__ = ["eliminated"]

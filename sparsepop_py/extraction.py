@@ -23,7 +23,7 @@ from scipy import linalg
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["candidates", "combine", "extract_clique", "means"]
 

@@ -28,9 +28,9 @@ from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.rungs import Model
 from sparsepop_py.sequential import violated_rows
-from sparsepop_py.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval

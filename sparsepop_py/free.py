@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.certificate.dual import floored
 from sparsepop_py.conic.program import assemble
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.recovery import estimate, exact_grams
+from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.rungs import (
     Argued,
     Attempt,

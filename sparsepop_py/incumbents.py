@@ -17,8 +17,8 @@ from sparsepop_py.extraction import candidates, means
 from sparsepop_py.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation
-from sparsepop_py.shapes import Products
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over

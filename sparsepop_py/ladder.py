@@ -2,7 +2,7 @@
 
 A round ends with a certificate and with candidate minimisers. When these improve the
 attained value, the cut-off shrinks the box and another round may gain. With effort "auto"
-the rungs of :mod:`sparsepop_py.catalogue` follow, each time the one that promises to close
+the rungs of :mod:`sparsepop_py.relaxation.hierarchy` follow, each time the one that promises to close
 most of the gap per second, branch and bound among them; where no finite box is known,
 orders follow one another. The ladder ends when the gap is closed, time is over, or nothing
 is left to try.
@@ -25,7 +25,7 @@ from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import least_order
+from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Rung
 from sparsepop_py.rungs import Argued, Bound, Model, better, bound_of, level, one_round, trivially
 from sparsepop_py.task import Task

@@ -2,7 +2,7 @@
 
 Every monomial of the scaled problem becomes a column in [-1, 1] (in [0, 1] where all its
 powers are even); the rows are those of the linear shape of
-:mod:`sparsepop_py.relaxation`: constraints, equalities times their partners, products of
+:mod:`sparsepop_py.relaxation.moment`: constraints, equalities times their partners, products of
 bounds. Many objectives are minimised on one model from the last simplex basis. Every
 dual, optimal or of an infeasible program, becomes a :class:`LinearDual` and counts only
 for what that proves.
@@ -34,7 +34,7 @@ from sparsepop_py.conic.program import ConicProgram, assemble
 from sparsepop_py.linear import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation, relax
+from sparsepop_py.relaxation.moment import Relaxation, relax
 from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.task import Clock
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.blocks import BlockGroup
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.blocks import BlockGroup
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import monomial_ranges
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.arithmetic.display import rounded
 

@@ -20,8 +20,8 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 from sparsepop_py.descent import newton_polish, zeros_of_squares
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sequential import sequential_search
-from sparsepop_py.shapes import Products
 
 __all__ = ["DENSE_LIMIT", "local_search"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sparsepop_py.conic.program import ConicSolution
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint

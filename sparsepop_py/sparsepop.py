@@ -22,7 +22,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.parameters import Parameters, read_parameters
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
-from sparsepop_py.relaxation import least_order
+from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
 from sparsepop_py.rungs import Model, relaxed
 from sparsepop_py.solve import solve

@@ -15,7 +15,7 @@ from sparsepop_py.errors import check_writable
 from sparsepop_py.formats.sdpa import write_info, write_sdpa
 from sparsepop_py.parameters import Parameters
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.sparsepop_report import report
 from sparsepop_py.sparsepop_sizes import BuiltSDP

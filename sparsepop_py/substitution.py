@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.blocks import BlockGroup, Blocks, ragged
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, ragged
 
 __all__ = ["KINDS", "Rules"]
 

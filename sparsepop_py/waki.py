@@ -38,8 +38,14 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.basis import clique_bases
-from sparsepop_py.blocks import (
+from sparsepop_py.elimination import eliminated
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.moment_bounds import moment_bounds
+from sparsepop_py.problem import generators
+from sparsepop_py.problem.generators import Generators
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.basis import clique_bases
+from sparsepop_py.relaxation.blocks import (
     BlockGroup,
     Blocks,
     matrix_blocks,
@@ -47,14 +53,8 @@ from sparsepop_py.blocks import (
     row_monomials,
     stacked_groups,
 )
-from sparsepop_py.elimination import eliminated
-from sparsepop_py.errors import ProblemError
-from sparsepop_py.moment_bounds import moment_bounds
-from sparsepop_py.newton import consistent_bases
-from sparsepop_py.problem import generators
-from sparsepop_py.problem.generators import Generators
-from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation, conic_rows, least_order
+from sparsepop_py.relaxation.moment import Relaxation, conic_rows, least_order
+from sparsepop_py.relaxation.newton_polytope import consistent_bases
 from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.substitution import KINDS, Rules
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.algebra import monomials
-from sparsepop_py.basis import clique_bases, reduced_bases
-from sparsepop_py.newton import consistent_bases
+from sparsepop_py.relaxation.basis import clique_bases, reduced_bases
+from sparsepop_py.relaxation.newton_polytope import consistent_bases
 from sparsepop_py.sparsity.correlative import find_cliques
 
 

@@ -27,7 +27,7 @@ from known_certificates import (
 
 import sparsepop_py as sp
 from sparsepop_py import rungs, solvers
-from sparsepop_py.certificate.dual import shortened
+from sparsepop_py.relaxation.recover_multipliers import shortened
 from sparsepop_py.solvers import clarabel_
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify, prove

@@ -10,7 +10,7 @@ import pytest
 from exact_polynomials import exact_bound
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.dual import identity_of, margin, repaired
+from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers

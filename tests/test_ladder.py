@@ -14,9 +14,9 @@ from test_branch import bilinear, cuts_of, least_on_a_grid
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status, narrowing, parts
-from sparsepop_py.catalogue import catalogue
 from sparsepop_py.ground import Ground
 from sparsepop_py.options import SKIPPED
+from sparsepop_py.relaxation.hierarchy import catalogue
 from sparsepop_py.verified.certificate.steps import Known
 
 CATALOGUE = catalogue

@@ -14,7 +14,7 @@ from known_certificates import with_multipliers, with_root
 from random_matrices import feasible_grid, random_problem
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.dual import identity_of, shortened
+from sparsepop_py.relaxation.recover_multipliers import identity_of, shortened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.certificate import Node, certify, prove

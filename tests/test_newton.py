@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 import sparsepop_py as sp
 from sparsepop_py.algebra import monomials
-from sparsepop_py.newton import consistent_bases
+from sparsepop_py.relaxation.newton_polytope import consistent_bases
 
 settings.register_profile("newton", deadline=None, derandomize=True)
 settings.load_profile("newton")

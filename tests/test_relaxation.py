@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import sparsepop_py as sp
 from sparsepop_py import Kind, Problem, ProblemError, assemble, relax, solve_conic
 from sparsepop_py.algebra import monomials
-from sparsepop_py.relaxation import least_order
+from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.sparsity.correlative import find_cliques
 
 INF = np.inf

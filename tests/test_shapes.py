@@ -21,7 +21,7 @@ from test_relaxation import generator_values, monomial_values, planted
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic
-from sparsepop_py.shapes import Products
+from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
 
 INF = np.inf

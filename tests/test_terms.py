@@ -13,13 +13,13 @@ import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.blocks import block_groups
-from sparsepop_py.certificate.dual import identity_of
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.extraction import candidates
 from sparsepop_py.problem import generators
+from sparsepop_py.relaxation.blocks import block_groups
+from sparsepop_py.relaxation.recover_multipliers import identity_of
+from sparsepop_py.relaxation.term_sparsity import term_sparse
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.terms import term_sparse
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.certificate import Node, certify, prove

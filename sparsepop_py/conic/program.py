@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["Cones", "ConicProgram", "ConicSolution", "assemble", "split_dual"]
 

@@ -41,14 +41,14 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.blocks import BlockGroup, block_groups, stacked_groups
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.shapes import Shape, shaped_blocks
+from sparsepop_py.relaxation.blocks import BlockGroup, block_groups, stacked_groups
+from sparsepop_py.relaxation.shapes import Shape, shaped_blocks
+from sparsepop_py.relaxation.term_sparsity import Terms, term_sparse
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
-from sparsepop_py.terms import Terms, term_sparse
 
 __all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax"]
 
@@ -205,12 +205,12 @@ def relax(
     shape : {"full", "linear", "mixed", "star", "split"}
         ``"linear"``: rows only, with products of bounds up to the degree of the problem.
         The others: bases of problems of degree two between order 1 and order 2, see
-        :mod:`sparsepop_py.shapes`. ``order``, ``reduce`` and ``lean`` mean nothing then.
+        :mod:`sparsepop_py.relaxation.shapes`. ``order``, ``reduce`` and ``lean`` mean nothing then.
     terms : {"none", "components", "chordal", "sign"}
         Split the blocks by the monomials that occur in the problem and in ``objectives``:
         to connected components of the term graph, to the cliques of its chordal extension,
         or by sign symmetries. Components and signs keep the value of the relaxation,
-        chordal cliques are smaller and may lower it; see :mod:`sparsepop_py.terms`. Only
+        chordal cliques are smaller and may lower it; see :mod:`sparsepop_py.relaxation.term_sparsity`. Only
         objectives whose monomials were named fit such a relaxation.
 
     Raises

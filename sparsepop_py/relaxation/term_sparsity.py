@@ -42,10 +42,10 @@ from scipy.sparse.csgraph import connected_components
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.blocks import BlockGroup, Blocks, row_monomials, stacked_groups
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.generators import Generators
-from sparsepop_py.signs import invariant_words, sign_codes
+from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, row_monomials, stacked_groups
+from sparsepop_py.relaxation.sign_symmetry import invariant_words, sign_codes
 from sparsepop_py.sparsity.chordal import chordal_extension, clique_tree
 
 __all__ = ["Closure", "Terms", "term_sparse"]

@@ -19,10 +19,10 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation, least_order, relax
-from sparsepop_py.shapes import Products, Shape
+from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
+from sparsepop_py.relaxation.shapes import Products, Shape
+from sparsepop_py.relaxation.term_sparsity import Terms
 from sparsepop_py.sparsity.correlative import Cliques, Joined, Method, find_cliques
-from sparsepop_py.terms import Terms
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
-from sparsepop_py.basis import Bases, by_size
+from sparsepop_py.relaxation.basis import Bases, by_size
 
 __all__ = ["consistent_bases"]
 

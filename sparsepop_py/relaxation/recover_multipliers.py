@@ -17,11 +17,11 @@ from scipy.sparse.linalg import splu
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial, total
-from sparsepop_py.blocks import BlockGroup
 from sparsepop_py.conic.program import ConicProgram, split_dual
 from sparsepop_py.problem.generators import single_letters
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation import Relaxation
+from sparsepop_py.relaxation.blocks import BlockGroup
+from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.box.scaling import Scaled
 from sparsepop_py.verified.certificate.multipliers import Multipliers

@@ -19,11 +19,11 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.basis import by_size, clique_bases, reduced_bases
-from sparsepop_py.newton import consistent_bases
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.basis import by_size, clique_bases, reduced_bases
+from sparsepop_py.relaxation.newton_polytope import consistent_bases
 from sparsepop_py.sparsity.correlative import Cliques
 
 __all__ = [

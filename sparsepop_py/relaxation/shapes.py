@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.blocks import BlockGroup, Blocks, matrix_block
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, matrix_block
 from sparsepop_py.sparsity.correlative import Cliques
 
 __all__ = ["Products", "Shape", "shaped_blocks"]
