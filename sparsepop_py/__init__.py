@@ -35,6 +35,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.polytope import LinearBound, linear_bounds
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation, relax
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solve import solve, solve_each
 from sparsepop_py.solvers import solve_conic
@@ -44,7 +45,6 @@ from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.structs import from_structs, to_structs
 from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
-from sparsepop_py.waki import Switches
 
 __all__ = [
     "Certificate",

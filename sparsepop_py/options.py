@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.solvers import require_solver
-from sparsepop_py.waki import Switches
 
 __all__ = ["SKIPPED", "Options"]
 
@@ -95,7 +95,7 @@ class Options:
         Most iterations of a conic solver (Clarabel and the clique-tree method).
     switches : Switches, optional
         With effort ``"plain"``: the relaxation of Waki, Kim, Kojima and Muramatsu under
-        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.waki`.
+        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
     seed : int
         Seed of random starting points.
     progress : bool

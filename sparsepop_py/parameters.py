@@ -26,7 +26,7 @@ from sparsepop_py.parameter_values import (
     check_order,
     wrong,
 )
-from sparsepop_py.waki import Switches
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 __all__ = ["Parameters", "read_parameters"]
 

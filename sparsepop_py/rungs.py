@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.boxes import find_box
-from sparsepop_py.condense import Condensed, condensed
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
+from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.sizing import fitting_relaxations
 from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
@@ -35,7 +36,6 @@ from sparsepop_py.verified.certificate.certificate import (
 )
 from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay
-from sparsepop_py.waki import Switches
 
 __all__ = [
     "Argued",

@@ -20,8 +20,8 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
+from sparsepop_py.relaxation.sparsepop.relaxation import plain_relaxation
 from sparsepop_py.sparsity.correlative import Cliques
-from sparsepop_py.waki import plain_relaxation
 
 __all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 

@@ -11,7 +11,7 @@ from relaxed import assert_rows_hold
 
 import sparsepop_py as sp
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.waki import Switches, plain_relaxation
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches, plain_relaxation
 
 INF = np.inf
 

@@ -20,7 +20,7 @@ from sparsepop_py.errors import ParameterWarning, ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.parameter_table import FIELDS, render_table
 from sparsepop_py.parameters import Parameters, read_parameters
-from sparsepop_py.waki import Switches
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs" / "parameters.md"
 # Every field that SparsePOP 3.03's defaultParameter knows or echoes, and SparsePOP 2's names.

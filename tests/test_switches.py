@@ -15,12 +15,12 @@ from hypothesis import strategies as st
 from relaxed import assert_rows_hold
 
 import sparsepop_py as sp
-from sparsepop_py.condense import condensed
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.relaxation.sparsepop.reduction import condensed
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches, plain_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.sos_identity import Identity, Priced
-from sparsepop_py.waki import Switches, plain_relaxation
 
 LABORATORY = 52.70660654  # the minimum, by local searches from many starts and by certificates
 

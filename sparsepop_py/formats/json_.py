@@ -31,11 +31,11 @@ from sparsepop_py.formats.json_codecs import (
 )
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import Point, Result, Rung, Status
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
-from sparsepop_py.waki import Switches
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 

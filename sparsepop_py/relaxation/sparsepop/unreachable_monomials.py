@@ -24,7 +24,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, ragged, row_monomials
-from sparsepop_py.substitution import Rules
+from sparsepop_py.relaxation.sparsepop.substitution import Rules
 
 __all__ = ["eliminated"]
 

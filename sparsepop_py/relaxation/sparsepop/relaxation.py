@@ -9,7 +9,7 @@ degree d - ceil(deg g_k / 2) and lambda_j a polynomial of degree 2 (d - ceil(deg
 the variables of the cliques that cover the constraint, merged as far as is allowed. Each
 finite bound of a variable is such a g_k. Bounds of the moments themselves may be added.
 Equations with at most two terms, of the kinds that are chosen, are not multiplied but
-substituted: their monomials leave all bases, and :mod:`sparsepop_py.condense` solves the rows
+substituted: their monomials leave all bases, and :mod:`sparsepop_py.relaxation.sparsepop.reduction` solves the rows
 that remain of them. A fractional order gives matrices of the whole order below it, and
 equations multipliers up to the degree floor(2 (d - ceil(deg h / 2))).
 
@@ -38,9 +38,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.elimination import eliminated
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.moment_bounds import moment_bounds
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
@@ -55,8 +53,10 @@ from sparsepop_py.relaxation.blocks import (
 )
 from sparsepop_py.relaxation.moment import Relaxation, conic_rows, least_order
 from sparsepop_py.relaxation.newton_polytope import consistent_bases
+from sparsepop_py.relaxation.sparsepop.moment_bounds import moment_bounds
+from sparsepop_py.relaxation.sparsepop.substitution import KINDS, Rules
+from sparsepop_py.relaxation.sparsepop.unreachable_monomials import eliminated
 from sparsepop_py.sparsity.correlative import Cliques
-from sparsepop_py.substitution import KINDS, Rules
 
 __all__ = ["Switches", "plain_relaxation"]
 
