@@ -25,8 +25,8 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.rungs import Bound, Model, level, relaxed
+from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.task import Clock, Task
-from sparsepop_py.threads import one_thread
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof

@@ -12,11 +12,11 @@ from sparsepop_py import Problem
 from sparsepop_py.conic.program import Cones, ConicProgram
 from sparsepop_py.errors import ProblemError, SolverNotFound
 from sparsepop_py.solvers import cliquetree
-from sparsepop_py.solvers.cliquetree import kernels
-from sparsepop_py.solvers.cliquetree.fronts import FrontFactor
-from sparsepop_py.solvers.cliquetree.interior import minimise
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
-from sparsepop_py.solvers.cliquetree.tree import Factor
+from sparsepop_py.solvers.cliquetree.iterations.interior import minimise
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.kernels import batched as kernels
+from sparsepop_py.solvers.cliquetree.symbolic.fronts import FrontFactor
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Factor
 
 NUMPY, NUMBA = (cliquetree.Settings(kernels=k) for k in ("numpy", "numba"))
 
@@ -109,7 +109,7 @@ def test_an_indefinite_front_is_refused(compiled):
 
 
 def test_numba_is_never_required(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sparsepop_py.solvers.cliquetree.compiled", None)
+    monkeypatch.setitem(sys.modules, "sparsepop_py.solvers.cliquetree.kernels.compiled", None)
     p = chain(150)  # large enough to ask for compiled kernels
     done = cliquetree.run(p)
     assert isinstance(done.symbolic.assemblies, tuple) and done.solution.status == "solved"
@@ -118,10 +118,12 @@ def test_numba_is_never_required(monkeypatch):
 
 
 def test_small_programs_and_short_limits_do_not_load_numba(monkeypatch):
-    monkeypatch.delitem(sys.modules, "sparsepop_py.solvers.cliquetree.compiled", raising=False)
+    monkeypatch.delitem(
+        sys.modules, "sparsepop_py.solvers.cliquetree.kernels.compiled", raising=False
+    )
     cliquetree.solve(chain(12))
     cliquetree.solve(chain(150), time_limit=3.0)
-    assert "sparsepop_py.solvers.cliquetree.compiled" not in sys.modules
+    assert "sparsepop_py.solvers.cliquetree.kernels.compiled" not in sys.modules
 
 
 @pytest.mark.parametrize("flag", [False, True])
@@ -145,7 +147,7 @@ def test_what_was_reached_is_kept_when_time_ends_inside(monkeypatch):
         if next(looks):
             raise kernels.OutOfTime("time limit")
 
-    monkeypatch.setattr("sparsepop_py.solvers.cliquetree.assembly.check", check)
+    monkeypatch.setattr("sparsepop_py.solvers.cliquetree.symbolic.assembly.check", check)
     outcome = minimise(numbers, cliquetree.Settings(), deadline=np.inf)
     assert outcome.detail == "time limit" and len(outcome.log) > 2
     assert max(line.safe for line in outcome.log) > outcome.log[0].safe

@@ -8,9 +8,9 @@ import pytest
 import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.solvers import cliquetree
-from sparsepop_py.solvers.cliquetree.kernels import OutOfTime
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
-from sparsepop_py.solvers.cliquetree.repair import Repair, safe_value
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.repair import Repair, safe_value
+from sparsepop_py.solvers.cliquetree.kernels.batched import OutOfTime
 
 
 @pytest.fixture

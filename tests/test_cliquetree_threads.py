@@ -7,9 +7,9 @@ from scipy.linalg import eigh
 import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.solvers import cliquetree
-from sparsepop_py.solvers.cliquetree import assembly
-from sparsepop_py.solvers.cliquetree.kernels import Workers, compiled_kernels
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, compiled_kernels
+from sparsepop_py.solvers.cliquetree.symbolic import assembly
 
 
 @pytest.fixture(scope="module")

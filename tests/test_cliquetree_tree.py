@@ -6,10 +6,10 @@ import pytest
 import sparsepop_py as sp
 from sparsepop_py import Problem
 from sparsepop_py.solvers.cliquetree import analyse
-from sparsepop_py.solvers.cliquetree.elimination import amalgamate, eliminate, maximal
-from sparsepop_py.solvers.cliquetree.kernels import largest_step, lower_inverse
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
-from sparsepop_py.solvers.cliquetree.tree import Factor, plant
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.kernels.batched import largest_step, lower_inverse
+from sparsepop_py.solvers.cliquetree.symbolic.elimination import amalgamate, eliminate, maximal
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Factor, plant
 
 
 def some_cliques(kind, rng):

@@ -9,7 +9,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import sparsepop_py as sp
-from sparsepop_py.threads import one_thread
+from sparsepop_py.solvers.threads import one_thread
 
 
 def blas() -> set[int]:

@@ -32,12 +32,26 @@ from dataclasses import dataclass, replace
 from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.solvers.base import solution
-from sparsepop_py.solvers.cliquetree.interior import minimise
-from sparsepop_py.solvers.cliquetree.kernels import Workers, compiled_kernels
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
-from sparsepop_py.solvers.cliquetree.progress import Iterate, Iteration, Outcome, Settings, better
-from sparsepop_py.solvers.cliquetree.second_order import second_order_multipliers, with_second_order
-from sparsepop_py.solvers.cliquetree.symbolic import Symbolic, analyse, numpy_seconds, pattern_key
+from sparsepop_py.solvers.cliquetree.iterations.interior import minimise
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.progress import (
+    Iterate,
+    Iteration,
+    Outcome,
+    Settings,
+    better,
+)
+from sparsepop_py.solvers.cliquetree.iterations.second_order import (
+    second_order_multipliers,
+    with_second_order,
+)
+from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, compiled_kernels
+from sparsepop_py.solvers.cliquetree.symbolic.analysis import (
+    Symbolic,
+    analyse,
+    numpy_seconds,
+    pattern_key,
+)
 
 __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "run", "solve"]
 __all__ += ["second_order_multipliers", "with_second_order"]

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.solvers.cliquetree.fronts import FrontFactor
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
-from sparsepop_py.solvers.cliquetree.progress import Iterate
-from sparsepop_py.solvers.cliquetree.tree import Factor
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.progress import Iterate
+from sparsepop_py.solvers.cliquetree.symbolic.fronts import FrontFactor
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Factor
 
 __all__ = ["Repair", "safe_value"]
 

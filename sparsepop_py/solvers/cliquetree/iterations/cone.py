@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.solvers.cliquetree.assembly import BlockPairs
-from sparsepop_py.solvers.cliquetree.kernels import (
+from sparsepop_py.solvers.cliquetree.kernels.batched import (
     Workers,
     cholesky,
     compiled_kernels,
@@ -22,7 +21,8 @@ from sparsepop_py.solvers.cliquetree.kernels import (
     symmetric,
     transposed,
 )
-from sparsepop_py.solvers.cliquetree.layout import BlockStack
+from sparsepop_py.solvers.cliquetree.symbolic.assembly import BlockPairs
+from sparsepop_py.solvers.cliquetree.symbolic.layout import BlockStack
 
 __all__ = ["CompiledCone", "Cone"]
 

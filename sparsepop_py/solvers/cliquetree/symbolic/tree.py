@@ -18,8 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.solvers.cliquetree.elimination import Front, parents
-from sparsepop_py.solvers.cliquetree.kernels import check, cholesky, lower_inverse, transposed
+from sparsepop_py.solvers.cliquetree.kernels.batched import (
+    check,
+    cholesky,
+    lower_inverse,
+    transposed,
+)
+from sparsepop_py.solvers.cliquetree.symbolic.elimination import Front, parents
 
 __all__ = ["Factor", "FrontStack", "Tree", "plant"]
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import ConicProgram
-from sparsepop_py.solvers.cliquetree.assembly import (
+from sparsepop_py.solvers.cliquetree.symbolic.assembly import (
     Assembly,
     BlockPairs,
     RowPairs,
@@ -27,10 +27,10 @@ from sparsepop_py.solvers.cliquetree.assembly import (
     row_pairs,
     stacked,
 )
-from sparsepop_py.solvers.cliquetree.elimination import amalgamate, eliminate, maximal
-from sparsepop_py.solvers.cliquetree.fronts import Fronts, line_up
-from sparsepop_py.solvers.cliquetree.layout import Layout, lay_out
-from sparsepop_py.solvers.cliquetree.tree import Tree, plant
+from sparsepop_py.solvers.cliquetree.symbolic.elimination import amalgamate, eliminate, maximal
+from sparsepop_py.solvers.cliquetree.symbolic.fronts import Fronts, line_up
+from sparsepop_py.solvers.cliquetree.symbolic.layout import Layout, lay_out
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Tree, plant
 
 __all__ = ["Symbolic", "analyse", "numpy_seconds", "pattern_key"]
 

@@ -25,10 +25,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.solvers.cliquetree.fronts import FrontFactor
-from sparsepop_py.solvers.cliquetree.kernels import OutOfTime
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
-from sparsepop_py.solvers.cliquetree.progress import (
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.progress import (
     Iterate,
     Iteration,
     Outcome,
@@ -38,8 +36,10 @@ from sparsepop_py.solvers.cliquetree.progress import (
     verdict,
     wants_repair,
 )
-from sparsepop_py.solvers.cliquetree.repair import Repair, safe_value
-from sparsepop_py.solvers.cliquetree.tree import Factor
+from sparsepop_py.solvers.cliquetree.iterations.repair import Repair, safe_value
+from sparsepop_py.solvers.cliquetree.kernels.batched import OutOfTime
+from sparsepop_py.solvers.cliquetree.symbolic.fronts import FrontFactor
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Factor
 
 __all__ = ["minimise"]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sparsepop_py.solvers.cliquetree.machine import (
+from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,
     all_positive,

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from sparsepop_py.solvers.cliquetree import compiled_blocks as blocks
-from sparsepop_py.solvers.cliquetree import compiled_lanes as lanes
-from sparsepop_py.solvers.cliquetree import compiled_pairs as pairs
-from sparsepop_py.solvers.cliquetree.machine import (
+from sparsepop_py.solvers.cliquetree.kernels import compiled_blocks as blocks
+from sparsepop_py.solvers.cliquetree.kernels import compiled_lanes as lanes
+from sparsepop_py.solvers.cliquetree.kernels import compiled_pairs as pairs
+from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,
     filled,

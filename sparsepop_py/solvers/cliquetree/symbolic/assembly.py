@@ -17,10 +17,10 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import Cones
-from sparsepop_py.solvers.cliquetree.fronts import Fronts
-from sparsepop_py.solvers.cliquetree.kernels import Workers, check, compiled_kernels
-from sparsepop_py.solvers.cliquetree.layout import BlockStack, Layout
-from sparsepop_py.solvers.cliquetree.tree import Tree
+from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, check, compiled_kernels
+from sparsepop_py.solvers.cliquetree.symbolic.fronts import Fronts
+from sparsepop_py.solvers.cliquetree.symbolic.layout import BlockStack, Layout
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Tree
 
 __all__ = ["Assembly", "BlockPairs", "PairProduct", "RowPairs", "StackProduct"]
 __all__ += ["block_pairs", "row_pairs", "stacked"]

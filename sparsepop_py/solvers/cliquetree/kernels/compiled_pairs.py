@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sparsepop_py.solvers.cliquetree.compiled_blocks import pad, room_of, width_of
-from sparsepop_py.solvers.cliquetree.machine import (
+from sparsepop_py.solvers.cliquetree.kernels.compiled_blocks import pad, room_of, width_of
+from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,
     filled,

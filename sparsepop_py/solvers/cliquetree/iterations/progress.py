@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.solvers.cliquetree.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
 
 __all__ = [
     "Iterate",

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.solvers.cliquetree.elimination import Front, parents
-from sparsepop_py.solvers.cliquetree.kernels import Workers, check, compiled_kernels
+from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, check, compiled_kernels
+from sparsepop_py.solvers.cliquetree.symbolic.elimination import Front, parents
 
 __all__ = ["FrontFactor", "Fronts", "line_up"]
 

@@ -13,12 +13,12 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import ConicProgram
-from sparsepop_py.solvers.cliquetree.assembly import BlockPairs, PairProduct, StackProduct
-from sparsepop_py.solvers.cliquetree.cone import CompiledCone, Cone
-from sparsepop_py.solvers.cliquetree.fronts import FrontFactor, Fronts
-from sparsepop_py.solvers.cliquetree.kernels import Workers
-from sparsepop_py.solvers.cliquetree.symbolic import Symbolic
-from sparsepop_py.solvers.cliquetree.tree import Factor
+from sparsepop_py.solvers.cliquetree.iterations.cone import CompiledCone, Cone
+from sparsepop_py.solvers.cliquetree.kernels.batched import Workers
+from sparsepop_py.solvers.cliquetree.symbolic.analysis import Symbolic
+from sparsepop_py.solvers.cliquetree.symbolic.assembly import BlockPairs, PairProduct, StackProduct
+from sparsepop_py.solvers.cliquetree.symbolic.fronts import FrontFactor, Fronts
+from sparsepop_py.solvers.cliquetree.symbolic.tree import Factor
 
 __all__ = ["Numbers"]
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sparsepop_py.solvers.cliquetree.compiled_lanczos import ritz
-from sparsepop_py.solvers.cliquetree.machine import (
+from sparsepop_py.solvers.cliquetree.kernels.compiled_lanczos import ritz
+from sparsepop_py.solvers.cliquetree.kernels.machine import (
     LANES,
     WORD,
     filled,
