@@ -21,7 +21,7 @@ from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
 from sparsepop_py.lifting import Lifted, first_moments
-from sparsepop_py.linear import LinearSolution
+from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.narrowing import narrowed, taken_again
 from sparsepop_py.parts import Plan
 from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress

@@ -31,7 +31,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.conic.program import ConicProgram, assemble
-from sparsepop_py.linear import LinearModel, LinearSolution
+from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation, relax

@@ -1,7 +1,7 @@
 """Linear problems in few unknowns, solved exactly: before any box exists, and without rounding.
 
 HiGHS proposes the rows that are active at the optimum; exact pivots do the rest (see
-:mod:`sparsepop_py.exact_simplex`). What comes out is always settled: an optimal vertex,
+:mod:`sparsepop_py.lp.exact_simplex`). What comes out is always settled: an optimal vertex,
 multipliers that prove emptiness (Farkas), or a ray along which the objective falls.
 """
 
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.exact_simplex import Outcome, Simplex
-from sparsepop_py.polyhedron import Polyhedron
+from sparsepop_py.lp.exact_simplex import Outcome, Simplex
+from sparsepop_py.lp.polyhedron import Polyhedron
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Status
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from random_cases import SEEDS
 from scipy.optimize import linprog
 
-from sparsepop_py.linear import LinearModel, solve_lp
+from sparsepop_py.lp.highs import LinearModel, solve_lp
 
 INF = np.inf
 

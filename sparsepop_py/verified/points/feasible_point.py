@@ -29,7 +29,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.linear import solve_lp
+from sparsepop_py.lp.highs import solve_lp
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import hold_at, hold_over
 from sparsepop_py.verified.arithmetic.interval import Interval, exact_values

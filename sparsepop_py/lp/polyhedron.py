@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.linear import LinearModel
+from sparsepop_py.lp.highs import LinearModel
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Polyhedron", "doubles", "integers"]

@@ -15,7 +15,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.polyhedron import Polyhedron, doubles, integers
+from sparsepop_py.lp.polyhedron import Polyhedron, doubles, integers
 
 __all__ = ["Outcome", "Simplex"]
 
