@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
-from sparsepop_py.boxes import room_of, shrinks
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained, extracted
@@ -24,6 +23,7 @@ from sparsepop_py.lifting import Lifted, first_moments
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.narrowing import narrowed, taken_again
 from sparsepop_py.parts import Plan
+from sparsepop_py.presolve.initial_box import room_of, shrinks
 from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Rung

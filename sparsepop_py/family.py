@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from sparsepop_py.agenda import TIGHTENING
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.auto import Auto
-from sparsepop_py.boxes import shrinks
 from sparsepop_py.ground import Ground, branching
 from sparsepop_py.incumbents import attained, carried, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.options import Options
+from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sparsepop_py.boxes import shrinks
 from sparsepop_py.lifting import Lifted, tightened
+from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.rungs import Model
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval

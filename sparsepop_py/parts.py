@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.boxes import shrinks
 from sparsepop_py.lifting import Lifted, first_moments, products_error, tightened
+from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.relaxation.hierarchy import Families, Recipe
 from sparsepop_py.rungs import argue, short_if
 from sparsepop_py.squeezing import squeezed

@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.boxes import find_box
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.options import Options
+from sparsepop_py.presolve.initial_box import find_box
+from sparsepop_py.presolve.size_limits import fitting_relaxations
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
 from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
-from sparsepop_py.sizing import fitting_relaxations
 from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
 from sparsepop_py.task import Task

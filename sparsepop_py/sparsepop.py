@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.monomials import evaluate
-from sparsepop_py.boxes import find_box
 from sparsepop_py.error_bounds import error_bounds, index_sets
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.incumbents import attain
 from sparsepop_py.options import Options
 from sparsepop_py.parameters import Parameters, read_parameters
+from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order

@@ -14,11 +14,11 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.auto import Auto
-from sparsepop_py.boxes import room_of
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.incumbents import attained
 from sparsepop_py.parts import Plan, explore
+from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Recipe, catalogue
 from sparsepop_py.rungs import Model

@@ -13,8 +13,8 @@ from test_ladder import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status, auto, branch, rungs
-from sparsepop_py.boxes import find_box
 from sparsepop_py.ladder import INTERRUPTED
+from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.certificate.steps import Replay
 from sparsepop_py.verified.points.feasible_point import prove_feasible

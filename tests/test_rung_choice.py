@@ -12,10 +12,10 @@ import sparsepop_py as sp
 from benchmarks.identification import THETA, task
 from sparsepop_py import Options, Problem
 from sparsepop_py.auto import Auto
-from sparsepop_py.boxes import find_box
 from sparsepop_py.ground import Ground
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.narrowing import taken_again
+from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Experience, Recipe, families, progress
 from sparsepop_py.rungs import Model

@@ -18,10 +18,10 @@ from test_ladder import star
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status, parts, squeezing
-from sparsepop_py.boxes import room_of
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.parts import Plan, explore
+from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.squeezing import Squeezed, squeezed
 from sparsepop_py.task import Clock, Task
