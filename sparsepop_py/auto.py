@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
-from sparsepop_py.incumbents import attained, extracted
 from sparsepop_py.lifting import Lifted, first_moments
+from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.narrowing import narrowed, taken_again
 from sparsepop_py.parts import Plan

@@ -21,16 +21,16 @@ from sparsepop_py.agenda import TIGHTENING
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.auto import Auto
 from sparsepop_py.ground import Ground, branching
-from sparsepop_py.incumbents import attained, carried, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
+from sparsepop_py.local_search.incumbents import attained, carried, random_starts
+from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.rungs import Model
-from sparsepop_py.sequential import violated_rows
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from sparsepop_py.auto import Auto
 from sparsepop_py.free import free_round, good_enough
 from sparsepop_py.ground import Ground
-from sparsepop_py.incumbents import attained, extracted
+from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.family import Family, first_starts, pairs, width_between
-from sparsepop_py.incumbents import first_attained, random_starts
 from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
+from sparsepop_py.local_search.incumbents import first_attained, random_starts
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.error_bounds import error_bounds, index_sets
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.incumbents import attain
+from sparsepop_py.local_search.incumbents import attain
 from sparsepop_py.options import Options
 from sparsepop_py.parameters import Parameters, read_parameters
 from sparsepop_py.presolve.initial_box import find_box

@@ -5,7 +5,7 @@ import pytest
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.extraction import combine, extract_clique
+from sparsepop_py.local_search.extraction import combine, extract_clique
 
 ATOMS = {
     (1, 1): [[0.3]],

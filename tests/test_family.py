@@ -11,7 +11,7 @@ from solved import INF, check, region
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
-from sparsepop_py.multistart import best_attained
+from sparsepop_py.local_search.multistart import best_attained
 
 AUTO = Options(effort="auto")
 WIDTH = Options(effort="auto", gap=1e-3, gap_kind="width")
@@ -304,7 +304,7 @@ def test_what_is_repaired_is_searched_from_once(effort, monkeypatch):
         repaired.append(tuple(x))
         return x
 
-    monkeypatch.setattr("sparsepop_py.incumbents.best_attained", best)
+    monkeypatch.setattr("sparsepop_py.local_search.incumbents.best_attained", best)
     x, y = sp.variables(2)
     endless = {"presolve": np.inf, "auto": 1.0}[effort]
     problem = sp.Problem(x, [x * y >= 0.25, x + y <= 1], [0, -endless], endless)

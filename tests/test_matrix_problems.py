@@ -11,8 +11,8 @@ from random_matrices import feasible_grid, holds, random_problem
 from solved import check
 
 import sparsepop_py as sp
-from sparsepop_py.refinement import local_search
-from sparsepop_py.rowform import RowForm
+from sparsepop_py.local_search.matrix_rows import RowForm
+from sparsepop_py.local_search.solvers import local_search
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty, propagate
 from sparsepop_py.verified.certificate.steps import box_rows

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py import multistart
-from sparsepop_py.multistart import starting_points
-from sparsepop_py.refinement import local_search
+from sparsepop_py.local_search import multistart
+from sparsepop_py.local_search.multistart import starting_points
+from sparsepop_py.local_search.solvers import local_search
 from sparsepop_py.verified.arithmetic.interval import Interval
 
 

@@ -11,7 +11,7 @@ from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
-from sparsepop_py.sequential import restored, sequential_search
+from sparsepop_py.local_search.slp import restored, sequential_search
 
 INF = np.inf
 

@@ -14,7 +14,7 @@ from sparsepop_py import Problem, assemble, relax, solve_conic
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.extraction import candidates
+from sparsepop_py.local_search.extraction import candidates
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.blocks import block_groups
 from sparsepop_py.relaxation.recover_multipliers import identity_of

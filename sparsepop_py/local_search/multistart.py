@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
+from sparsepop_py.local_search.matrix_rows import RowForm
+from sparsepop_py.local_search.slp import sequential_search
+from sparsepop_py.local_search.solvers import DENSE_LIMIT, local_search
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.refinement import DENSE_LIMIT, local_search
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.rowform import RowForm
-from sparsepop_py.sequential import sequential_search
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_feasible
 

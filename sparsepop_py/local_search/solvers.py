@@ -17,11 +17,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
-from sparsepop_py.descent import newton_polish, zeros_of_squares
 from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.local_search.newton_descent import newton_polish, zeros_of_squares
+from sparsepop_py.local_search.slp import sequential_search
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.sequential import sequential_search
 
 __all__ = ["DENSE_LIMIT", "local_search"]
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import ConicSolution
-from sparsepop_py.extraction import candidates, means
-from sparsepop_py.multistart import Aim, best_attained, starting_points
+from sparsepop_py.local_search.extraction import candidates, means
+from sparsepop_py.local_search.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
