@@ -18,6 +18,7 @@ Examples
 from sparsepop_py import problems
 from sparsepop_py.algebra.matrix_constraints import psd, second_order
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
+from sparsepop_py.bounding.exact_linear import LinearBound, linear_bounds
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.errors import (
     FormatError,
@@ -32,7 +33,6 @@ from sparsepop_py.formats.mat import read_mat, write_mat
 from sparsepop_py.formats.sdpa import read_sdpa, write_sdpa
 from sparsepop_py.formats.text import parse
 from sparsepop_py.options import Options
-from sparsepop_py.polytope import LinearBound, linear_bounds
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation, relax
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches

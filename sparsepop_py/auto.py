@@ -16,6 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
+from sparsepop_py.bounding.relaxation_bound import (
+    Argued,
+    Bound,
+    Model,
+    argue,
+    better,
+    bound_of,
+    level,
+)
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.lifting import Lifted, first_moments
@@ -27,7 +36,6 @@ from sparsepop_py.presolve.initial_box import room_of, shrinks
 from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Rung
-from sparsepop_py.rungs import Argued, Bound, Model, argue, better, bound_of, level
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty

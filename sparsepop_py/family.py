@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from sparsepop_py.agenda import TIGHTENING
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.auto import Auto
+from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.ground import Ground, branching
 from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.lifting import Lifted, coordinate_of, tightened
@@ -30,7 +31,6 @@ from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.rungs import Model
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.monomials import evaluate
+from sparsepop_py.bounding.relaxation_bound import Model, relaxed
 from sparsepop_py.error_bounds import error_bounds, index_sets
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.local_search.incumbents import attain
@@ -24,7 +25,6 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
-from sparsepop_py.rungs import Model, relaxed
 from sparsepop_py.solve import solve
 from sparsepop_py.sparsepop_files import check_files, write_files
 from sparsepop_py.sparsepop_input import Input, read_input, with_tolerance

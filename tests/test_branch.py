@@ -14,6 +14,7 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.auto import Auto
+from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.local_search.incumbents import attained
@@ -21,7 +22,6 @@ from sparsepop_py.parts import Plan, explore
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Recipe, catalogue
-from sparsepop_py.rungs import Model
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval

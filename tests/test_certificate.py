@@ -26,7 +26,8 @@ from known_certificates import (
 )
 
 import sparsepop_py as sp
-from sparsepop_py import rungs, solvers
+from sparsepop_py import solvers
+from sparsepop_py.bounding import relaxation_bound as rungs
 from sparsepop_py.relaxation.recover_multipliers import shortened
 from sparsepop_py.solvers import clarabel_
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import problems
-from sparsepop_py.recovery import exact_grams
+from sparsepop_py.bounding.gram_rounding import exact_grams
 from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity

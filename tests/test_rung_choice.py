@@ -12,13 +12,13 @@ import sparsepop_py as sp
 from benchmarks.identification import THETA, task
 from sparsepop_py import Options, Problem
 from sparsepop_py.auto import Auto
+from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.ground import Ground
 from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.narrowing import taken_again
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Experience, Recipe, families, progress
-from sparsepop_py.rungs import Model
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import Replay

@@ -10,7 +10,8 @@ import pytest
 from solved import INF, LAB_OPTIMUM, check, double_well_chain, region
 
 import sparsepop_py as sp
-from sparsepop_py import problems, rungs
+from sparsepop_py import problems
+from sparsepop_py.bounding import relaxation_bound as rungs
 from sparsepop_py.local_search import multistart
 
 # ---- starting points --------------------------------------------------------------------------

@@ -12,11 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.conic.program import assemble
-from sparsepop_py.problem.problem import Problem
-from sparsepop_py.recovery import estimate, exact_grams
-from sparsepop_py.relaxation.recover_multipliers import floored
-from sparsepop_py.rungs import (
+from sparsepop_py.bounding.gram_rounding import estimate, exact_grams
+from sparsepop_py.bounding.relaxation_bound import (
     Argued,
     Attempt,
     Bound,
@@ -28,6 +25,9 @@ from sparsepop_py.rungs import (
     stronger,
     trivially,
 )
+from sparsepop_py.conic.program import assemble
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
