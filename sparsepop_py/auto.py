@@ -27,16 +27,16 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
-from sparsepop_py.lifting import Lifted, first_moments
 from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.lp.highs import LinearSolution
-from sparsepop_py.narrowing import narrowed, taken_again
 from sparsepop_py.parts import Plan
 from sparsepop_py.presolve.initial_box import room_of, shrinks
 from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Rung
 from sparsepop_py.task import Task
+from sparsepop_py.tightening.mccormick import Lifted, first_moments
+from sparsepop_py.tightening.obbt_lp import narrowed, taken_again
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling

@@ -23,7 +23,6 @@ from sparsepop_py.auto import Auto
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.ground import Ground, branching
 from sparsepop_py.ladder import INTERRUPTED, Climbed
-from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.local_search.incumbents import attained, carried, random_starts
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
@@ -33,6 +32,7 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.tightening.mccormick import Lifted, coordinate_of, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.lifting import coordinate_of
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.hierarchy import Experience, Families, Recipe, catalogue, families
 from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.tightening.mccormick import coordinate_of
 
 __all__ = ["Ground", "branching"]
 

@@ -3,7 +3,7 @@
 Propagation with the cut-off comes first. Then either a linear program bounds the part, others like
 it tighten its box, and a semidefinite relaxation follows where that leaves it open; or, where few
 variables complicate the problem and the objective is one variable, a relaxation does all of it: it
-bounds the part and tightens its box in turn while that gains (:mod:`~sparsepop_py.squeezing`).
+bounds the part and tightens its box in turn while that gains (:mod:`~sparsepop_py.tightening.obbt_sdp`).
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import argue, short_if
-from sparsepop_py.lifting import Lifted, first_moments, products_error, tightened
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.relaxation.hierarchy import Families, Recipe
-from sparsepop_py.squeezing import squeezed
 from sparsepop_py.task import Task
+from sparsepop_py.tightening.mccormick import Lifted, first_moments, products_error, tightened
+from sparsepop_py.tightening.obbt_sdp import squeezed
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.certificate import Argument, Proved, claim, prove

@@ -13,10 +13,11 @@ from solved import INF, LAB_OPTIMUM, check
 from test_branch import bilinear, cuts_of, least_on_a_grid
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Problem, ProblemError, Status, narrowing, parts
+from sparsepop_py import Options, Problem, ProblemError, Status, parts
 from sparsepop_py.ground import Ground
 from sparsepop_py.options import SKIPPED
 from sparsepop_py.relaxation.hierarchy import catalogue
+from sparsepop_py.tightening import obbt_lp as narrowing
 from sparsepop_py.verified.certificate.steps import Known
 
 CATALOGUE = catalogue

@@ -10,8 +10,8 @@ from scipy.optimize import linprog
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, Status
-from sparsepop_py.lifting import Lifted, coordinate_of, tightened
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.tightening.mccormick import Lifted, coordinate_of, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay

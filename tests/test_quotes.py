@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.tightening.mccormick import Lifted, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay

@@ -14,12 +14,12 @@ from sparsepop_py import Options, Problem
 from sparsepop_py.auto import Auto
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.ground import Ground
-from sparsepop_py.lifting import Lifted, tightened
-from sparsepop_py.narrowing import taken_again
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Experience, Recipe, families, progress
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.tightening.mccormick import Lifted, tightened
+from sparsepop_py.tightening.obbt_lp import taken_again
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import Replay
 from sparsepop_py.verified.points.feasible_point import prove_feasible

@@ -17,14 +17,15 @@ from test_branch import processes, search_of, threads
 from test_ladder import star
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Problem, Status, parts, squeezing
+from sparsepop_py import Options, Problem, Status, parts
 from sparsepop_py.branch import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.parts import Plan, explore
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
-from sparsepop_py.squeezing import Squeezed, squeezed
 from sparsepop_py.task import Clock, Task
+from sparsepop_py.tightening import obbt_sdp as squeezing
+from sparsepop_py.tightening.obbt_sdp import Squeezed, squeezed
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Certificate

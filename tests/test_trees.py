@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.lifting import Lifted, tightened
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.tightening.mccormick import Lifted, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling

@@ -1,6 +1,6 @@
 """Bounds of the variables that matter, tightened by a semidefinite relaxation with the cut-off.
 
-As :mod:`~sparsepop_py.narrowing` does with linear programs: the least and the largest value of a
+As :mod:`~sparsepop_py.tightening.obbt_lp` does with linear programs: the least and the largest value of a
 variable over a relaxation of the box bound it for every point that is worth finding, since the
 box holds the cut-off where the objective is a variable. Where few variables complicate a problem,
 its star relaxation often leaves a tenth of each width where linear programs leave most, and the
@@ -24,11 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import Argued, argue, short_if, solvers_for
-from sparsepop_py.lifting import first_moments
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.hierarchy import Families, Recipe
 from sparsepop_py.task import Task
+from sparsepop_py.tightening.mccormick import first_moments
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
