@@ -25,11 +25,11 @@ from sparsepop_py.bounding.relaxation_bound import (
     bound_of,
     level,
 )
-from sparsepop_py.branch import Search
+from sparsepop_py.branch_and_bound.node import Plan
+from sparsepop_py.branch_and_bound.tree import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.lp.highs import LinearSolution
-from sparsepop_py.parts import Plan
 from sparsepop_py.presolve.initial_box import room_of, shrinks
 from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress
 from sparsepop_py.relaxation.moment import Relaxation

@@ -15,10 +15,10 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.auto import Auto
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.branch import Search
+from sparsepop_py.branch_and_bound.node import Plan, explore
+from sparsepop_py.branch_and_bound.tree import Search
 from sparsepop_py.ground import Ground
 from sparsepop_py.local_search.incumbents import attained
-from sparsepop_py.parts import Plan, explore
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Recipe, catalogue

@@ -12,8 +12,9 @@ from test_branch import bilinear
 from test_ladder import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status, auto, branch
+from sparsepop_py import Options, Status, auto
 from sparsepop_py.bounding import relaxation_bound as rungs
+from sparsepop_py.branch_and_bound import tree as branch
 from sparsepop_py.ladder import INTERRUPTED
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages

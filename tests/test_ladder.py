@@ -13,7 +13,8 @@ from solved import INF, LAB_OPTIMUM, check
 from test_branch import bilinear, cuts_of, least_on_a_grid
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Problem, ProblemError, Status, parts
+from sparsepop_py import Options, Problem, ProblemError, Status
+from sparsepop_py.branch_and_bound import node as parts
 from sparsepop_py.ground import Ground
 from sparsepop_py.options import SKIPPED
 from sparsepop_py.relaxation.hierarchy import catalogue

@@ -17,10 +17,11 @@ from test_branch import processes, search_of, threads
 from test_ladder import star
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Problem, Status, parts
-from sparsepop_py.branch import Search
+from sparsepop_py import Options, Problem, Status
+from sparsepop_py.branch_and_bound import node as parts
+from sparsepop_py.branch_and_bound.node import Plan, explore
+from sparsepop_py.branch_and_bound.tree import Search
 from sparsepop_py.ground import Ground
-from sparsepop_py.parts import Plan, explore
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.task import Clock, Task

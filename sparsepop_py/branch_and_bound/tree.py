@@ -1,6 +1,6 @@
 """Branch and bound: smaller boxes where no relaxation of the whole box closes the gap.
 
-The part with the least bound is taken next, and bounded (:mod:`~sparsepop_py.parts`). Parts that
+The part with the least bound is taken next, and bounded (:mod:`~sparsepop_py.branch_and_bound.node`). Parts that
 are empty or bounded above the cut-off are done, others are cut in two across the variable whose
 products are least true, between its middle and its value in the relaxation. The tree of parts is
 the certificate: every part keeps the argument that gave its bound, one that was never looked at
@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.parts import Explored, Plan, explore
+from sparsepop_py.branch_and_bound.node import Explored, Plan, explore
 from sparsepop_py.progress import Stages
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
