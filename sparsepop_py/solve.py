@@ -2,7 +2,7 @@
 
     search -> box -> scale -> cliques -> relax -> assemble -> solve -> certify -> extract
 
-The stages are in :mod:`sparsepop_py.bounding.relaxation_bound`, their repetition in :mod:`sparsepop_py.ladder`.
+The stages are in :mod:`sparsepop_py.bounding.relaxation_bound`, their repetition in :mod:`sparsepop_py.strategy.order_loop`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Bound, Model, level, relaxed
 from sparsepop_py.errors import ProblemError, SparsePOPError
-from sparsepop_py.family import Family, first_starts, pairs, width_between
-from sparsepop_py.ladder import INTERRUPTED, Climbed, climb, nothing_yet
 from sparsepop_py.local_search.incumbents import first_attained, random_starts
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
@@ -26,6 +24,8 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.strategy.multi_objective import Family, first_starts, pairs, width_between
+from sparsepop_py.strategy.order_loop import INTERRUPTED, Climbed, climb, nothing_yet
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty

@@ -13,16 +13,16 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
-from sparsepop_py.auto import Auto
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.branch_and_bound.node import Plan, explore
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.ground import Ground
 from sparsepop_py.local_search.incumbents import attained
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Recipe, catalogue
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.strategy.adaptive import Auto
+from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
@@ -230,7 +230,7 @@ def test_an_executor_leads_to_the_same_bound(pool):
 def only_branch(monkeypatch):
     """Only the linear relaxation and branch and bound are left on the ladder."""
     monkeypatch.setattr(
-        "sparsepop_py.ground.catalogue",
+        "sparsepop_py.strategy.shared_state.catalogue",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
 

@@ -12,12 +12,13 @@ from test_branch import bilinear
 from test_ladder import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status, auto
+from sparsepop_py import Options, Status
 from sparsepop_py.bounding import relaxation_bound as rungs
 from sparsepop_py.branch_and_bound import tree as branch
-from sparsepop_py.ladder import INTERRUPTED
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
+from sparsepop_py.strategy import adaptive as auto
+from sparsepop_py.strategy.order_loop import INTERRUPTED
 from sparsepop_py.verified.certificate.steps import Replay
 from sparsepop_py.verified.points.feasible_point import prove_feasible
 
@@ -107,7 +108,7 @@ def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
         return tuple(r for r in CATALOGUE(*args) if r.shape == "linear")
 
     problem = bilinear()
-    monkeypatch.setattr("sparsepop_py.ground.catalogue", only_linear)
+    monkeypatch.setattr("sparsepop_py.strategy.shared_state.catalogue", only_linear)
     monkeypatch.setattr(branch, "explore", Interrupting(EXPLORE, number))
     result = check(problem, sp.solve(problem, Options(effort="auto")))
     assert INTERRUPTED in result.notes
@@ -120,7 +121,7 @@ def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
 def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     problem = bilinear()
     monkeypatch.setattr(
-        "sparsepop_py.ground.catalogue",
+        "sparsepop_py.strategy.shared_state.catalogue",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
     found = []

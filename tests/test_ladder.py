@@ -15,9 +15,9 @@ from test_branch import bilinear, cuts_of, least_on_a_grid
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
 from sparsepop_py.branch_and_bound import node as parts
-from sparsepop_py.ground import Ground
 from sparsepop_py.options import SKIPPED
 from sparsepop_py.relaxation.hierarchy import catalogue
+from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.tightening import obbt_lp as narrowing
 from sparsepop_py.verified.certificate.steps import Known
 
@@ -349,7 +349,7 @@ def test_progress_is_told_between_the_bounds(effort):
 
 def test_what_terms_leave_as_it_is_is_solved_once(monkeypatch):
     monkeypatch.setattr(
-        "sparsepop_py.ground.catalogue",
+        "sparsepop_py.strategy.shared_state.catalogue",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.order == 4),
     )
     x, y, z = sp.variables(3)  # so coupled that chordal terms of order 4 are all terms
@@ -378,7 +378,7 @@ def test_repaired_vectors_are_only_starting_points(value):
 
 def test_variables_to_cut_of_several_objectives(monkeypatch):
     monkeypatch.setattr(
-        "sparsepop_py.ground.catalogue",
+        "sparsepop_py.strategy.shared_state.catalogue",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
     problem = bilinear()

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.agenda import NARROW, PROGRAM, TIGHTENING, Agenda, worth_in_parts
 from sparsepop_py.bounding.relaxation_bound import (
     Argued,
     Bound,
@@ -27,13 +26,20 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.branch_and_bound.node import Plan
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.ground import Ground
 from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.presolve.initial_box import room_of, shrinks
 from sparsepop_py.relaxation.hierarchy import Recipe, expected_seconds, hashed, progress
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Rung
+from sparsepop_py.strategy.relaxation_queue import (
+    NARROW,
+    PROGRAM,
+    TIGHTENING,
+    Agenda,
+    worth_in_parts,
+)
+from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.task import Task
 from sparsepop_py.tightening.mccormick import Lifted, first_moments
 from sparsepop_py.tightening.obbt_lp import narrowed, taken_again

@@ -17,12 +17,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.agenda import TIGHTENING
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.auto import Auto
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.ground import Ground, branching
-from sparsepop_py.ladder import INTERRUPTED, Climbed
 from sparsepop_py.local_search.incumbents import attained, carried, random_starts
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
@@ -31,6 +27,10 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.strategy.adaptive import Auto
+from sparsepop_py.strategy.order_loop import INTERRUPTED, Climbed
+from sparsepop_py.strategy.relaxation_queue import TIGHTENING
+from sparsepop_py.strategy.shared_state import Ground, branching
 from sparsepop_py.task import Clock, Task
 from sparsepop_py.tightening.mccormick import Lifted, coordinate_of, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval

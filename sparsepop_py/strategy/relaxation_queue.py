@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sparsepop_py.ground import Ground
 from sparsepop_py.relaxation.hierarchy import Recipe
+from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.verified.box.scaling import Scaled
 
 __all__ = ["NARROW", "PROGRAM", "TIGHTENING", "Agenda", "worth_in_parts"]

@@ -18,7 +18,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.auto import Auto
 from sparsepop_py.bounding.relaxation_bound import (
     Argued,
     Bound,
@@ -30,13 +29,14 @@ from sparsepop_py.bounding.relaxation_bound import (
     trivially,
 )
 from sparsepop_py.bounding.unconstrained import free_round, good_enough
-from sparsepop_py.ground import Ground
 from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Rung
+from sparsepop_py.strategy.adaptive import Auto
+from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Node, prove
