@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Bound, Model, level, relaxed
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.local_search.incumbents import first_attained, random_starts
 from sparsepop_py.options import Options
@@ -26,7 +27,6 @@ from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.strategy.multi_objective import Family, first_starts, pairs, width_between
 from sparsepop_py.strategy.order_loop import INTERRUPTED, Climbed, climb, nothing_yet
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof

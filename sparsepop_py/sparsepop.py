@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.bounding.relaxation_bound import Model, relaxed
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.error_bounds import error_bounds, index_sets
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.local_search.incumbents import attain
@@ -31,7 +32,6 @@ from sparsepop_py.sparsepop_input import Input, read_input, with_tolerance
 from sparsepop_py.sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
 from sparsepop_py.sparsepop_report import write_report
 from sparsepop_py.sparsepop_sizes import BuiltSDP, sizes_of, solver_info
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["sparsePOP"]

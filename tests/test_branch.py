@@ -16,6 +16,7 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.branch_and_bound.node import Plan, explore
 from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.local_search.incumbents import attained
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
@@ -23,7 +24,6 @@ from sparsepop_py.relaxation.hierarchy import Recipe, catalogue
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import Auto
 from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay

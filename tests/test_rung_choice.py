@@ -12,12 +12,12 @@ import sparsepop_py as sp
 from benchmarks.identification import THETA, task
 from sparsepop_py import Options, Problem
 from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Experience, Recipe, families, progress
 from sparsepop_py.strategy.adaptive import Auto
 from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.tightening.mccormick import Lifted, tightened
 from sparsepop_py.tightening.obbt_lp import taken_again
 from sparsepop_py.verified.arithmetic.interval import Interval

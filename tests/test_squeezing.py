@@ -21,10 +21,10 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound import node as parts
 from sparsepop_py.branch_and_bound.node import Plan, explore
 from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.tightening import obbt_sdp as squeezing
 from sparsepop_py.tightening.obbt_sdp import Squeezed, squeezed
 from sparsepop_py.verified.arithmetic.interval import Interval

@@ -12,9 +12,9 @@ import pytest
 
 import sparsepop_py as sp
 from benchmarks.identification import task
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.recover_multipliers import identity_of, shortened
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling

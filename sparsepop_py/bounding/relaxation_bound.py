@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
+from sparsepop_py.context import Task
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.presolve.size_limits import fitting_relaxations
@@ -22,7 +23,6 @@ from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
-from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaled, Scaling, scale_objective

@@ -26,10 +26,10 @@ from sparsepop_py.bounding.relaxation_bound import (
     trivially,
 )
 from sparsepop_py.conic.program import assemble
+from sparsepop_py.context import Task
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.solvers import solve_conic
-from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, scale_objective
 from sparsepop_py.verified.certificate.certificate import Node, Proved, prove

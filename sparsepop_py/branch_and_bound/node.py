@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import argue, short_if
+from sparsepop_py.context import Task
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.relaxation.hierarchy import Families, Recipe
-from sparsepop_py.task import Task
 from sparsepop_py.tightening.mccormick import Lifted, first_moments, products_error, tightened
 from sparsepop_py.tightening.obbt_sdp import squeezed
 from sparsepop_py.verified.arithmetic.interval import Interval

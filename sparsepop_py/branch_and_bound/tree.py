@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.node import Explored, Plan, explore
+from sparsepop_py.context import Task
 from sparsepop_py.progress import Stages
-from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import (

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import ConicSolution
+from sparsepop_py.context import Task
 from sparsepop_py.local_search.extraction import candidates, means
 from sparsepop_py.local_search.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
@@ -19,7 +20,6 @@ from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.shapes import Products
-from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty

@@ -26,6 +26,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.branch_and_bound.node import Plan
 from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.context import Task
 from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.lp.highs import LinearSolution
 from sparsepop_py.presolve.initial_box import room_of, shrinks
@@ -40,7 +41,6 @@ from sparsepop_py.strategy.relaxation_queue import (
     worth_in_parts,
 )
 from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.task import Task
 from sparsepop_py.tightening.mccormick import Lifted, first_moments
 from sparsepop_py.tightening.obbt_lp import narrowed, taken_again
 from sparsepop_py.verified.arithmetic.interval import Interval

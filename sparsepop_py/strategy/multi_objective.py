@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.context import Clock, Task
 from sparsepop_py.local_search.incumbents import attained, carried, random_starts
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
@@ -31,7 +32,6 @@ from sparsepop_py.strategy.adaptive import Auto
 from sparsepop_py.strategy.order_loop import INTERRUPTED, Climbed
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.shared_state import Ground, branching
-from sparsepop_py.task import Clock, Task
 from sparsepop_py.tightening.mccormick import Lifted, coordinate_of, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over

@@ -29,6 +29,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     trivially,
 )
 from sparsepop_py.bounding.unconstrained import free_round, good_enough
+from sparsepop_py.context import Task
 from sparsepop_py.local_search.incumbents import attained, extracted
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
@@ -37,7 +38,6 @@ from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Rung
 from sparsepop_py.strategy.adaptive import Auto
 from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.task import Task
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Node, prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay

@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.context import Task
 from sparsepop_py.presolve.initial_box import shrinks
-from sparsepop_py.task import Task
 from sparsepop_py.tightening.mccormick import Lifted, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty

@@ -24,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import Argued, argue, short_if, solvers_for
+from sparsepop_py.context import Task
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.hierarchy import Families, Recipe
-from sparsepop_py.task import Task
 from sparsepop_py.tightening.mccormick import first_moments
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
