@@ -27,11 +27,11 @@ from sparsepop_py.errors import (
     SolverNotFound,
     SparsePOPError,
 )
-from sparsepop_py.formats.gms import read_gms, write_gms
-from sparsepop_py.formats.json_ import from_json, read_json, to_json, write_json
 from sparsepop_py.formats.mat import read_mat, write_mat
-from sparsepop_py.formats.sdpa import read_sdpa, write_sdpa
-from sparsepop_py.formats.text import parse
+from sparsepop_py.io.gams import read_gms, write_gms
+from sparsepop_py.io.json_ import from_json, read_json, to_json, write_json
+from sparsepop_py.io.sdpa import read_sdpa, write_sdpa
+from sparsepop_py.io.text import parse
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation, relax

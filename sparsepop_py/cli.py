@@ -14,7 +14,7 @@ from typing import Any
 
 from sparsepop_py import plots
 from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
-from sparsepop_py.formats.gms import read_gms
+from sparsepop_py.io.gams import read_gms
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import relax

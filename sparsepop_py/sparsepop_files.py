@@ -12,7 +12,7 @@ import numpy as np
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import check_writable
-from sparsepop_py.formats.sdpa import write_info, write_sdpa
+from sparsepop_py.io.sdpa import write_info, write_sdpa
 from sparsepop_py.parameters import Parameters
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation

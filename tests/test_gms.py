@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py.errors import FormatError
-from sparsepop_py.formats.gms import read_gms, write_gms
+from sparsepop_py.io.gams import read_gms, write_gms
 
 SMALL = """* a comment; with a semicolon
 Variables  x1,x2,

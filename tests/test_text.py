@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py.errors import FormatError
-from sparsepop_py.formats.expressions import parse_expression, parse_number
-from sparsepop_py.formats.text import parse
+from sparsepop_py.io.expressions import parse_expression, parse_number
+from sparsepop_py.io.text import parse
 
 NAMES = ("x1", "x2", "x3")
 

@@ -16,7 +16,7 @@ import scipy.io
 from scipy.io.matlab import MatReadError
 
 from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.formats.json_ import from_json, to_json
+from sparsepop_py.io.json_ import from_json, to_json
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.sparsepop_structs import cell, matlab_structs

@@ -17,9 +17,9 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.formats import json_codecs as codecs
-from sparsepop_py.formats.json_certificates import CERTIFICATE
-from sparsepop_py.formats.json_codecs import (
+from sparsepop_py.io import json_codecs as codecs
+from sparsepop_py.io.json_certificates import CERTIFICATE
+from sparsepop_py.io.json_codecs import (
     Codec,
     array,
     number,

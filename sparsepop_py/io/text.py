@@ -9,7 +9,7 @@ from typing import Literal
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.errors import FormatError
-from sparsepop_py.formats.expressions import (
+from sparsepop_py.io.expressions import (
     ExpressionError,
     Token,
     Vocabulary,
@@ -61,7 +61,7 @@ def parse(text: str) -> Problem:
         Statements with ``;`` between them: ``min`` or ``max`` (also ``minimize``,
         ``maximize``) and the objective, then ``s.t.`` (``st``, ``subject to``, or
         nothing) and constraints with ``>=``, ``<=``, ``==`` or ``=``. Both sides are
-        expressions as in :func:`~sparsepop_py.formats.expressions.parse_expression`;
+        expressions as in :func:`~sparsepop_py.io.expressions.parse_expression`;
         ``0 <= x1 <= 2`` makes two constraints.
 
     Returns

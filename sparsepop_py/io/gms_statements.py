@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sparsepop_py.errors import FormatError
-from sparsepop_py.formats.expressions import excerpt
+from sparsepop_py.io.expressions import excerpt
 
 __all__ = ["Statement", "read_statements"]
 

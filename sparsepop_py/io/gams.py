@@ -16,14 +16,14 @@ import numpy as np
 
 from sparsepop_py.algebra.monomials import degrees
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.formats.expressions import (
+from sparsepop_py.io.expressions import (
     ExpressionError,
     Vocabulary,
     parse_expression,
     parse_number,
 )
-from sparsepop_py.formats.gms_statements import Statement, read_statements
-from sparsepop_py.formats.gms_writer import write_gms
+from sparsepop_py.io.gams_writer import write_gms
+from sparsepop_py.io.gms_statements import Statement, read_statements
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_gms", "write_gms"]
