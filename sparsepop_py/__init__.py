@@ -19,6 +19,10 @@ from sparsepop_py import problems
 from sparsepop_py.algebra.matrix_constraints import psd, second_order
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.bounding.exact_linear import LinearBound, linear_bounds
+from sparsepop_py.compat.mat import read_mat, write_mat
+from sparsepop_py.compat.output import SparsePOPOutput
+from sparsepop_py.compat.sparsepop import sparsePOP
+from sparsepop_py.compat.structs import from_structs, to_structs
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.errors import (
     FormatError,
@@ -27,7 +31,6 @@ from sparsepop_py.errors import (
     SolverNotFound,
     SparsePOPError,
 )
-from sparsepop_py.formats.mat import read_mat, write_mat
 from sparsepop_py.io.gams import read_gms, write_gms
 from sparsepop_py.io.json_ import from_json, read_json, to_json, write_json
 from sparsepop_py.io.sdpa import read_sdpa, write_sdpa
@@ -39,10 +42,7 @@ from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solve import solve, solve_each
 from sparsepop_py.solvers import solve_conic
-from sparsepop_py.sparsepop import sparsePOP
-from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
-from sparsepop_py.structs import from_structs, to_structs
 from sparsepop_py.verified.certificate.certificate import Certificate, Verdict
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 

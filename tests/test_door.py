@@ -15,7 +15,7 @@ import scipy.io
 import scipy.sparse as sps
 
 import sparsepop_py as sp
-from sparsepop_py import door
+from sparsepop_py.compat import matlab_server as door
 
 ROOT = Path(__file__).resolve().parent.parent
 END = "\x04\n"
@@ -150,7 +150,7 @@ def test_errors_count_from_one_and_warnings_are_told(file: Path) -> None:
 
 @pytest.fixture
 def child() -> Iterator[subprocess.Popen[str]]:
-    words = [sys.executable, "-m", "sparsepop_py.door"]
+    words = [sys.executable, "-m", "sparsepop_py.compat.matlab_server"]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(words, cwd=ROOT, text=True, **pipes) as process:
         yield process

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sparsepop_py as sp
-from sparsepop_py.error_bounds import error_bounds
+from sparsepop_py.compat.error_bounds import error_bounds
 from sparsepop_py.verified.arithmetic.interval import exact_values
 
 SIZES = st.sampled_from([1e-9, 1.0, 1e8, 1e16])

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sparsepop_py import door
+from sparsepop_py.compat import matlab_server as door
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "matlab.md"
 SCRIPTS = Path(__file__).resolve().parent / "octave"

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 import scipy.io
 
+from sparsepop_py.compat.param import Parameters, read_parameters
+from sparsepop_py.compat.param_table import FIELDS, render_table
 from sparsepop_py.errors import ParameterWarning, ProblemError
 from sparsepop_py.options import Options
-from sparsepop_py.parameter_table import FIELDS, render_table
-from sparsepop_py.parameters import Parameters, read_parameters
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 DOCS = pathlib.Path(__file__).parent.parent / "docs" / "parameters.md"

@@ -13,9 +13,9 @@ import pytest
 from struct_cases import struct
 
 import sparsepop_py as sp
+from sparsepop_py.compat.sparsepop import sparsePOP
 from sparsepop_py.errors import FormatError, ParameterWarning, ProblemError
 from sparsepop_py.result import Status
-from sparsepop_py.sparsepop import sparsePOP
 
 QUIET = {"printLevel": 0}
 
@@ -165,7 +165,7 @@ def test_refined_point_only_when_asked_for() -> None:
 
 def test_errors_are_not_swapped() -> None:
     """At (3, 2) the row 10 - x1^3 x2 lacks 44, and x1 its bound by 1: absolute -44."""
-    from sparsepop_py.sparsepop import _errors
+    from sparsepop_py.compat.sparsepop import _errors
 
     x, y = sp.variables(2)
     problem = sp.Problem(x, [10 - x**3 * y >= 0, x - 3 * y == -2], lower=0, upper=2)

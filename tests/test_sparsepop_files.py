@@ -124,7 +124,7 @@ def test_the_report_names_switches_and_what_the_point_is(capsys: Any) -> None:
 def test_files_that_cannot_be_written_are_named_before_the_work(
     tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch, field: str, name: str
 ) -> None:
-    monkeypatch.setattr("sparsepop_py.sparsepop.solve", None)  # not to be reached
+    monkeypatch.setattr("sparsepop_py.compat.sparsepop.solve", None)  # not to be reached
     with pytest.raises(sp.ProblemError, match=rf"param\.{field}: found .*expected a file in a dir"):
         sp.sparsePOP(tiny(), {"printLevel": (0, 1), field: str(tmp_path / name)})
 

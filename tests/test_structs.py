@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from struct_cases import struct
 
 import sparsepop_py as sp
+from sparsepop_py.compat.structs import from_structs, to_structs
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.structs import from_structs, to_structs
 
 
 def example() -> tuple[Any, Any, Any, Any]:

@@ -53,14 +53,14 @@ end
 end
 
 function root = packageRoot()
-% The folder that holds the package: sparsepop_py/door.py is there.
+% The folder that holds the package: sparsepop_py/compat/matlab_server.py is there.
 root = fileparts(fileparts(mfilename('fullpath')));
 while ~exist(fullfile(root, 'sparsepop_py', 'door.py'), 'file')
     above = fileparts(root);
     if strcmp(above, root)
-        error('sparsePOP:python', ['sparsepop_py/door.py was not found above %s. Add the ' ...
+        error('sparsePOP:python', ['sparsepop_py/compat/matlab_server.py was not found above %s. Add the ' ...
               'folder of the installed package to the path instead of copying its files: ' ...
-              'python -m sparsepop_py.door folder'], mfilename('fullpath'));
+              'python -m sparsepop_py.compat.matlab_server folder'], mfilename('fullpath'));
     end
     root = above;
 end
@@ -124,7 +124,7 @@ else
 end
 folders = py.sys.path;
 insert(folders, int32(0), packageRoot());
-py.importlib.import_module('sparsepop_py.door');
+py.importlib.import_module('sparsepop_py.compat.matlab_server');
 end
 
 function child = startJava(child, words)

@@ -17,10 +17,10 @@ import numpy as np
 
 from sparsepop_py import problems
 from sparsepop_py.algebra.polynomial import Constraint, Kind
+from sparsepop_py.compat.structs import from_structs
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.gams import read_gms
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.structs import from_structs
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 

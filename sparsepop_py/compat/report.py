@@ -11,9 +11,9 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from sparsepop_py.parameter_table import FIELDS
+from sparsepop_py.compat.output import SparsePOPOutput
+from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.result import Status
-from sparsepop_py.sparsepop_output import SparsePOPOutput
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["report", "write_report"]

@@ -1,6 +1,6 @@
 """From the ``param`` struct of SparsePOP to :class:`~sparsepop_py.options.Options`.
 
-The table in :mod:`sparsepop_py.parameter_table` says what every field does.
+The table in :mod:`sparsepop_py.compat.param_table` says what every field does.
 """
 
 from __future__ import annotations
@@ -15,10 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from sparsepop_py.errors import ParameterWarning, ProblemError
-from sparsepop_py.options import Options
-from sparsepop_py.parameter_table import FIELDS
-from sparsepop_py.parameter_values import (
+from sparsepop_py.compat.param_table import FIELDS
+from sparsepop_py.compat.parameter_values import (
     CHECKS,
     check_error_bounds,
     check_level,
@@ -26,6 +24,8 @@ from sparsepop_py.parameter_values import (
     check_order,
     wrong,
 )
+from sparsepop_py.errors import ParameterWarning, ProblemError
+from sparsepop_py.options import Options
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 __all__ = ["Parameters", "read_parameters"]
@@ -59,7 +59,7 @@ class Parameters:
     Parameters
     ----------
     relaxOrder : int or float
-        :func:`~sparsepop_py.sparsepop.sparsePOP` returns it raised to the least legal one.
+        :func:`~sparsepop_py.compat.sparsepop.sparsePOP` returns it raised to the least legal one.
     sparseSW : {0, 1, 2, 3}
     POPsolver : str
         Empty: no refined point in the output.

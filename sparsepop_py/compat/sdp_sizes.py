@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.compat.output import SDPInfo, SolverInfo
+from sparsepop_py.compat.sedumi import SeDuMi, dimacs_errors, full_columns
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
 from sparsepop_py.result import Result, Status
-from sparsepop_py.sedumi import SeDuMi, dimacs_errors, full_columns
-from sparsepop_py.sparsepop_output import SDPInfo, SolverInfo
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 

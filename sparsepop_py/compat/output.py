@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.parameters import Parameters
+from sparsepop_py.compat.param import Parameters
 from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.certificate.certificate import Certificate
 

@@ -11,9 +11,9 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.parameter_table import FIELDS
-from sparsepop_py.parameters import Parameters
-from sparsepop_py.sparsepop_output import POPOutput, SparsePOPOutput
+from sparsepop_py.compat.output import POPOutput, SparsePOPOutput
+from sparsepop_py.compat.param import Parameters
+from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.verified.certificate.certificate import Certificate
 
 __all__ = ["cell", "matlab_structs"]

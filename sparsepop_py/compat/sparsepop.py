@@ -15,23 +15,23 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.bounding.relaxation_bound import Model, relaxed
+from sparsepop_py.compat.error_bounds import error_bounds, index_sets
+from sparsepop_py.compat.output import CpuTime, POPOutput, SparsePOPOutput
+from sparsepop_py.compat.param import Parameters, read_parameters
+from sparsepop_py.compat.report import write_report
+from sparsepop_py.compat.sdp_sizes import BuiltSDP, sizes_of, solver_info
+from sparsepop_py.compat.sparsepop_files import check_files, write_files
+from sparsepop_py.compat.sparsepop_input import Input, read_input, with_tolerance
 from sparsepop_py.context import Clock, Task
-from sparsepop_py.error_bounds import error_bounds, index_sets
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.local_search.incumbents import attain
 from sparsepop_py.options import Options
-from sparsepop_py.parameters import Parameters, read_parameters
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solve import solve
-from sparsepop_py.sparsepop_files import check_files, write_files
-from sparsepop_py.sparsepop_input import Input, read_input, with_tolerance
-from sparsepop_py.sparsepop_output import CpuTime, POPOutput, SparsePOPOutput
-from sparsepop_py.sparsepop_report import write_report
-from sparsepop_py.sparsepop_sizes import BuiltSDP, sizes_of, solver_info
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["sparsePOP"]

@@ -21,9 +21,9 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sps
 
+from sparsepop_py.compat.sparsepop import sparsePOP
+from sparsepop_py.compat.sparsepop_structs import cell, matlab_structs
 from sparsepop_py.errors import ProblemError, SparsePOPError
-from sparsepop_py.sparsepop import sparsePOP
-from sparsepop_py.sparsepop_structs import cell, matlab_structs
 
 __all__ = ["answer", "folder", "main", "serve"]
 
@@ -48,7 +48,7 @@ def answer(path: str | os.PathLike[str]) -> None:
     ----------
     path : path of a MAT file (version 6)
         It holds ``arguments``, a cell array with those of
-        :func:`~sparsepop_py.sparsepop.sparsePOP`, and ``folder``, to which names of files are
+        :func:`~sparsepop_py.compat.sparsepop.sparsePOP`, and ``folder``, to which names of files are
         relative. Afterwards it holds ``outputs``, a cell array of the six outputs as structs,
         ``warnings``, a cell array of texts, and ``error``, a text that is empty without one.
 
@@ -96,12 +96,12 @@ def serve() -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """``python -m sparsepop_py.door`` serves; with the word ``folder`` it prints that."""
+    """``python -m sparsepop_py.compat.matlab_server`` serves; with the word ``folder`` it prints that."""
     words = list(sys.argv[1:] if argv is None else argv)
     if not words:
         serve()
     if words != ["folder"]:
-        sys.stderr.write("usage: python -m sparsepop_py.door [folder]\n")
+        sys.stderr.write("usage: python -m sparsepop_py.compat.matlab_server [folder]\n")
         return 2
     sys.stdout.write(f"{folder()}\n")
     return 0

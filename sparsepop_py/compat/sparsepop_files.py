@@ -11,14 +11,14 @@ import numpy as np
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.compat.output import SparsePOPOutput
+from sparsepop_py.compat.param import Parameters
+from sparsepop_py.compat.report import report
+from sparsepop_py.compat.sdp_sizes import BuiltSDP
 from sparsepop_py.errors import check_writable
 from sparsepop_py.io.sdpa import write_info, write_sdpa
-from sparsepop_py.parameters import Parameters
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
-from sparsepop_py.sparsepop_output import SparsePOPOutput
-from sparsepop_py.sparsepop_report import report
-from sparsepop_py.sparsepop_sizes import BuiltSDP
 
 __all__ = ["check_files", "write_files"]
 

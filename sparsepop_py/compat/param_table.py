@@ -1,6 +1,6 @@
 """The table of every field of SparsePOP 3.03's ``param``, and what each does here.
 
-It drives the conversion in :mod:`sparsepop_py.parameters`, and the documentation shows
+It drives the conversion in :mod:`sparsepop_py.compat.param`, and the documentation shows
 what :func:`render_table` makes of it.
 """
 

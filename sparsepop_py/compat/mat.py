@@ -15,12 +15,12 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError
 
+from sparsepop_py.compat.output import SparsePOPOutput
+from sparsepop_py.compat.sparsepop_structs import cell, matlab_structs
+from sparsepop_py.compat.structs import INFINITE, from_structs, to_structs
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.io.json_ import from_json, to_json
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.sparsepop_output import SparsePOPOutput
-from sparsepop_py.sparsepop_structs import cell, matlab_structs
-from sparsepop_py.structs import INFINITE, from_structs, to_structs
 
 __all__ = ["read_mat", "write_mat"]
 
