@@ -55,7 +55,7 @@ end
 function root = packageRoot()
 % The folder that holds the package: sparsepop_py/compat/matlab_server.py is there.
 root = fileparts(fileparts(mfilename('fullpath')));
-while ~exist(fullfile(root, 'sparsepop_py', 'door.py'), 'file')
+while ~exist(fullfile(root, 'sparsepop_py', 'compat', 'matlab_server.py'), 'file')
     above = fileparts(root);
     if strcmp(above, root)
         error('sparsePOP:python', ['sparsepop_py/compat/matlab_server.py was not found above %s. Add the ' ...
@@ -88,7 +88,7 @@ function child = start(python)
 child = struct('way', chosenWay(), 'asked', getenv('SPARSEPOP_DOOR'), 'python', python, ...
                'served', false);
 serve = {'-X', 'utf8', '-c', ['import os, sys; os.dup2(1, 2); sys.path[0] = sys.argv[1]; ' ...
-                'from sparsepop_py import door; door.serve()'], packageRoot()};
+                'from sparsepop_py.compat import matlab_server; matlab_server.serve()'], packageRoot()};
 switch child.way
     case 'py'
         insidePython(python);
@@ -185,7 +185,7 @@ function exchange(child, file)
 % Send the name of the file; show what comes back until the line that ends an answer.
 switch child.way
     case 'py'
-        py.sparsepop_py.door.answer(file);
+        py.sparsepop_py.compat.matlab_server.answer(file);
         return
     case 'java'
         child.in.println(file);
