@@ -24,8 +24,7 @@ from sparsepop_py.io import json_, json_certificates
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
-from sparsepop_py.verified.certificate.priced import Priced
-from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
+from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers, Priced
 from sparsepop_py.verified.certificate.steps import (
     BoxProof,
     Known,

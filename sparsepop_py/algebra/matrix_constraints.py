@@ -25,8 +25,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
-from sparsepop_py.algebra.constraint import Constraint, Kind
-from sparsepop_py.algebra.polynomial import Polynomial, total
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
 

@@ -15,8 +15,7 @@ import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError
 
-from sparsepop_py.compat.output import SparsePOPOutput
-from sparsepop_py.compat.sparsepop_structs import cell, matlab_structs
+from sparsepop_py.compat.output import SparsePOPOutput, cell, matlab_structs
 from sparsepop_py.compat.structs import INFINITE, from_structs, to_structs
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.io.json_ import from_json, to_json

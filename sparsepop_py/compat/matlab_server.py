@@ -21,8 +21,8 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sps
 
+from sparsepop_py.compat.output import cell, matlab_structs
 from sparsepop_py.compat.sparsepop import sparsePOP
-from sparsepop_py.compat.sparsepop_structs import cell, matlab_structs
 from sparsepop_py.errors import ProblemError, SparsePOPError
 
 __all__ = ["answer", "folder", "main", "serve"]

@@ -21,9 +21,8 @@ from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
-from sparsepop_py.verified.certificate.priced import Priced
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
-from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
+from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers, Priced
 from sparsepop_py.verified.certificate.steps import (
     BoxProof,
     Known,

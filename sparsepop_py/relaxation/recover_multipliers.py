@@ -25,8 +25,7 @@ from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.box.scaling import Scaled
 from sparsepop_py.verified.certificate.multipliers import Multipliers
-from sparsepop_py.verified.certificate.priced import Priced
-from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.sos_identity import Identity, Priced
 
 __all__ = ["floored", "identity_of", "margin", "repaired", "shortened"]
 

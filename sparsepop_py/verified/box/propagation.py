@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval, down, sum_by, up
 from sparsepop_py.verified.arithmetic.polynomial_range import Factors, product
 
-__all__ = ["Rows", "propagate", "sweep"]
+__all__ = ["Rows", "box_rows", "propagate", "sweep", "with_cutoff"]
 
 _POINT = 1e-9  # widths below this (relative) need not shrink further
 
@@ -304,3 +305,50 @@ def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.flo
     holds = back.lo >= value if side > 0 else back.hi <= value
     fallback = np.where(side > 0, np.inf, 0.0)
     return np.where(holds | (value == 0), root, fallback)
+
+
+def box_rows(problem: Problem, cutoff: float | None) -> Rows:
+    """The rows that propagation uses: constraints, and with a cut-off f <= value and squares.
+
+    From f = constant + sum w r^2 follows |r| <= sqrt((value - constant) / w), from a matrix
+    G >= 0 that G_ii >= 0 and G_ij^2 <= G_ii G_jj.
+    """
+    high = [np.where(problem.equality, 0.0, np.inf)]
+    low = [np.zeros(len(problem.constraints))]
+    polynomials = [c.polynomial for c in problem.constraints]
+    if cutoff is not None:
+        polynomials.append(problem.objective)
+        low.append(np.array([-np.inf]))
+        high.append(np.array([cutoff]))
+        constant = problem.squares_constant
+        if constant is not None:
+            room = max(0.0, float(np.nextafter(cutoff - constant, np.inf)))
+            weights = np.array([w for w, _ in problem.squares if w > 0])
+            radius = up(np.sqrt(up(room / weights)))
+            polynomials += [r for w, r in problem.squares if w > 0]
+            low.append(-radius)
+            high.append(radius)
+    diagonal, minors = problem.matrices.propagation()
+    minors = minors + len(polynomials)
+    polynomials += [p for c in problem.constraints for p in c.entries]
+    low.append(np.where(diagonal, 0.0, -np.inf))
+    high.append(np.full(diagonal.size, np.inf))
+    system = PolynomialSystem.stack(polynomials, problem.dimension)
+    return Rows(system, Interval(np.concatenate(low), np.concatenate(high)), minors)
+
+
+def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
+    """Constraints and the row value - f >= 0 behind them, without rounding, and which are equal."""
+    rows, objective = problem.rows, problem.objective_row
+    width = max(rows.words.shape[1], objective.words.shape[1])
+    words = np.concatenate(
+        [
+            monomials.widen(rows.words, width),
+            monomials.widen(objective.words, width),
+            np.zeros((1, width), np.int32),
+        ]
+    )
+    values = np.concatenate([rows.coefficients, -objective.coefficients, [cutoff]])
+    index = np.concatenate([rows.row, np.full(objective.row.size + 1, rows.size)])
+    system = PolynomialSystem(words, values, index, rows.size + 1, problem.dimension)
+    return system, np.append(problem.equality, False)

@@ -23,8 +23,14 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.left_inverse import LeftInverse
-from sparsepop_py.verified.box.propagation import Rows, is_empty, propagate, sweep
-from sparsepop_py.verified.box.rows import box_rows, with_cutoff
+from sparsepop_py.verified.box.propagation import (
+    Rows,
+    box_rows,
+    is_empty,
+    propagate,
+    sweep,
+    with_cutoff,
+)
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.multipliers import are_indices
 from sparsepop_py.verified.certificate.sos_identity import Identity
