@@ -23,7 +23,7 @@ from sparsepop_py.compat.mat import read_mat, write_mat
 from sparsepop_py.compat.output import SparsePOPOutput
 from sparsepop_py.compat.sparsepop import sparsePOP
 from sparsepop_py.compat.structs import from_structs, to_structs
-from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.errors import (
     FormatError,
     ParameterWarning,
@@ -37,6 +37,7 @@ from sparsepop_py.io.sdpa import read_sdpa, write_sdpa
 from sparsepop_py.io.text import parse
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation, relax
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import Point, Result, Status

@@ -2,47 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.deadline import Clock
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.certificate.steps import Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Clock", "Task"]
-
-
-class Clock:
-    """Remaining wall time."""
-
-    def __init__(self, limit: float | None) -> None:
-        self._end = None if limit is None else time.monotonic() + limit
-        self.stopped = False
-
-    def stop(self) -> None:
-        """Time is over: the user interrupted."""
-        self._end, self.stopped = time.monotonic(), True
-
-    @property
-    def left(self) -> float | None:
-        """Seconds left, None without a limit."""
-        return None if self._end is None else max(1e-3, self._end - time.monotonic())
-
-    @property
-    def end(self) -> float:
-        """When time is over on the monotonic clock, inf without a limit."""
-        return np.inf if self._end is None else self._end
-
-    @property
-    def over(self) -> bool:
-        """Whether the limit has passed."""
-        return self._end is not None and time.monotonic() >= self._end
+__all__ = ["Task"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Bound, Model, level, relaxed
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.local_search.incumbents import first_attained, random_starts
 from sparsepop_py.options import Options

@@ -16,7 +16,9 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.branch_and_bound.node import Plan, explore
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import attained
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
@@ -27,7 +29,6 @@ from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
-from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 INF = np.inf
 CATALOGUE = catalogue

@@ -20,7 +20,8 @@ from sparsepop_py import (
     assemble,
     relax,
 )
-from sparsepop_py.conic.program import Cones, split_dual
+from sparsepop_py.conic.program import Cones
+from sparsepop_py.relaxation.assemble import split_dual
 from sparsepop_py.solvers import solve_conic, solver_names
 
 SOLVERS = {

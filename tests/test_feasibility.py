@@ -11,8 +11,9 @@ import pytest
 from exact_polynomials import value_at
 
 import sparsepop_py as sp
+from sparsepop_py.local_search.feasibility import _pivots, prove_feasible
 from sparsepop_py.verified.arithmetic.krawczyk import zero_near
-from sparsepop_py.verified.points.feasible_point import _pivots, prove_feasible, prove_point
+from sparsepop_py.verified.points.feasible_point import prove_point
 
 # ---- independent checks -----------------------------------------------------------------------
 

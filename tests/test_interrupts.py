@@ -15,12 +15,12 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Status
 from sparsepop_py.bounding import relaxation_bound as rungs
 from sparsepop_py.branch_and_bound import tree as branch
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.strategy import adaptive as auto
 from sparsepop_py.strategy.order_loop import INTERRUPTED
 from sparsepop_py.verified.certificate.steps import Replay
-from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 SOLVE_CONIC, EXPLORE, STAGE = rungs.solve_conic, branch.explore, Stages.stage
 

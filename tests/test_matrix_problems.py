@@ -11,12 +11,12 @@ from random_matrices import feasible_grid, holds, random_problem
 from solved import check
 
 import sparsepop_py as sp
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.matrix_rows import RowForm
 from sparsepop_py.local_search.solvers import local_search
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty, propagate
 from sparsepop_py.verified.certificate.steps import box_rows
-from sparsepop_py.verified.points.feasible_point import prove_feasible
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 INF = np.inf

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.relaxation.recover_multipliers import identity_of
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -24,7 +25,6 @@ from sparsepop_py.verified.box.propagation import is_empty, propagate
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import box_rows
-from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 quick = settings(max_examples=40, deadline=None, derandomize=True, database=None)
 

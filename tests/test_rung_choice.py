@@ -12,7 +12,9 @@ import sparsepop_py as sp
 from benchmarks.identification import THETA, task
 from sparsepop_py import Options, Problem
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Experience, Recipe, families, progress
@@ -22,7 +24,6 @@ from sparsepop_py.tightening.mccormick import Lifted, tightened
 from sparsepop_py.tightening.obbt_lp import taken_again
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import Replay
-from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 INF = float("inf")
 

@@ -21,7 +21,9 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound import node as parts
 from sparsepop_py.branch_and_bound.node import Plan, explore
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.strategy.shared_state import Ground
@@ -32,7 +34,6 @@ from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Tightening, tighten
-from sparsepop_py.verified.points.feasible_point import prove_feasible
 
 U = np.array([1.0, -1.0, 0.5, 1.0, -0.5, -1.0, 1.0, 0.3])
 Y = np.array([0.05, -1.02, -0.25, 0.87, 0.06, -0.98, 0.37, 0.5])  # a = -0.7, b = 1, and errors

@@ -12,7 +12,8 @@ import pytest
 
 import sparsepop_py as sp
 from benchmarks.identification import task
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.recover_multipliers import identity_of, shortened
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned

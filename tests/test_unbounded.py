@@ -9,7 +9,7 @@ import pytest
 from exact_polynomials import value_at
 
 import sparsepop_py as sp
-from sparsepop_py.verified.points.feasible_point import prove_feasible
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 

@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Polynomials as exact data: monomials, polynomials, stacked systems, matrices of polynomials."""

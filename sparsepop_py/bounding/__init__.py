@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Turn one relaxation into one proved bound."""

@@ -26,8 +26,8 @@ from scipy.sparse.linalg import spsolve
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.conic.program import assemble, split_dual
 from sparsepop_py.problem import generators
+from sparsepop_py.relaxation.assemble import assemble, split_dual
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, stacked_groups
 from sparsepop_py.relaxation.moment import Relaxation, on_groups
 from sparsepop_py.relaxation.term_sparsity import term_sparse

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.conic.program import ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.context import Task
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.presolve.size_limits import fitting_relaxations
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
 from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed

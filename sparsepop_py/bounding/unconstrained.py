@@ -25,9 +25,9 @@ from sparsepop_py.bounding.relaxation_bound import (
     stronger,
     trivially,
 )
-from sparsepop_py.conic.program import assemble
 from sparsepop_py.context import Task
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.arithmetic.interval import Interval

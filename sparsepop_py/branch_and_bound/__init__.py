@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Branch and bound: the tree and the processing of one node."""

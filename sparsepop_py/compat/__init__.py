@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""The MATLAB face: structs, parameters, outputs and files of SparsePOP 3.03."""

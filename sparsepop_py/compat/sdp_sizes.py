@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.compat.output import SDPInfo, SolverInfo
-from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
 from sparsepop_py.result import Result, Status

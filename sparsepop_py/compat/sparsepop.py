@@ -30,7 +30,8 @@ from sparsepop_py.compat.param import Parameters, read_parameters
 from sparsepop_py.compat.report import check_files, write_files, write_report
 from sparsepop_py.compat.sdp_sizes import BuiltSDP, sizes_of, solver_info
 from sparsepop_py.compat.structs import from_structs
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.gams import read_gms
 from sparsepop_py.local_search.incumbents import attain

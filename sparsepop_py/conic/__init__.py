@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Conic programs and their solutions, as solvers see them."""

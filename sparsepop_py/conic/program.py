@@ -19,13 +19,9 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError
-from sparsepop_py.relaxation.moment import Relaxation
 
-__all__ = ["Cones", "ConicProgram", "ConicSolution", "assemble", "split_dual"]
-
-_ROOT2 = float(np.sqrt(2.0))
+__all__ = ["Cones", "ConicProgram", "ConicSolution", "solution"]
 
 
 @dataclass(frozen=True)
@@ -150,41 +146,30 @@ class ConicSolution:
     wall: float = 0.0
 
 
-def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
-    """Put an objective on a relaxation.
-
-    Parameters
-    ----------
-    relaxation : Relaxation
-    objective : Polynomial
-        In the variables of ``relaxation.problem``.
-
-    Raises
-    ------
-    ProblemError
-        If the objective has a monomial that the relaxation does not hold.
-    """
-    q, offset = relaxation.objective_vector(objective)
-    A, b = relaxation.scaled_rows
-    linear = sum(g.count for g in relaxation.groups if not g.free and g.size == 1)
-    psd = [g.size for g in relaxation.groups for _ in range(g.count) if not g.free and g.size > 1]
-    return ConicProgram(q, A, b, Cones(relaxation.equality_rows, linear, tuple(psd)), offset)
-
-
-def split_dual(relaxation: Relaxation, z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The dual z as one array a group: (K, s) for free groups, else (K, s, s) symmetric."""
-    parts: list[NDArray[np.float64]] = []
-    offset = 0
-    for group in relaxation.groups:
-        total = group.count * group.rows_each
-        part = z[offset : offset + total].reshape(group.count, group.rows_each)
-        offset += total
-        if group.free:
-            parts.append(part.copy())
-            continue
-        i, j = group.pairs
-        weight = np.where(i == j, 1.0, 1.0 / _ROOT2)
-        matrix = np.zeros((group.count, group.size, group.size))
-        matrix[:, i, j] = matrix[:, j, i] = part * weight
-        parts.append(matrix)
-    return parts
+def solution(
+    program: ConicProgram,
+    status: str,
+    y: NDArray[np.float64],
+    z: NDArray[np.float64],
+    iterations: int,
+    seconds: float,
+    solver: str,
+    detail: str,
+) -> ConicSolution:
+    """A ConicSolution whose slack, values and residual come from the program, not the solver."""
+    y = np.where(np.isfinite(y), y, 0.0)
+    z = np.where(np.isfinite(z), z, 0.0)
+    residual = program.q + program.A.T @ z
+    return ConicSolution(
+        status=status,
+        y=y,
+        s=program.b - program.A @ y,
+        z=z,
+        primal=float(program.q @ y + program.offset),
+        dual=float(program.offset - program.b @ z),
+        residual=float(np.abs(residual).max(initial=0.0)),
+        iterations=iterations,
+        seconds=seconds,
+        solver=solver,
+        detail=detail,
+    )

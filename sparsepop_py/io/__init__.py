@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Read and write problems, certificates and results: GAMS, text, JSON, SDPA."""

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.matrix_rows import RowForm
 from sparsepop_py.local_search.slp import sequential_search
 from sparsepop_py.local_search.solvers import DENSE_LIMIT, local_search
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_feasible
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["Aim", "best_attained", "starting_points"]
 

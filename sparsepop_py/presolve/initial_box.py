@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind
-from sparsepop_py.conic.program import assemble
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.size_limits import affordable, worth_building
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import least_order, relax
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin
 from sparsepop_py.solvers import solve_conic

@@ -17,9 +17,10 @@ from scipy.sparse.linalg import splu
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial, total
-from sparsepop_py.conic.program import ConicProgram, split_dual
+from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.problem.generators import single_letters
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import split_dual
 from sparsepop_py.relaxation.blocks import BlockGroup
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned

@@ -22,8 +22,7 @@ import clarabel
 import numpy as np
 import scipy.sparse as sps
 
-from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution
-from sparsepop_py.solvers.base import solution
+from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, solution
 
 __all__ = ["solve_moment_form", "solve_squares_form"]
 

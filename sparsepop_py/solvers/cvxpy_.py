@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from sparsepop_py.conic.program import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
-from sparsepop_py.solvers.base import solution
 
 __all__ = ["require", "solve"]
 

@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Correlative sparsity: chordal extensions and cliques with the running intersection property."""

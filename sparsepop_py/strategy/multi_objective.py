@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.context import Clock, Task
+from sparsepop_py.context import Task
+from sparsepop_py.deadline import Clock
 from sparsepop_py.local_search.incumbents import attained, carried, random_starts
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options

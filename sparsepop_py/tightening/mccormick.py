@@ -30,11 +30,12 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.conic.program import ConicProgram, assemble
-from sparsepop_py.context import Clock
+from sparsepop_py.conic.program import ConicProgram
+from sparsepop_py.deadline import Clock
 from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation, relax
 from sparsepop_py.sparsity.correlative import Cliques
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned

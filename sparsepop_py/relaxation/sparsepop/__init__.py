@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""The relaxation of SparsePOP 3.03, switch by switch."""

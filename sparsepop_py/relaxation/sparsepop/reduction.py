@@ -19,11 +19,12 @@ from scipy.sparse.linalg import spsolve_triangular
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, assemble
+from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution
+from sparsepop_py.conic.program import solution as recomputed
+from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.relaxation.sparsepop.substitution import Rules
-from sparsepop_py.solvers.base import solution as recomputed
 from sparsepop_py.verified.box.scaling import Scaled
 
 __all__ = ["Condensed", "condensed"]

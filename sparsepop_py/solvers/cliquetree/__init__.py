@@ -29,9 +29,8 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
-from sparsepop_py.conic.program import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
-from sparsepop_py.solvers.base import solution
 from sparsepop_py.solvers.cliquetree.iterations.interior import minimise
 from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
 from sparsepop_py.solvers.cliquetree.iterations.progress import (

@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Verified arithmetic: every rounding error is accounted for."""

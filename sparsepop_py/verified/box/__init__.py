@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Boxes that contain the feasible set: propagation (FBBT), scaling, left inverses."""

@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval, matmul
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
-from sparsepop_py.verified.certificate.multipliers import are_indices, are_numbers
 
 __all__ = ["LeftInverse", "left_inverse"]
 

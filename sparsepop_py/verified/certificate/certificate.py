@@ -25,20 +25,14 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
-from sparsepop_py.verified.certificate.steps import (
-    BoxProof,
-    Known,
-    Replay,
-    Sublevel,
-    Tightening,
-    is_index,
-)
+from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sublevel, Tightening
 
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
 

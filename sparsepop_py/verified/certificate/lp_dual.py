@@ -29,10 +29,11 @@ from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import indices
+from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 from sparsepop_py.verified.box.scaling import Scaling
-from sparsepop_py.verified.certificate.multipliers import ScaledGenerators, are_indices, are_numbers
+from sparsepop_py.verified.certificate.multipliers import ScaledGenerators
 from sparsepop_py.verified.certificate.sos_identity import losses
 
 __all__ = ["LinearDual"]

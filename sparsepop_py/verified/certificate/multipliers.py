@@ -26,11 +26,12 @@ from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import interned
+from sparsepop_py.verified.arithmetic.array_checks import are_indices
 from sparsepop_py.verified.arithmetic.interval import Interval, gram
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 from sparsepop_py.verified.box.scaling import Scaling
 
-__all__ = ["Multipliers", "ScaledGenerators", "are_indices", "are_numbers"]
+__all__ = ["Multipliers", "ScaledGenerators"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,14 +210,3 @@ class ScaledGenerators:
                 n,
             )
         return ScaledGenerators(system, value)
-
-
-def are_indices(array: NDArray, stop: int) -> bool:
-    """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
-    whole = array.dtype in (np.int32, np.int64)
-    return bool(whole and np.all(array >= 0) and np.all(array < stop))
-
-
-def are_numbers(array: NDArray) -> bool:
-    """Whether all are finite numbers that doubles hold, so that no reading of them rounds."""
-    return bool(array.dtype in (np.float64, np.float32) and np.all(np.isfinite(array)))

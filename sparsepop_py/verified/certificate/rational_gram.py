@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.certificate.multipliers import are_indices, are_numbers
 
 __all__ = ["ExactGram"]
 

@@ -35,15 +35,11 @@ from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import generators
+from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by, up
 from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine, monomial_ranges
 from sparsepop_py.verified.box.scaling import Scaling
-from sparsepop_py.verified.certificate.multipliers import (
-    Multipliers,
-    ScaledGenerators,
-    are_indices,
-    are_numbers,
-)
+from sparsepop_py.verified.certificate.multipliers import Multipliers, ScaledGenerators
 
 __all__ = ["Evaluated", "Identity", "Multipliers", "Priced", "losses"]
 

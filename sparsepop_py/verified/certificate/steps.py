@@ -21,6 +21,7 @@ from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import are_indices, is_index
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.propagation import (
@@ -32,7 +33,6 @@ from sparsepop_py.verified.box.propagation import (
     with_cutoff,
 )
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
-from sparsepop_py.verified.certificate.multipliers import are_indices
 from sparsepop_py.verified.certificate.sos_identity import Identity
 
 __all__ = [
@@ -45,7 +45,6 @@ __all__ = [
     "Tightening",
     "box_rows",
     "coordinates",
-    "is_index",
     "shrunk",
     "sublevel_box",
     "tighten",
@@ -277,12 +276,6 @@ class Replay:
         if key not in self.known:
             self.known[key] = (argument, prove())
         return self.known[key][1]
-
-
-def is_index(number: object, stop: int) -> bool:
-    """Whether something is a whole number from 0 to below ``stop``."""
-    whole = isinstance(number, (int, np.integer)) and not isinstance(number, bool)
-    return whole and 0 <= number < stop  # type: ignore[operator]
 
 
 def shrunk(box: Interval, variable: NDArray, side: NDArray, value: NDArray) -> Interval:

@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Proofs that points exist: feasible points and rays along which the objective falls."""

@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Run the interior-point iterations of the clique-tree method."""

@@ -1,1 +1,1 @@
-"""PLACEHOLDER."""
+"""Dense linear algebra on stacks of small matrices, in numpy and compiled."""
