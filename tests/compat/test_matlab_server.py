@@ -17,7 +17,7 @@ import scipy.sparse as sps
 import sparsepop_py as sp
 from sparsepop_py.compat import matlab_server as door
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 END = "\x04\n"
 
 # min x1^2 + x2 on the line x1 + x2 = 1 in the unit square: 3/4 at (1/2, 1/2)

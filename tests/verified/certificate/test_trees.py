@@ -23,7 +23,7 @@ from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay, Tightening
 
 INF = np.inf
-POOLING = Path(__file__).resolve().parent.parent / "examples" / "problems" / "pooling.gms"
+POOLING = Path(__file__).resolve().parents[3] / "examples" / "problems" / "pooling.gms"
 quick = settings(max_examples=10, deadline=None)
 
 

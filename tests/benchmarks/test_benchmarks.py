@@ -23,7 +23,7 @@ from benchmarks.registry import Case, Family, Registry, Selection, Task
 from benchmarks.report import exponent, groups_of, report
 from benchmarks.settings import options_from, switches, variants
 
-PROBLEMS = Path(__file__).resolve().parent.parent / "examples" / "problems"
+PROBLEMS = Path(__file__).resolve().parents[2] / "examples" / "problems"
 
 
 def tiny(name="tiny", size=None, seed=0):

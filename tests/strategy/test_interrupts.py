@@ -7,9 +7,9 @@ import time
 
 import numpy as np
 import pytest
+from loop_cases import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
+from search_cases import bilinear
 from solved import INF, check
-from test_branch import bilinear
-from test_ladder import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status

@@ -22,7 +22,7 @@ from sparsepop_py.errors import ParameterWarning, ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
-DOCS = pathlib.Path(__file__).parent.parent / "docs" / "parameters.md"
+DOCS = pathlib.Path(__file__).parents[2] / "docs" / "parameters.md"
 # Every field that SparsePOP 3.03's defaultParameter knows or echoes, and SparsePOP 2's names.
 ORIGINAL = """
 relaxOrder sparseSW multiCliquesFactor scalingSW boundSW eqTolerance perturbation
@@ -314,13 +314,13 @@ def test_the_input_is_not_modified() -> None:
 
 def test_every_test_that_is_named_exists() -> None:
     """In the table of fields and in the list of traps below it."""
-    here = pathlib.Path(__file__).parent
+    here = {path.name: path for path in pathlib.Path(__file__).parents[1].rglob("test_*.py")}
     named = set(re.findall(r"`(test_\w+\.py)::(test_\w+)`", DOCS.read_text()))
     assert {f"{file}::{name}" for file, name in named} >= {entry.test for entry in FIELDS}
     absent = [
         f"{file}::{name}"
         for file, name in sorted(named)
-        if f"def {name}(" not in (here / file).read_text()
+        if f"def {name}(" not in here[file].read_text()
     ]
     assert absent == []
 

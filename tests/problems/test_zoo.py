@@ -1,6 +1,6 @@
 """Problems with known optima: every bound is below, attained, proved and (mostly) tight.
 
-The optima come from closed forms and the literature (``tests/zoo/*.toml`` names the source
+The optima come from closed forms and the literature (``tests/problems/zoo/*.toml`` names the source
 of each); the texts are also evaluated here by Python itself, apart from the package.
 """
 

@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bilinear_problem import Bilinear
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from moment_cases import generator_values, monomial_values, planted
 from random_cases import SEEDS, random_case
 from relaxed import value
-from test_lifting import Bilinear
-from test_relaxation import generator_values, monomial_values, planted
 
 import sparsepop_py as sp
 from sparsepop_py import Problem, assemble, relax, solve_conic

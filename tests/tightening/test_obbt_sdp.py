@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loop_cases import star
 from scipy.optimize import linprog
+from search_cases import processes, search_of, threads
 from solved import check
-from test_branch import processes, search_of, threads
-from test_ladder import star
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status

@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from multiprocessing import get_context
 
 import numpy as np
 import pytest
 from random_cases import random_case
+from search_cases import bilinear, cuts_of, least_on_a_grid, processes, search_of, threads
 from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.branch_and_bound.node import Plan, explore
-from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.branch_and_bound.node import explore
 from sparsepop_py.context import Task
 from sparsepop_py.deadline import Clock
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.local_search.incumbents import attained
 from sparsepop_py.presolve.initial_box import room_of
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import Recipe, catalogue
-from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import Auto
 from sparsepop_py.strategy.shared_state import Ground
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -32,31 +29,6 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 INF = np.inf
 CATALOGUE = catalogue
-
-
-def bilinear():
-    """min x y + z w - x w with x + y + z + w <= 2, a square of four corners and more."""
-    x, y, z, w = sp.variables(4)
-    rows = [x + y + z + w <= 2, x * y + z * w >= -1]
-    return Problem(x * y + z * w - x * w, rows, -1.0, 2.0)
-
-
-def least_on_a_grid(problem, steps):
-    axes = [np.linspace(a, b, steps) for a, b in zip(problem.lower, problem.upper, strict=True)]
-    x, y, z, w = np.meshgrid(*axes, indexing="ij")
-    inside = (x + y + z + w <= 2) & (x * y + z * w >= -1)
-    return float((x * y + z * w - x * w)[inside].min())
-
-
-def search_of(problem, variables, start=None, options=None, local=False, **plan):
-    task = Task(problem, options or Options(), Stages(), Clock(None))
-    if start is not None:
-        task = replace(task, best=prove_feasible(problem, np.array(start, float)))
-        assert task.best is not None
-    box = Interval(problem.lower, problem.upper)
-    cliques = {"constraints": find_cliques(problem)}
-    attain = (lambda t, x: attained(t, x)[0]) if local else lambda t, x: t
-    return Search(task, Plan(cliques, variables, **plan), BoxProof(), box, attain)
 
 
 def never():
@@ -140,10 +112,6 @@ def test_a_raised_exception_loses_no_part():
     assert search.certificate().verify(problem).ok
 
 
-def cuts_of(certificate):
-    return {node.cut[0] for node in certificate.root if node.cut is not None}
-
-
 def test_only_chosen_variables_are_cut():
     problem = bilinear()
     for chosen in ((0,), (1, 2), (3,)):
@@ -201,14 +169,6 @@ def test_a_lower_cutoff_is_taken_up_and_a_higher_one_refused():
     search.grow(3, never)
     assert search.certificate().verify(problem).ok
     assert not search.tell(replace(search.task, best=worse))
-
-
-def threads():
-    return ThreadPoolExecutor(2)
-
-
-def processes():
-    return ProcessPoolExecutor(1, mp_context=get_context("spawn"))
 
 
 @pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])

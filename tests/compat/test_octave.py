@@ -1,6 +1,6 @@
 """Scripts in MATLAB's language, run by GNU Octave: ``make test-octave``.
 
-The scripts in ``tests/octave`` hold their own expectations. All of them run in one session,
+The scripts in ``tests/compat/octave`` hold their own expectations. All of them run in one session,
 so that the child process is shared as it is in practice.
 """
 
@@ -18,7 +18,7 @@ import pytest
 
 from sparsepop_py.compat import matlab_server as door
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "matlab.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "matlab.md"
 SCRIPTS = Path(__file__).resolve().parent / "octave"
 OCTAVE = shutil.which("octave-cli")
 pytestmark = [
