@@ -8,18 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.deadline import Clock
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.certificate.steps import Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Task"]
+__all__ = ["SolveContext"]
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class SolveContext:
     """One objective: what is asked, how, and the best attained point so far.
 
     Parameters
@@ -44,7 +44,7 @@ class Task:
     problem: Problem
     options: Options
     stages: Stages
-    clock: Clock
+    deadline: Deadline
     best: ProvedPoint | None = None
     unit: float | None = None
     repair: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
@@ -95,10 +95,10 @@ class Task:
         return bound - 0.01 * self.options.gap * (1.0 if self.unit is None else self.unit)
 
     @property
-    def level(self) -> float:
+    def cutoff(self) -> float:
         """The cut-off under which boxes shrink, +inf without one."""
-        level = self.replay().level
-        return np.inf if level is None else level
+        cutoff = self.replay().cutoff
+        return np.inf if cutoff is None else cutoff
 
     def replay(self, *, below: bool | None = None) -> Replay:
         """The problem with the cut-off at the attained value.
@@ -108,8 +108,8 @@ class Task:
         exceed that level.
         """
         idle = self.best is None or "cutoff" in self.options.skip
-        level = None if idle else self.upper
-        if (self.below if below is None else below) and level is not None:
+        cutoff = None if idle else self.upper
+        if (self.below if below is None else below) and cutoff is not None:
             # falls with the attained value, whatever the gap, so that boxes found before hold
-            level -= 0.9 * min(self.allowed, max(1.0, abs(level)))
-        return Replay(self.problem, level)
+            cutoff -= 0.9 * min(self.allowed, max(1.0, abs(cutoff)))
+        return Replay(self.problem, cutoff)

@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 
-__all__ = ["Clock"]
+__all__ = ["Deadline"]
 
 
-class Clock:
+class Deadline:
     """Remaining wall time."""
 
     def __init__(self, limit: float | None) -> None:

@@ -21,7 +21,7 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Point", "Result", "Rung", "Status"]
+__all__ = ["Point", "Result", "HistoryEntry", "Status"]
 
 
 class Status(StrEnum):
@@ -81,7 +81,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Rung:
+class HistoryEntry:
     """One rung of the ladder, with the bounds known after it.
 
     Parameters
@@ -140,7 +140,7 @@ class Result:
         What the conic solver returned (scaled units; no value in it is a bound).
     solver_value : float
         The solver's value in the units of the objective: no bound.
-    history : tuple of Rung
+    history : tuple of HistoryEntry
         One entry for each rung that was climbed.
     timings : dict of str to float
         CPU seconds of each stage.
@@ -160,7 +160,7 @@ class Result:
     relaxation: Relaxation | None
     solution: ConicSolution | None
     solver_value: float
-    history: tuple[Rung, ...] = ()
+    history: tuple[HistoryEntry, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

@@ -15,19 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import Bound, Model, level, relaxed
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model, lower_bound, relaxed
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.errors import ProblemError, SparsePOPError
-from sparsepop_py.local_search.incumbents import first_attained, random_starts
+from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
-from sparsepop_py.strategy.multi_objective import Family, first_starts, pairs, width_between
-from sparsepop_py.strategy.order_loop import INTERRUPTED, Climbed, climb, nothing_yet
+from sparsepop_py.strategy.multi_objective import (
+    MultiObjectiveSearch,
+    first_starts,
+    pairs,
+    width_between,
+)
+from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState, run_orders, unstarted_state
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof
@@ -78,8 +83,8 @@ def solve(
         raise ProblemError(
             "Options.gap_kind: found 'width', which needs pairs of objectives (solve_each)"
         )
-    task = Task(problem, options, Stages(options.progress), Clock(options.time_limit))
-    return _result(_climb_one(task, _start_vectors(problem, start), None))
+    context = SolveContext(problem, options, Stages(options.progress), Deadline(options.time_limit))
+    return _result(_solve_one(context, _start_vectors(problem, start), None))
 
 
 @one_thread
@@ -146,60 +151,60 @@ def solve_each(
         return []
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
-    told = _Told(on_progress)
-    clock = Clock(options.time_limit)
+    told = _ProgressReporter(on_progress)
+    deadline = Deadline(options.time_limit)
     first = Model(BoxProof(), Interval(problem.lower, problem.upper))
     try:
         with stages.stage("presolve"):
             first = Model(*find_box(problem, None, options))
     except KeyboardInterrupt:
-        clock.stop()
+        deadline.stop()
     box = first.box
     if options.effort == "auto" and finite(box) and not is_empty(box):
-        starts += [] if clock.over else first_starts(problem, box, options)
-        family = Family(
+        starts += [] if deadline.over else first_starts(problem, box, options)
+        family = MultiObjectiveSearch(
             problem,
             objectives,
             options,
             first,
             starts,
             stages,
-            clock,
+            deadline,
             told,
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
         )
-        return [_result(climbed) for climbed in family.run()]
+        return [_result(state) for state in family.run()]
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         try:
             with stages.stage("relax"):
                 model = relaxed(problem, tuple(objectives), first, options)
         except KeyboardInterrupt:
-            clock.stop()
-    climbs: list[Climbed] = []
+            deadline.stop()
+    states: list[SearchState] = []
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
-        own.seconds.update(stages.seconds if not climbs else {})
+        own.seconds.update(stages.seconds if not states else {})
         part, count = problem.with_objective(objective), len(objectives)
-        task = Task(part, options, own, clock, repair=repair, objectives=count)
-        climbs.append(_climb_one(task, starts, model))
-        if INTERRUPTED in climbs[-1].notes:
-            clock.stop()  # the others end with what is known
-        told(number, climbs[-1])
-    return [_result(climbed) for climbed in _with_widths(climbs, objectives, options)]
+        context = SolveContext(part, options, own, deadline, repair=repair, objectives=count)
+        states.append(_solve_one(context, starts, model))
+        if INTERRUPTED in states[-1].notes:
+            deadline.stop()  # the others end with what is known
+        told(number, states[-1])
+    return [_result(state) for state in _with_widths(states, objectives, options)]
 
 
 @dataclass(frozen=True)
-class _Told:
+class _ProgressReporter:
     """Tells the caller how far an objective is."""
 
     on_progress: Callable[[int, float, float], None] | None
 
-    def __call__(self, number: int, climbed: Climbed) -> None:
+    def __call__(self, number: int, state: SearchState) -> None:
         if self.on_progress is not None:
-            lower = level(climbed.outcome.certificate)
-            self.on_progress(number, lower, climbed.task.upper)
+            lower = lower_bound(state.outcome.certificate)
+            self.on_progress(number, lower, state.context.upper)
 
 
 def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> None:
@@ -233,16 +238,16 @@ def _check_problem(problem: Problem, options: Options) -> None:
 
 
 def _with_widths(
-    climbs: list[Climbed], objectives: list[Polynomial], options: Options
-) -> list[Climbed]:
+    states: list[SearchState], objectives: list[Polynomial], options: Options
+) -> list[SearchState]:
     """Gaps relative to the distance of the attained values of pairs, where asked for."""
     if options.gap_kind != "width":
-        return climbs
+        return states
     paired, done = pairs(objectives), []
-    for number, climbed in enumerate(climbs):
-        width = width_between(climbed.task.upper, climbs[paired[number]].task.upper, options)
+    for number, state in enumerate(states):
+        width = width_between(state.context.upper, states[paired[number]].context.upper, options)
         unit = width if np.isfinite(width) else 0.0
-        done.append(replace(climbed, task=replace(climbed.task, unit=unit)))
+        done.append(replace(state, context=replace(state.context, unit=unit)))
     return done
 
 
@@ -260,52 +265,52 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
     return [vector]
 
 
-def _climb_one(task: Task, starts: list[NDArray], shared: Model | None) -> Climbed:
+def _solve_one(context: SolveContext, starts: list[NDArray], shared: Model | None) -> SearchState:
     """A local search, then the ladder; an interrupt ends both with what is proved."""
-    problem, near = task.problem, list[NDArray]()
+    problem, near = context.problem, list[NDArray]()
     try:
-        with task.stages.stage("search"):
+        with context.stages.stage("search"):
             box = shared.box if shared else Interval(problem.lower, problem.upper)
-            first, later = tee(chain(starts, _random(problem, box, task.options)))
-            task, near = first_attained(task, first)
-        return climb(task, near, shared, later)
+            first, later = tee(chain(starts, _random(problem, box, context.options)))
+            context, near = first_incumbent(context, first)
+        return run_orders(context, near, shared, later)
     except KeyboardInterrupt:
-        return nothing_yet(task, near)
+        return unstarted_state(context, near)
     finally:
-        task.stages.close()
+        context.stages.close()
 
 
 def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArray[np.float64]]:
     yield from random_starts(problem, box, options)  # a box is found only if they are asked for
 
 
-def _result(climbed: Climbed) -> Result:
-    task, bound, near = climbed.task, climbed.outcome, climbed.near
-    problem, best = task.problem, task.best
-    lower = level(bound.certificate)
+def _result(state: SearchState) -> Result:
+    context, bound, near = state.context, state.outcome, state.near
+    problem, best = context.problem, context.best
+    lower = lower_bound(bound.certificate)
     upper = best.value if best is not None else np.inf
     if lower > upper:
         raise SparsePOPError(
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    notes = [*bound.model.notes, *climbed.notes]
-    if task.clock.stopped and not climbed.notes:
+    notes = [*bound.model.notes, *state.notes]
+    if context.deadline.stopped and not state.notes:
         notes.append(INTERRUPTED)
     status = Status.BOUNDED
     if lower == np.inf:
         status = Status.INFEASIBLE
-    elif task.closed(lower):
+    elif context.closed(lower):
         status = Status.OPTIMAL
     elif lower == -np.inf:
         status, note = _unproved(problem, bound, best)
         notes += note
-    elif task.clock.over or climbed.notes:
+    elif context.deadline.over or state.notes:
         status = Status.LIMIT
     points = _points(problem, best, near)
     return Result(
         problem=problem,
-        options=task.options,
+        options=context.options,
         status=status,
         lower_bound=lower,
         upper_bound=upper if status is not Status.UNBOUNDED else -np.inf,
@@ -316,13 +321,15 @@ def _result(climbed: Climbed) -> Result:
         relaxation=bound.relaxation,
         solution=bound.solution,
         solver_value=bound.value,
-        history=climbed.history,
-        timings=task.stages.seconds,
+        history=state.history,
+        timings=context.stages.seconds,
         notes=tuple(notes),
     )
 
 
-def _unproved(problem: Problem, bound: Bound, best: ProvedPoint | None) -> tuple[Status, list[str]]:
+def _unproved(
+    problem: Problem, bound: CertifiedBound, best: ProvedPoint | None
+) -> tuple[Status, list[str]]:
     if best is not None:
         ray = falling_ray(problem, best)
         if ray is not None:

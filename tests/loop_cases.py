@@ -11,9 +11,9 @@ from solved import INF
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem
-from sparsepop_py.relaxation.hierarchy import catalogue
+from sparsepop_py.relaxation.hierarchy import relaxation_specs
 
-CATALOGUE = catalogue
+CATALOGUE = relaxation_specs
 
 
 A = np.array([1.0, -2.0, 1.5, 0.5, -1.0, 2.0])

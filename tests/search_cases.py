@@ -10,12 +10,12 @@ import numpy as np
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem
-from sparsepop_py.branch_and_bound.node import Plan
+from sparsepop_py.branch_and_bound.node import NodeSettings
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.local_search.incumbents import attained
+from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.progress import Stages
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -36,19 +36,21 @@ def least_on_a_grid(problem, steps):
     return float((x * y + z * w - x * w)[inside].min())
 
 
-def search_of(problem, variables, start=None, options=None, local=False, **plan):
-    task = Task(problem, options or Options(), Stages(), Clock(None))
+def search_of(problem, variables, start=None, options=None, local=False, **settings):
+    context = SolveContext(problem, options or Options(), Stages(), Deadline(None))
     if start is not None:
-        task = replace(task, best=prove_feasible(problem, np.array(start, float)))
-        assert task.best is not None
+        context = replace(context, best=prove_feasible(problem, np.array(start, float)))
+        assert context.best is not None
     box = Interval(problem.lower, problem.upper)
     cliques = {"constraints": find_cliques(problem)}
-    attain = (lambda t, x: attained(t, x)[0]) if local else lambda t, x: t
-    return Search(task, Plan(cliques, variables, **plan), BoxProof(), box, attain)
+    search_incumbent = (lambda t, x: update_incumbent(t, x)[0]) if local else lambda t, x: t
+    return Search(
+        context, NodeSettings(cliques, variables, **settings), BoxProof(), box, search_incumbent
+    )
 
 
 def cuts_of(certificate):
-    return {node.cut[0] for node in certificate.root if node.cut is not None}
+    return {node.branch[0] for node in certificate.root if node.branch is not None}
 
 
 def threads():

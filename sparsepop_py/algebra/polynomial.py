@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from math import isqrt
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -23,9 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError
-
-if TYPE_CHECKING:
-    from sparsepop_py.algebra.polynomial import Polynomial
 
 __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 

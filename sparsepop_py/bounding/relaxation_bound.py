@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.conic.program import ConicProgram, ConicSolution
-from sparsepop_py.context import Task
+from sparsepop_py.context import SolveContext
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.presolve.size_limits import fitting_relaxations
@@ -39,14 +39,14 @@ from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay
 
 __all__ = [
-    "Argued",
+    "BoxBound",
     "Attempt",
-    "Bound",
+    "CertifiedBound",
     "Model",
-    "argue",
+    "bound_box",
     "better",
-    "bound_of",
-    "level",
+    "certified_bound",
+    "lower_bound",
     "one_round",
     "relaxed",
     "short_if",
@@ -75,7 +75,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Bound:
+class CertifiedBound:
     """What one rung proved and saw."""
 
     model: Model
@@ -86,7 +86,7 @@ class Bound:
 
 
 @dataclass(frozen=True, eq=False)
-class Argued:
+class BoxBound:
     """The best argument for a bound on one box, and the last solution behind such arguments.
 
     Parameters
@@ -105,46 +105,46 @@ class Argued:
     value: float = np.nan
 
 
-def argue(
-    task: Task,
+def bound_box(
+    context: SolveContext,
     box: Interval,
     scaled: Scaled,
     relaxation: Relaxation,
-    start: Argued | None = None,
-) -> Argued:
+    start: BoxBound | None = None,
+) -> BoxBound:
     """Solve one relaxation on a box; where variables have no box, with growing margins."""
-    replay = task.replay()
-    outcome = start or Argued(prove(replay, box, None, False), Node())
+    replay = context.replay()
+    outcome = start or BoxBound(prove(replay, box, None, False), Node())
     boxed = bool(np.all(scaled.scaling.boxed))
-    scaled_objective, size = scale_objective(task.problem.objective, scaled.scaling)
-    switches = task.options.switches
+    scaled_objective, size = scale_objective(context.problem.objective, scaled.scaling)
+    switches = context.options.switches
     shares = (0.0,) if boxed else _MARGINS if switches is None else (0.0, *_MARGINS)
-    first: Argued | None = None
+    first: BoxBound | None = None
     for share in shares:
-        with task.stages.stage("assemble"):
+        with context.stages.stage("assemble"):
             minimised = scaled_objective
             if share:
                 minimised = minimised - margin(relaxation) * share
             program, small = _programs(relaxation, scaled, minimised, switches)
-        for solver in solvers_for(task.options, relaxation, boxed):
-            with task.stages.stage("solve"):
-                solution = _solution(task, program, small, solver, size)
-            with task.stages.stage("certify"):
+        for solver in solvers_for(context.options, relaxation, boxed):
+            with context.stages.stage("solve"):
+                solution = _solution(context, program, small, solver, size)
+            with context.stages.stage("certify"):
                 attempt = Attempt(replay, box, scaled, relaxation, program, solution, size, share)
-                outcome = _certified(task, attempt, outcome)
+                outcome = _certified(context, attempt, outcome)
             first = first or outcome
-            if task.closed(outcome.proved.bound) or task.clock.over:
+            if context.closed(outcome.proved.bound) or context.deadline.over:
                 break
-            if solution.status not in ("almost", "failed") or not _loses(task, outcome):
+            if solution.status not in ("almost", "failed") or not _loses(context, outcome):
                 break
-        if outcome.proved.bound > -np.inf or task.clock.over:
+        if outcome.proved.bound > -np.inf or context.deadline.over:
             break
     if switches is not None and first is not None:  # later margins and solvers are for the proof
         return replace(outcome, solution=first.solution, value=first.value)
-    if task.options.effort != "auto":
+    if context.options.effort != "auto":
         return outcome
-    with task.stages.stage("certify"):
-        return short_if(task.enough(outcome.proved.bound), replay, box, outcome)
+    with context.stages.stage("certify"):
+        return short_if(context.enough(outcome.proved.bound), replay, box, outcome)
 
 
 def _programs(
@@ -158,58 +158,58 @@ def _programs(
 
 
 def _solution(
-    task: Task, program: ConicProgram, small: Condensed | None, solver: str, size: float
+    context: SolveContext, program: ConicProgram, small: Condensed | None, solver: str, size: float
 ) -> ConicSolution:
     solution = solve_conic(
         program if small is None else small.program,
         solver,
-        task.clock.left,
-        _accuracy(task, size, solver, program.q.size),
-        None if task.goal is None else task.goal / size,
-        task.options.max_iterations,
-        task.objectives,
+        context.deadline.left,
+        _accuracy(context, size, solver, program.q.size),
+        None if context.goal is None else context.goal / size,
+        context.options.max_iterations,
+        context.objectives,
     )
     return solution if small is None else small.restored(solution)
 
 
-def short_if(needed: float, replay: Replay, box: Interval, argued: Argued) -> Argued:
+def short_if(needed: float, replay: Replay, box: Interval, box_bound: BoxBound) -> BoxBound:
     """The argument in short floats, if it still proves what is needed."""
-    long = argued.node.argument
+    long = box_bound.node.argument
     if not isinstance(long, Identity) or long.short:
-        return argued
-    if not -np.inf < needed <= claim(argued.proved):
-        return argued
+        return box_bound
+    if not -np.inf < needed <= claim(box_bound.proved):
+        return box_bound
     for share in _SHARES:
         short = shortened(long, share)
-        proved = prove(replay, box, short, argued.node.empty)
+        proved = prove(replay, box, short, box_bound.node.empty)
         if claim(proved) >= needed:
-            return replace(argued, proved=proved, node=replace(argued.node, argument=short))
-    return argued
+            return replace(box_bound, proved=proved, node=replace(box_bound.node, argument=short))
+    return box_bound
 
 
-def _accuracy(task: Task, size: float, solver: str, moments: int) -> float:
+def _accuracy(context: SolveContext, size: float, solver: str, moments: int) -> float:
     """How far a solver should go: a hundredth of the gap that counts as closed is enough.
 
     Where it knows no safe value, the proof pays for residuals of either sign of all moments.
     """
-    if task.options.accuracy is not None:
-        return task.options.accuracy
-    if task.best is None or task.options.effort != "auto":
+    if context.options.accuracy is not None:
+        return context.options.accuracy
+    if context.best is None or context.options.effort != "auto":
         return 1e-9
     if solver == "cliquetree":
-        return float(np.clip(1e-2 * task.allowed / size, 1e-9, _ROUGH))
+        return float(np.clip(1e-2 * context.allowed / size, 1e-9, _ROUGH))
     many = max(1.0, moments / _MOMENTS) ** 0.5
-    return float(np.clip(1e-2 * task.allowed / (size * many), 1e-9, 1e-6))
+    return float(np.clip(1e-2 * context.allowed / (size * many), 1e-9, 1e-6))
 
 
-def _loses(task: Task, outcome: Argued) -> bool:
+def _loses(context: SolveContext, outcome: BoxBound) -> bool:
     """Whether what the proof cost is a good part of what is missing."""
     bound, correction = outcome.proved.bound, outcome.proved.correction
     if bound == -np.inf:
         return True
-    if task.best is None:
+    if context.best is None:
         return correction > 1e-6 * (1.0 + abs(bound))
-    return correction > 0.1 * (task.target - bound)
+    return correction > 0.1 * (context.target - bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +225,7 @@ class Attempt:
     size: float
     share: float
 
-    def argued(self, z: NDArray[np.float64]) -> Argued:
+    def box_bound(self, z: NDArray[np.float64]) -> BoxBound:
         """What the multipliers z prove."""
         empty = self.solution.status == "infeasible"
         identity: Identity = identity_of(
@@ -234,23 +234,25 @@ class Attempt:
         proved = prove(self.replay, self.box, identity, empty)
         value = self.size * self.solution.primal
         node = Node(argument=identity, empty=empty)
-        return Argued(proved, node, self.solution, value)
+        return BoxBound(proved, node, self.solution, value)
 
 
-def _certified(task: Task, attempt: Attempt, outcome: Argued) -> Argued:
+def _certified(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> BoxBound:
     """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
-    new = attempt.argued(attempt.solution.z)
+    new = attempt.box_bound(attempt.solution.z)
     outcome = stronger(outcome, new)
-    if attempt.solution.status == "infeasible" or task.options.effort == "plain":
+    if attempt.solution.status == "infeasible" or context.options.effort == "plain":
         return outcome
     loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
     scale = max(1.0, abs(attempt.size * attempt.solution.primal))
-    if loss > 1e-9 * scale and not task.closed(outcome.proved.bound):
-        outcome = stronger(outcome, attempt.argued(repaired(attempt.program, attempt.solution.z)))
+    if loss > 1e-9 * scale and not context.closed(outcome.proved.bound):
+        outcome = stronger(
+            outcome, attempt.box_bound(repaired(attempt.program, attempt.solution.z))
+        )
     return outcome
 
 
-def stronger(old: Argued, new: Argued) -> Argued:
+def stronger(old: BoxBound, new: BoxBound) -> BoxBound:
     """The argument with the larger bound, with the newest solver output."""
     if new.proved.bound >= old.proved.bound:
         return new
@@ -270,37 +272,37 @@ def solvers_for(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[
 # ---- one round on one order -----------------------------------------------------------------
 
 
-def one_round(task: Task, shared: Model | None) -> Bound:
+def one_round(context: SolveContext, shared: Model | None) -> CertifiedBound:
     """Box, relaxations, solver and certificate, once."""
-    problem, options, best = task.problem, task.options, task.best
+    problem, options, best = context.problem, context.options, context.best
     model = shared
     if model is None:
-        with task.stages.stage("presolve"):
-            model = Model(*find_box(problem, best, options, done=trivially(task)))
+        with context.stages.stage("presolve"):
+            model = Model(*find_box(problem, best, options, done=trivially(context)))
         empty = _emptiness(problem, model)
         if empty is not None:
-            return Bound(model, empty)
-        if trivially(task):
-            return _prove(task, model)
-        with task.stages.stage("relax"):
+            return CertifiedBound(model, empty)
+        if trivially(context):
+            return _prove(context, model)
+        with context.stages.stage("relax"):
             typical = best.x if best is not None else None
             scaled = relaxed(problem, (problem.objective,), model, options, typical)
-        outcome = _prove(task, scaled)
-        if _sensible(task, outcome) or options.effort == "plain":
+        outcome = _prove(context, scaled)
+        if _sensible(context, outcome) or options.effort == "plain":
             return outcome
         # a far attained point spoils the scale, a huge box the proof: try without either
-        with task.stages.stage("relax"):
+        with context.stages.stage("relax"):
             bare = Model(*find_box(problem, best, options, done=True))
             bare = relaxed(problem, (problem.objective,), bare, options)
-        return better(outcome, _prove(task, bare))
-    return _prove(task, model)
+        return better(outcome, _prove(context, bare))
+    return _prove(context, model)
 
 
-def _sensible(task: Task, bound: Bound) -> bool:
+def _sensible(context: SolveContext, bound: CertifiedBound) -> bool:
     """Whether the bound has the size of the attained value, or there is nothing to compare."""
-    if task.best is None:
+    if context.best is None:
         return True
-    return level(bound.certificate) > task.upper - 1e3 * (1.0 + abs(task.upper))
+    return lower_bound(bound.certificate) > context.upper - 1e3 * (1.0 + abs(context.upper))
 
 
 def _emptiness(problem: Problem, model: Model) -> Certificate | None:
@@ -317,12 +319,12 @@ def _emptiness(problem: Problem, model: Model) -> Certificate | None:
     return certify(replay, Node(proof), prove(replay, box, None, False))
 
 
-def trivially(task: Task) -> bool:
+def trivially(context: SolveContext) -> bool:
     """Whether the given bounds or squares close the gap without any relaxation."""
-    if task.best is None or task.options.effort == "plain":
+    if context.best is None or context.options.effort == "plain":
         return False
-    start = Interval(task.problem.lower, task.problem.upper)
-    return task.closed(prove(task.replay(), start, None, False).bound)
+    start = Interval(context.problem.lower, context.problem.upper)
+    return context.closed(prove(context.replay(), start, None, False).bound)
 
 
 def relaxed(
@@ -357,45 +359,45 @@ def relaxed(
     return replace(model, scaled=scaled, relaxations=relaxations, notes=notes)
 
 
-def _prove(task: Task, model: Model) -> Bound:
+def _prove(context: SolveContext, model: Model) -> CertifiedBound:
     """Solve the relaxations and certify, until the gap to the attained value is closed."""
-    replay = task.replay()
-    argued = Argued(prove(replay, model.box, None, False), Node())
+    replay = context.replay()
+    box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     used: Relaxation | None = None
     if model.relaxations and model.scaled is not None:
         used = model.relaxations[-1]
         # the box or the squares may prove it already
-        if task.options.effort == "plain" or not task.closed(argued.proved.bound):
+        if context.options.effort == "plain" or not context.closed(box_bound.proved.bound):
             for relaxation in model.relaxations:
                 try:
-                    argued = argue(task, model.box, model.scaled, relaxation, argued)
+                    box_bound = bound_box(context, model.box, model.scaled, relaxation, box_bound)
                 except KeyboardInterrupt:
-                    if argued.solution is None:
+                    if box_bound.solution is None:
                         raise
-                    task.clock.stop()  # what is proved so far is kept
+                    context.deadline.stop()  # what is proved so far is kept
                     break
                 used = relaxation
-                if task.closed(argued.proved.bound) or task.clock.over:
+                if context.closed(box_bound.proved.bound) or context.deadline.over:
                     break
-    return bound_of(replay, model, argued, used)
+    return certified_bound(replay, model, box_bound, used)
 
 
-def bound_of(
-    replay: Replay, model: Model, argued: Argued, relaxation: Relaxation | None = None
-) -> Bound:
+def certified_bound(
+    replay: Replay, model: Model, box_bound: BoxBound, relaxation: Relaxation | None = None
+) -> CertifiedBound:
     """The bound of the whole problem that an argument on the box of a model makes."""
-    node = replace(argued.node, box=model.proof)
-    certificate = certify(replay, node, argued.proved)
-    return Bound(model, certificate, relaxation, argued.solution, argued.value)
+    node = replace(box_bound.node, box=model.proof)
+    certificate = certify(replay, node, box_bound.proved)
+    return CertifiedBound(model, certificate, relaxation, box_bound.solution, box_bound.value)
 
 
-def level(certificate: Certificate | None) -> float:
+def lower_bound(certificate: Certificate | None) -> float:
     """The bound of a certificate, -inf without one."""
     return -np.inf if certificate is None else certificate.bound
 
 
-def better(old: Bound | None, new: Bound) -> Bound:
+def better(old: CertifiedBound | None, new: CertifiedBound) -> CertifiedBound:
     """The larger proved bound, with the newest solver output."""
-    if old is None or level(new.certificate) >= level(old.certificate):
+    if old is None or lower_bound(new.certificate) >= lower_bound(old.certificate):
         return new
     return replace(new, certificate=old.certificate)

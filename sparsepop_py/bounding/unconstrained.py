@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from sparsepop_py.bounding.gram_rounding import estimate, exact_grams
 from sparsepop_py.bounding.relaxation_bound import (
-    Argued,
     Attempt,
-    Bound,
+    BoxBound,
+    CertifiedBound,
     Model,
     better,
-    bound_of,
-    level,
+    certified_bound,
+    lower_bound,
     relaxed,
     stronger,
     trivially,
 )
-from sparsepop_py.context import Task
+from sparsepop_py.context import SolveContext
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.recover_multipliers import floored
@@ -44,75 +44,75 @@ _SMALL = 1e-4
 _FEW = 40  # monomials up to which rationals take no time
 
 
-def good_enough(task: Task, bound: float) -> bool:
+def good_enough(context: SolveContext, bound: float) -> bool:
     """Whether the bound closes the gap, or nearly so where there are many variables."""
-    near = _SMALL * max(1.0, abs(task.upper))
-    large = task.problem.dimension > _MANY
-    return task.closed(bound) or (large and bound >= task.upper - near)
+    near = _SMALL * max(1.0, abs(context.upper))
+    large = context.problem.dimension > _MANY
+    return context.closed(bound) or (large and bound >= context.upper - near)
 
 
-def free_round(task: Task) -> Bound | None:
+def free_round(context: SolveContext) -> CertifiedBound | None:
     """A bound of the objective without constraints and bounds, None where it does not apply."""
-    problem = Problem(task.problem.objective)
-    if problem.degree == 0 or problem.degree % 2 or trivially(task):
+    problem = Problem(context.problem.objective)
+    if problem.degree == 0 or problem.degree % 2 or trivially(context):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
-    outcome: Bound | None = None
-    for typical in (None, task.best.x if task.best is not None else None):
-        with task.stages.stage("relax"):
-            model = relaxed(problem, (problem.objective,), bare, task.options, typical)
+    outcome: CertifiedBound | None = None
+    for typical in (None, context.best.x if context.best is not None else None):
+        with context.stages.stage("relax"):
+            model = relaxed(problem, (problem.objective,), bare, context.options, typical)
         if model.scaled is None or not model.relaxations:
             return outcome
         if outcome is None:
-            outcome = _exactly(task, model)
-            if good_enough(task, level(outcome.certificate)):
+            outcome = _exactly(context, model)
+            if good_enough(context, lower_bound(outcome.certificate)):
                 break
-        outcome = better(outcome, _from_the_interior(task, model, model.scaled))
-        known = outcome.certificate is not None or task.clock.over
-        if known or task.best is None or np.all(np.abs(task.best.x) <= 1.0):
+        outcome = better(outcome, _from_the_interior(context, model, model.scaled))
+        known = outcome.certificate is not None or context.deadline.over
+        if known or context.best is None or np.all(np.abs(context.best.x) <= 1.0):
             break  # the scale would be the same
     return outcome
 
 
-def _exactly(task: Task, model: Model) -> Bound:
+def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
     """The first exact Gram matrix that is found, as singular as it may be."""
     relaxation = model.relaxations[-1]
-    replay, f = task.replay(), task.problem.objective
-    argued = Argued(prove(replay, model.box, None, False), Node())
-    with task.stages.stage("certify"):
-        for gram in exact_grams(f, relaxation, task.clock.left):
-            dear = gram.basis.shape[0] > _FEW and task.best is not None
-            if dear and not good_enough(task, estimate(gram, f)):
+    replay, f = context.replay(), context.problem.objective
+    box_bound = BoxBound(prove(replay, model.box, None, False), Node())
+    with context.stages.stage("certify"):
+        for gram in exact_grams(f, relaxation, context.deadline.left):
+            dear = gram.basis.shape[0] > _FEW and context.best is not None
+            if dear and not good_enough(context, estimate(gram, f)):
                 continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)
-            if proved.bound > argued.proved.bound:
-                argued = Argued(proved, Node(argument=gram))
+            if proved.bound > box_bound.proved.bound:
+                box_bound = BoxBound(proved, Node(argument=gram))
                 break
-    return bound_of(replay, model, argued, relaxation)
+    return certified_bound(replay, model, box_bound, relaxation)
 
 
-def _from_the_interior(task: Task, model: Model, scaled: Scaled) -> Bound:
+def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
     """Solve the relaxation without any box, and pay for rounding from Gram matrices inside."""
     relaxation = model.relaxations[-1]
-    replay, argued = task.replay(), Argued(Proved(-np.inf, 0.0, ""), Node())
-    minimised, size = scale_objective(task.problem.objective, scaled.scaling)
-    solver = "cliquetree" if task.options.solver == "auto" else task.options.solver
-    with task.stages.stage("assemble"):
+    replay, box_bound = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
+    minimised, size = scale_objective(context.problem.objective, scaled.scaling)
+    solver = "cliquetree" if context.options.solver == "auto" else context.options.solver
+    with context.stages.stage("assemble"):
         program = assemble(relaxation, minimised)
     sharp: NDArray[np.float64] | None = None
     for accuracy in _ACCURACIES:
-        with task.stages.stage("solve"):
-            solution = solve_conic(program, solver, task.clock.left, accuracy)
-        if solution.status not in ("solved", "almost") or task.clock.over:
+        with context.stages.stage("solve"):
+            solution = solve_conic(program, solver, context.deadline.left, accuracy)
+        if solution.status not in ("solved", "almost") or context.deadline.over:
             break
         sharp = solution.z if sharp is None else sharp
-        with task.stages.stage("certify"):
+        with context.stages.stage("certify"):
             for share in _SHARES:
                 z, floor = floored(relaxation, program, sharp + share * (solution.z - sharp))
                 if floor:
                     break
             attempt = Attempt(replay, model.box, scaled, relaxation, program, solution, size, floor)
-            argued = stronger(argued, attempt.argued(z))
-        if argued.proved.bound > -np.inf:
+            box_bound = stronger(box_bound, attempt.box_bound(z))
+        if box_bound.proved.bound > -np.inf:
             break
-    return bound_of(replay, model, argued, relaxation)
+    return certified_bound(replay, model, box_bound, relaxation)

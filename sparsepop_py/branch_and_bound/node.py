@@ -13,18 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import argue, short_if
-from sparsepop_py.context import Task
+from sparsepop_py.bounding.relaxation_bound import bound_box, short_if
+from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
-from sparsepop_py.relaxation.hierarchy import Families, Recipe
-from sparsepop_py.tightening.mccormick import Lifted, first_moments, products_error, tightened
-from sparsepop_py.tightening.obbt_sdp import squeezed
+from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec
+from sparsepop_py.tightening.mccormick import (
+    LinearRelaxation,
+    first_moments,
+    products_error,
+    tightened,
+)
+from sparsepop_py.tightening.obbt_sdp import tighten_by_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.certificate import Argument, Proved, claim, prove
 from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 
-__all__ = ["Explored", "Plan", "explore"]
+__all__ = ["ProcessedNode", "NodeSettings", "process_node"]
 
 _SWEEPS = 6
 _ROUNDS = 6  # of squeezing one part
@@ -33,7 +38,7 @@ _HALF = 0.5  # what is spared of the error that a bound may have
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class NodeSettings:
     """How the parts of one search are bounded.
 
     Parameters
@@ -42,11 +47,11 @@ class Plan:
         A family for each way of joining variables.
     variables : tuple of int
         Which variables may be cut.
-    recipe : Recipe or None
+    recipe : RelaxationSpec or None
         The semidefinite relaxation of a part that the linear one leaves open.
     narrow : bool
         Tighten the bounds of the variables by linear programs.
-    squeeze : Recipe or None
+    squeeze : RelaxationSpec or None
         The semidefinite relaxation that bounds a part and tightens its box, instead of all others.
     room : (n,) float
         Arguments hold on boxes larger by this: rounding, where parts are replayed at a later level.
@@ -54,14 +59,14 @@ class Plan:
 
     cliques: Families
     variables: tuple[int, ...]
-    recipe: Recipe | None = None
+    spec: RelaxationSpec | None = None
     narrow: bool = False
-    squeeze: Recipe | None = None
-    room: NDArray[np.float64] | float = 0.0
+    obbt_sdp: RelaxationSpec | None = None
+    slack: NDArray[np.float64] | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Explored:
+class ProcessedNode:
     """What one part turned out to be.
 
     Parameters
@@ -91,7 +96,9 @@ class Explored:
     left: float = np.nan
 
 
-def explore(task: Task, plan: Plan, box: Interval, level: float | None) -> Explored:
+def process_node(
+    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
+) -> ProcessedNode:
     """Shrink and bound one part. Depends on nothing else, so it can run in any process.
 
     Parameters
@@ -102,47 +109,53 @@ def explore(task: Task, plan: Plan, box: Interval, level: float | None) -> Explo
     level : float or None
         The cut-off.
     """
-    replay = Replay(task.problem, level)
+    replay = Replay(context.problem, cutoff)
     steps: tuple[Step, ...] = ()
-    with task.stages.stage("branch"):
+    with context.stages.stage("branch"):
         smaller, step = tighten(replay, box, _SWEEPS)
         if shrinks(box, smaller):
             box, steps = smaller, (step,)
-    found = Explored(steps, box, prove(replay, box, None, False), None)
-    if _done(found, level):
+    found = ProcessedNode(steps, box, prove(replay, box, None, False), None)
+    if _done(found, cutoff):
         return found
-    if plan.squeeze is not None:
-        return _squeezed(task, plan, plan.squeeze, replay, found)
-    with task.stages.stage("branch"):
-        found = _linear(task, plan, replay, found)
-    if plan.recipe is not None and not _done(found, level):
-        found = _semidefinite(task, plan, plan.recipe, replay, found)
+    if settings.obbt_sdp is not None:
+        return _tightened_by_relaxation(context, settings, settings.obbt_sdp, replay, found)
+    with context.stages.stage("branch"):
+        found = _linear(context, settings, replay, found)
+    if settings.spec is not None and not _done(found, cutoff):
+        found = _semidefinite(context, settings, settings.spec, replay, found)
     return found
 
 
-def _done(found: Explored, level: float | None) -> bool:
-    return found.proved.bound == np.inf or (level is not None and claim(found.proved) >= level)
+def _done(found: ProcessedNode, cutoff: float | None) -> bool:
+    return found.proved.bound == np.inf or (cutoff is not None and claim(found.proved) >= cutoff)
 
 
-def _linear(task: Task, plan: Plan, replay: Replay, found: Explored) -> Explored:
+def _linear(
+    context: SolveContext, settings: NodeSettings, replay: Replay, found: ProcessedNode
+) -> ProcessedNode:
     """The bound of the linear relaxation, and if asked a tighter box by others like it."""
-    problem, left = task.problem, task.clock.left
-    lifted = Lifted.of(problem, found.box, plan.cliques["constraints"], room=plan.room)
-    solution = lifted.minimise(left)
+    problem, left = context.problem, context.deadline.left
+    mccormick = LinearRelaxation.of(
+        problem, found.box, settings.cliques["constraints"], slack=settings.slack
+    )
+    solution = mccormick.minimise(left)
     if solution.status not in ("solved", "infeasible"):
         return found
     empty = solution.status == "infeasible"
-    dual = lifted.objective_dual(solution)
+    dual = mccormick.objective_dual(solution)
     proved = prove(replay, found.box, dual, empty)
     if proved.bound > found.proved.bound:
         found = replace(found, proved=proved, argument=dual, empty=empty)
     if empty:
         return found
-    found = replace(found, point=lifted.point(solution), error=lifted.products_error(solution))
-    if not plan.narrow or _done(found, replay.level):
+    found = replace(
+        found, point=mccormick.point(solution), error=mccormick.products_error(solution)
+    )
+    if not settings.narrow or _done(found, replay.cutoff):
         return found
-    open_ = [v for v in plan.variables if found.box.hi[v] > found.box.lo[v]]
-    box, step, _ = tightened(replay, lifted, found.box, open_, left)
+    open_ = [v for v in settings.variables if found.box.hi[v] > found.box.lo[v]]
+    box, step, _ = tightened(replay, mccormick, found.box, open_, left)
     if step is None or not open_:
         return replace(found, left=1.0)
     left_over = np.mean((box.hi - box.lo)[open_] / (found.box.hi - found.box.lo)[open_])
@@ -150,21 +163,25 @@ def _linear(task: Task, plan: Plan, replay: Replay, found: Explored) -> Explored
 
 
 def _semidefinite(
-    task: Task, plan: Plan, recipe: Recipe, replay: Replay, found: Explored
-) -> Explored:
+    context: SolveContext,
+    settings: NodeSettings,
+    spec: RelaxationSpec,
+    replay: Replay,
+    found: ProcessedNode,
+) -> ProcessedNode:
     """The bound of a semidefinite relaxation, if it is better."""
-    problem = task.problem
-    with task.stages.stage("relax"):
-        scaling = Scaling.of_box(found.box, room=plan.room)
+    problem = context.problem
+    with context.stages.stage("relax"):
+        scaling = Scaling.of_box(found.box, slack=settings.slack)
         scaled = Scaled.of(problem, scaling, (problem.objective,))
-        relaxation = recipe.build(scaled, plan.cliques)
-    argued = argue(task, found.box, scaled, relaxation)
-    if replay.level is not None:
-        argued = short_if(replay.level, replay, found.box, argued)
-    if argued.proved.bound > found.proved.bound:
-        node = argued.node
-        found = replace(found, proved=argued.proved, argument=node.argument, empty=node.empty)
-    solution = argued.solution
+        relaxation = spec.build(scaled, settings.cliques)
+    box_bound = bound_box(context, found.box, scaled, relaxation)
+    if replay.cutoff is not None:
+        box_bound = short_if(replay.cutoff, replay, found.box, box_bound)
+    if box_bound.proved.bound > found.proved.bound:
+        node = box_bound.node
+        found = replace(found, proved=box_bound.proved, argument=node.argument, empty=node.empty)
+    solution = box_bound.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return found
     return replace(
@@ -174,19 +191,27 @@ def _semidefinite(
     )
 
 
-def _squeezed(task: Task, plan: Plan, recipe: Recipe, replay: Replay, found: Explored) -> Explored:
+def _tightened_by_relaxation(
+    context: SolveContext,
+    settings: NodeSettings,
+    spec: RelaxationSpec,
+    replay: Replay,
+    found: ProcessedNode,
+) -> ProcessedNode:
     """The bound of one relaxation, and while that leaves the part open, its box made smaller."""
-    level = replay.level
+    cutoff = replay.cutoff
     for _ in range(_ROUNDS):
-        found = _semidefinite(task, plan, recipe, replay, found)
-        if _done(found, level) or task.clock.over:
+        found = _semidefinite(context, settings, spec, replay, found)
+        if _done(found, cutoff) or context.deadline.over:
             return found
         error = found.error if found.error is not None else np.zeros(found.box.lo.size)
-        weights = {v: float(error[v]) + 1e-6 for v in plan.variables}
+        weights = {v: float(error[v]) + 1e-6 for v in settings.variables}
         points = () if found.point is None else (found.point,)
-        enough = _enough(task, level, found.proved.bound)
-        how = (recipe, plan.cliques)
-        made = squeezed(task, replay, found.box, how, weights, enough, points, plan.room)
+        enough = _enough(context, cutoff, found.proved.bound)
+        how = (spec, settings.cliques)
+        made = tighten_by_relaxation(
+            context, replay, found.box, how, weights, enough, points, settings.slack
+        )
         left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)
         if made.node is not None:
@@ -195,13 +220,13 @@ def _squeezed(task: Task, plan: Plan, recipe: Recipe, replay: Replay, found: Exp
         alone = prove(replay, found.box, None, False)  # +inf where the box is empty
         if alone.bound > found.proved.bound:  # the objective is a variable
             found = replace(found, proved=alone, argument=None, empty=False)
-        if _done(found, level) or made.left > _AGAIN:
+        if _done(found, cutoff) or made.left > _AGAIN:
             break
     return found
 
 
-def _enough(task: Task, level: float | None, bound: float) -> float:
+def _enough(context: SolveContext, cutoff: float | None, bound: float) -> float:
     """Share of the widths at which the bound may reach the level, 0 where nobody knows."""
-    if level is None or not -np.inf < bound < task.upper < np.inf:
+    if cutoff is None or not -np.inf < bound < context.upper < np.inf:
         return 0.0
-    return _HALF * (task.upper - level) / (task.upper - bound)
+    return _HALF * (context.upper - cutoff) / (context.upper - bound)

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.branch_and_bound.node import Explored, Plan, explore
-from sparsepop_py.context import Task
+from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
+from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
@@ -34,7 +34,7 @@ from sparsepop_py.verified.certificate.certificate import (
     Proved,
     certify,
     claim,
-    halves,
+    split_box,
 )
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step
 
@@ -48,7 +48,7 @@ _EDGE = 0.2  # a cut keeps this share of the width from both ends
 
 
 @dataclass(eq=False)
-class _Part:
+class _OpenNode:
     """A part of the tree while it grows."""
 
     box: Interval
@@ -56,8 +56,8 @@ class _Part:
     argument: Argument | None = None
     empty: bool = False
     steps: tuple[Step, ...] = ()
-    cut: tuple[int, float] | None = None
-    children: list[_Part] = field(default_factory=list)
+    branch: tuple[int, float] | None = None
+    children: list[_OpenNode] = field(default_factory=list)
     depth: int = 0
 
 
@@ -77,120 +77,126 @@ class Search:
         Given candidate vectors, the task with a better attained point if one was proved.
     """
 
-    task: Task
-    plan: Plan
+    context: SolveContext
+    settings: NodeSettings
     proof: BoxProof
     box: Interval
-    attain: Callable[[Task, list[NDArray]], Task]
+    search_incumbent: Callable[[SolveContext, list[NDArray]], SolveContext]
     start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
     count: int = 0
     seen: int = 0
     left: float = _HOPE
     _closed: float = np.inf
-    _heap: list[tuple[float, int, _Part]] = field(default_factory=list)
-    _root: _Part = field(init=False)
+    _heap: list[tuple[float, int, _OpenNode]] = field(default_factory=list)
+    _root: _OpenNode = field(init=False)
 
     def __post_init__(self) -> None:
         proved, argument, empty = self.start
-        self._root = _Part(self.box, proved, argument, empty)
+        self._root = _OpenNode(self.box, proved, argument, empty)
         self._push(self._root)
 
-    def _push(self, part: _Part) -> None:
+    def _push(self, node: _OpenNode) -> None:
         self.count += 1
-        heapq.heappush(self._heap, (part.proved.bound, self.count, part))
+        heapq.heappush(self._heap, (node.proved.bound, self.count, node))
 
     @property
-    def level(self) -> float | None:
+    def cutoff(self) -> float | None:
         """The cut-off: a little below the attained value."""
-        return self.task.replay(below=True).level
+        return self.context.replay(below=True).cutoff
 
     @property
     def bound(self) -> float:
         """What is proved so far."""
         least = min(self._closed, claim(self._heap[0][2].proved) if self._heap else np.inf)
-        return least if self.level is None else min(least, self.level)
+        return least if self.cutoff is None else min(least, self.cutoff)
 
     @property
     def done(self) -> bool:
         """Whether nothing is left to look at."""
-        return not self._heap or (self.level is not None and self._heap[0][0] >= self.level)
+        return not self._heap or (self.cutoff is not None and self._heap[0][0] >= self.cutoff)
 
-    def tell(self, task: Task) -> bool:
+    def update_context(self, context: SolveContext) -> bool:
         """Go on with a better point; False where parts were shrunk by a lower cut-off."""
-        old, self.task = self.level, task
-        return old is None or (self.level is not None and self.level <= old)
+        old, self.context = self.cutoff, context
+        return old is None or (self.cutoff is not None and self.cutoff <= old)
 
     def grow(self, nodes: int, stop: Callable[[], bool], executor: Executor | None = None) -> int:
-        """Look at up to ``nodes`` parts while ``stop()`` is false; how many were looked at."""
+        """Look at up to ``nodes`` nodes while ``stop()`` is false; how many were looked at."""
         seen = 0
         while seen < nodes and not self.done and not stop():
-            parts = [heapq.heappop(self._heap)[2]]
-            while executor is not None and self._heap and len(parts) < min(8, nodes - seen):
-                parts.append(heapq.heappop(self._heap)[2])
+            taken = [heapq.heappop(self._heap)[2]]
+            while executor is not None and self._heap and len(taken) < min(8, nodes - seen):
+                taken.append(heapq.heappop(self._heap)[2])
             try:
-                found = self._explored(parts, executor)
+                found = self._processed(taken, executor)
             except BaseException:
-                for part in parts:  # interrupted: nothing is lost
-                    self._push(part)
+                for node in taken:  # interrupted: nothing is lost
+                    self._push(node)
                 raise
-            for part, explored in zip(parts, found, strict=True):
-                self._take(part, explored)
-            seen += len(parts)
-            self.seen += len(parts)
+            for node, processed in zip(taken, found, strict=True):
+                self._take(node, processed)
+            seen += len(taken)
+            self.seen += len(taken)
         return seen
 
-    def _explored(self, parts: Sequence[_Part], executor: Executor | None) -> list[Explored]:
+    def _processed(
+        self, nodes: Sequence[_OpenNode], executor: Executor | None
+    ) -> list[ProcessedNode]:
         if executor is None:
-            return [explore(self.task, self.plan, part.box, self.level) for part in parts]
-        options = replace(self.task.options, executor=None)  # so that the task can travel
-        lone = replace(self.task, stages=Stages(), options=options, repair=None)
-        jobs = [executor.submit(explore, lone, self.plan, p.box, self.level) for p in parts]
+            return [
+                process_node(self.context, self.settings, node.box, self.cutoff) for node in nodes
+            ]
+        options = replace(self.context.options, executor=None)  # so that the task can travel
+        lone = replace(self.context, stages=Stages(), options=options, repair=None)
+        jobs = [
+            executor.submit(process_node, lone, self.settings, p.box, self.cutoff) for p in nodes
+        ]
         return [job.result() for job in jobs]
 
-    def _take(self, part: _Part, found: Explored) -> None:
+    def _take(self, node: _OpenNode, found: ProcessedNode) -> None:
         """Enter what was found, look for a better point, cut what is still open."""
-        part.steps, part.box = found.steps, found.box
+        node.steps, node.box = found.steps, found.box
         if np.isfinite(found.left):
             self.left += 0.2 * (found.left - self.left)
-            if self.plan.squeeze is not None and self.left > _LOOSE:
-                self.plan, self.left = replace(self.plan, squeeze=None), _HOPE
+            if self.settings.obbt_sdp is not None and self.left > _LOOSE:
+                self.settings, self.left = replace(self.settings, obbt_sdp=None), _HOPE
             elif self.left > _USELESS:
-                self.plan = replace(self.plan, narrow=False)
-        if found.proved.bound >= part.proved.bound or is_empty(found.box):
-            part.proved, part.argument, part.empty = found.proved, found.argument, found.empty
-        if is_empty(part.box):
-            part.proved = Proved(np.inf, 0.0, "")
-        if self._settled(part):
+                self.settings = replace(self.settings, narrow=False)
+        if found.proved.bound >= node.proved.bound or is_empty(found.box):
+            node.proved, node.argument, node.empty = found.proved, found.argument, found.empty
+        if is_empty(node.box):
+            node.proved = Proved(np.inf, 0.0, "")
+        if self._settled(node):
             return
-        if found.point is not None and self._worth_a_search(part):
-            self.task = self.attain(self.task, [found.point])
-            if self._settled(part):
+        if found.point is not None and self._worth_a_search(node):
+            self.context = self.search_incumbent(self.context, [found.point])
+            if self._settled(node):
                 return
-        cut = self._cut(part.box, found)
-        if cut is None:
-            self._closed = min(self._closed, claim(part.proved))  # too small to be cut
+        branch = self._branching_point(node.box, found)
+        if branch is None:
+            self._closed = min(self._closed, claim(node.proved))  # too small to be cut
             return
-        part.cut = cut
-        low, high = (self._half(part, side) for side in (0, 1))
-        part.children = [low, high]
+        node.branch = branch
+        low, high = (self._child(node, side) for side in (0, 1))
+        node.children = [low, high]
         self._push(low)
         self._push(high)
 
-    def _settled(self, part: _Part) -> bool:
+    def _settled(self, node: _OpenNode) -> bool:
         """Whether no point of a part is worth finding."""
-        return part.proved.bound >= (np.inf if self.level is None else self.level)
+        return node.proved.bound >= (np.inf if self.cutoff is None else self.cutoff)
 
-    def _half(self, part: _Part, side: int) -> _Part:
-        assert part.cut is not None
-        box = halves(part.box, part.cut)[side]
-        return _Part(box, part.proved, part.argument, part.empty, depth=part.depth + 1)
+    def _child(self, node: _OpenNode, side: int) -> _OpenNode:
+        assert node.branch is not None
+        box = split_box(node.box, node.branch)[side]
+        return _OpenNode(box, node.proved, node.argument, node.empty, depth=node.depth + 1)
 
-    def _worth_a_search(self, part: _Part) -> bool:
-        return part.depth < 2 or self.count % 10 < 2
+    def _worth_a_search(self, node: _OpenNode) -> bool:
+        return node.depth < 2 or self.count % 10 < 2
 
-    def _cut(self, box: Interval, found: Explored) -> tuple[int, float] | None:
+    def _branching_point(self, box: Interval, found: ProcessedNode) -> tuple[int, float] | None:
         """Where to cut: the variable whose products are least true, wide ones first."""
-        chosen = np.array(self.plan.variables, np.int64)
+        chosen = np.array(self.settings.variables, np.int64)
         width = (box.hi - box.lo)[chosen]
         start = (self.box.hi - self.box.lo)[chosen]
         relative = np.where(start > 0, width / np.where(start > 0, start, 1.0), 0.0)
@@ -210,39 +216,39 @@ class Search:
     def certificate(self) -> Certificate | None:
         """The certificate of the tree as it is now."""
         least = min((p.proved for p in _leaves_of(self._root)), key=lambda proved: proved.bound)
-        replay = Replay(self.task.problem, self.level)
-        root = _frozen(self._root)
+        replay = Replay(self.context.problem, self.cutoff)
+        root = _certificate_node(self._root)
         root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))
         return certify(replay, root, least)
 
 
-def _leaves_of(root: _Part) -> list[_Part]:
+def _leaves_of(root: _OpenNode) -> list[_OpenNode]:
     leaves, stack = [], [root]
     while stack:
-        part = stack.pop()
-        if part.children:
-            stack.extend(part.children)
+        node = stack.pop()
+        if node.children:
+            stack.extend(node.children)
         else:
-            leaves.append(part)
+            leaves.append(node)
     return leaves
 
 
-def _frozen(root: _Part) -> Node:
+def _certificate_node(root: _OpenNode) -> Node:
     """The tree as nodes, children first."""
     order, stack = [], [root]
     while stack:
-        part = stack.pop()
-        order.append(part)
-        stack.extend(part.children)
+        node = stack.pop()
+        order.append(node)
+        stack.extend(node.children)
     made: dict[int, Node] = {}
-    for part in reversed(order):
-        children: Any = tuple(made[id(child)] for child in part.children)
-        leaf = not part.children
-        made[id(part)] = Node(
-            BoxProof(part.steps),
-            part.argument if leaf else None,
-            part.empty and leaf,
-            part.cut,
+    for node in reversed(order):
+        children: Any = tuple(made[id(child)] for child in node.children)
+        leaf = not node.children
+        made[id(node)] = Node(
+            BoxProof(node.steps),
+            node.argument if leaf else None,
+            node.empty and leaf,
+            node.branch,
             children,
         )
     return made[id(root)]

@@ -53,7 +53,7 @@ def _lines(output: SparsePOPOutput, source: Any, level: int) -> Iterator[str]:
     yield from _parameters(output)
     yield from _sdp(output)
     yield "# Approximate optimal value information:"
-    yield from _values(output)
+    yield from _value_lines(output)
     times = output.cpuTime
     yield "# elapsed time (CPU seconds):"
     yield f"  conversion          = {times.conversion:10.2f}"
@@ -107,7 +107,7 @@ def _sdp(output: SparsePOPOutput) -> Iterator[str]:
         yield "  it reports no sum of squares of this order: a higher one or bounds may help"
 
 
-def _values(output: SparsePOPOutput) -> Iterator[str]:
+def _value_lines(output: SparsePOPOutput) -> Iterator[str]:
     POP, value = output.POP, output.SDPobjValue
     if value is None:
         yield "  SDPobjValue         = none: the SDP was not to be solved"
@@ -213,7 +213,7 @@ def _details(output: SparsePOPOutput, source: Any, built: BuiltSDP | None) -> It
     if source is not None:
         yield f"# Problem File Name   = {source}"
     yield "# parameters:"
-    for name, value in sorted(_values(output.param).items()):
+    for name, value in sorted(_parameter_values(output.param).items()):
         yield f"  {name:19} = {value}"
     yield "# POP to be solved:"
     yield from _problem(problem)
@@ -239,7 +239,7 @@ def _details(output: SparsePOPOutput, source: Any, built: BuiltSDP | None) -> It
     yield from (f"  {value:+.15e}" for value in built.program.q)
 
 
-def _values(param: Parameters) -> dict[str, Any]:
+def _parameter_values(param: Parameters) -> dict[str, Any]:
     names = ("relaxOrder", "sparseSW", "POPsolver", "printLevel", "tighten", "SDPsolver")
     return {**{name: getattr(param, name) for name in names}, **param.given}
 

@@ -30,11 +30,11 @@ from sparsepop_py.compat.param import Parameters, read_parameters
 from sparsepop_py.compat.report import check_files, write_files, write_report
 from sparsepop_py.compat.sdp_sizes import BuiltSDP, sizes_of, solver_info
 from sparsepop_py.compat.structs import from_structs
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.gams import read_gms
-from sparsepop_py.local_search.incumbents import attain
+from sparsepop_py.local_search.incumbents import search_incumbent
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
@@ -343,12 +343,12 @@ def _point(
 def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint | None, Status]:
     """A point that is attained there, from one of the larger set, and what is then known."""
     options = result.options
-    task = Task(problem, options, Stages(False), Clock(options.time_limit))
-    best, _ = attain(problem, [] if result.x is None else [result.x], task)
-    task = replace(task, best=best)
+    context = SolveContext(problem, options, Stages(False), Deadline(options.time_limit))
+    best, _ = search_incumbent(problem, [] if result.x is None else [result.x], context)
+    context = replace(context, best=best)
     if result.status is Status.INFEASIBLE:
         return None, result.status
-    if task.closed(result.lower_bound):
+    if context.closed(result.lower_bound):
         return best, Status.OPTIMAL
     return best, Status.BOUNDED if result.lower_bound > -np.inf else Status.UNPROVED
 

@@ -32,7 +32,7 @@ from sparsepop_py.io.json_codecs import (
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
-from sparsepop_py.result import Point, Result, Rung, Status
+from sparsepop_py.result import HistoryEntry, Point, Result, Status
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
@@ -278,8 +278,8 @@ POINT = record(Point, x=array, value=number, violation=number)
 PROVED_POINT = record(
     ProvedPoint, x=array, value=number, radius=number, proof=text, rows=array, solved=array
 )
-RUNG = record(
-    Rung,
+HISTORY_ENTRY = record(
+    HistoryEntry,
     name=text,
     order=whole,
     lower_bound=number,
@@ -301,7 +301,7 @@ RESULT = record(
     attained=optional(PROVED_POINT),
     points=sequence(POINT),
     solver_value=number,
-    history=sequence(RUNG),
+    history=sequence(HISTORY_ENTRY),
     timings=codecs.mapping(number),
     notes=sequence(text),
 )

@@ -58,8 +58,8 @@ LINEAR = record(
     owner=array,
     products=array,
 )
-PROPAGATION = record(Propagation, sweeps=whole, cutoff=flag)
-SUBLEVEL = record(Sublevel, identity=IDENTITY, level=number)
+PROPAGATION = record(Propagation, sweeps=whole, uses_cutoff=flag)
+SUBLEVEL = record(Sublevel, identity=IDENTITY, cutoff=number)
 INVERSE = record(
     LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
 )
@@ -67,10 +67,10 @@ GRAM = record(ExactGram, basis=array, first=array, second=array, value=array)
 ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM})
 _DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR})
 TIGHTENING = record(
-    Tightening, variable=array, side=array, value=array, argument=_DUAL, cutoff=flag
+    Tightening, variable=array, side=array, value=array, argument=_DUAL, uses_cutoff=flag
 )
-_CUT = Codec(
-    lambda cut: [int(cut[0]), number.write(cut[1])],
+_BRANCH = Codec(
+    lambda branch: [int(branch[0]), number.write(branch[1])],
     lambda found, place: (whole.read(_two(found, place)[0], place), number.read(found[1], place)),
 )
 
@@ -128,7 +128,7 @@ class _Certificates:
                     "steps": [self.steps.write(step) for step in node.box.steps],
                     "argument": optional(ARGUMENT).write(node.argument),
                     "empty": bool(node.empty),
-                    "cut": optional(_CUT).write(node.cut),
+                    "branch": optional(_BRANCH).write(node.branch),
                     "children": [place[id(child)] for child in node.children],
                 }
                 for node in nodes
@@ -169,7 +169,7 @@ class _Certificates:
             BoxProof(part("steps", sequence(self.steps))),
             part("argument", optional(ARGUMENT)),
             part("empty", flag),
-            part("cut", optional(_CUT)),
+            part("branch", optional(_BRANCH)),
             tuple(nodes[child] for child in children),
         )
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import ConicSolution
-from sparsepop_py.context import Task
+from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.extraction import candidates, means
 from sparsepop_py.local_search.multistart import Aim, best_attained, starting_points
 from sparsepop_py.options import Options
@@ -26,90 +26,103 @@ from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["attain", "attained", "carried", "extracted", "first_attained", "random_starts"]
+__all__ = [
+    "search_incumbent",
+    "update_incumbent",
+    "adopt_points",
+    "candidates_from_moments",
+    "first_incumbent",
+    "random_starts",
+]
 
 _MANY = 2000  # variables from which atoms are not looked for: means start a search, too
 _GAIN = 0.01  # of the allowed gap; what is better by less waits until it is closed
 
 
-def attain(
-    problem: Problem, starts: list[NDArray], task: Task, proved: float = -np.inf
+def search_incumbent(
+    problem: Problem, starts: list[NDArray], context: SolveContext, proved: float = -np.inf
 ) -> tuple[ProvedPoint | None, list[NDArray]]:
     """The best proved point that local searches from the starts lead to, and all they saw.
 
     They end early at a point that closes the gap to the ``proved`` bound.
     """
-    options = task.options
+    options = context.options
     if options.refine == "none" or not starts:
         return None, []
-    rough = options.effort == "auto" and options.gap_kind != "width" and not task.closed(proved)
-    gain = _GAIN * task.allowed if rough else 0.0  # on the way up more points follow
-    aim = Aim(options.tolerance, _enough(problem, task, proved), False, task.upper, gain)
-    return best_attained(problem, _with_repaired(task, starts), aim, _method(task), task.clock.end)
+    rough = options.effort == "auto" and options.gap_kind != "width" and not context.closed(proved)
+    gain = _GAIN * context.allowed if rough else 0.0  # on the way up more points follow
+    aim = Aim(options.tolerance, _enough(problem, context, proved), False, context.upper, gain)
+    return best_attained(
+        problem, _with_repaired(context, starts), aim, _method(context), context.deadline.end
+    )
 
 
-def _method(task: Task) -> str | None:
-    return "ipopt" if task.options.refine == "ipopt" else None
+def _method(context: SolveContext) -> str | None:
+    return "ipopt" if context.options.refine == "ipopt" else None
 
 
-def _enough(problem: Problem, task: Task, proved: float) -> float:
+def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
     """The value that leaves half of the allowed gap to what is known of the minimum."""
-    if task.options.gap_kind == "width":
+    if context.options.gap_kind == "width":
         return -np.inf
     constant = problem.squares_constant
     known = proved if constant is None else max(proved, constant)
-    relative = task.options.gap_kind == "relative" and np.isfinite(proved)
-    return known + 0.5 * task.options.gap * (max(1.0, abs(known)) if relative else 1.0)
+    relative = context.options.gap_kind == "relative" and np.isfinite(proved)
+    return known + 0.5 * context.options.gap * (max(1.0, abs(known)) if relative else 1.0)
 
 
-def first_attained(task: Task, starts: Iterator[NDArray]) -> tuple[Task, list[NDArray]]:
+def first_incumbent(
+    context: SolveContext, starts: Iterator[NDArray]
+) -> tuple[SolveContext, list[NDArray]]:
     """The task with the first point that is proved, and all that was seen on the way.
 
     A relaxation comes next, and its moments are the best start. No more starts are taken
     from the iterator than it takes.
     """
-    if task.options.refine == "none":
-        return task, []
-    if task.repair is not None:
-        starts = (x for start in starts for x in _with_repaired(task, [start]))
-    enough = _enough(task.problem, task, -np.inf)
-    aim = Aim(task.options.tolerance, enough, any=enough == -np.inf)
-    found, near = best_attained(task.problem, starts, aim, _method(task), task.clock.end)
-    return (task if found is None else replace(task, best=found)), near
+    if context.options.refine == "none":
+        return context, []
+    if context.repair is not None:
+        starts = (x for start in starts for x in _with_repaired(context, [start]))
+    enough = _enough(context.problem, context, -np.inf)
+    aim = Aim(context.options.tolerance, enough, any=enough == -np.inf)
+    found, near = best_attained(
+        context.problem, starts, aim, _method(context), context.deadline.end
+    )
+    return (context if found is None else replace(context, best=found)), near
 
 
-def _with_repaired(task: Task, starts: list[NDArray]) -> list[NDArray]:
+def _with_repaired(context: SolveContext, starts: list[NDArray]) -> list[NDArray]:
     """All starts behind their repaired forms, as far as these differ."""
-    if task.repair is None:
+    if context.repair is None:
         return starts
-    better = [np.asarray(task.repair(x), float) for x in starts]
+    better = [np.asarray(context.repair(x), float) for x in starts]
     return [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)] + starts
 
 
-def attained(
-    task: Task, starts: list[NDArray], proved: float = -np.inf
-) -> tuple[Task, list[NDArray]]:
+def update_incumbent(
+    context: SolveContext, starts: list[NDArray], proved: float = -np.inf
+) -> tuple[SolveContext, list[NDArray]]:
     """The task with a better point if the starts lead to one, and all that was seen."""
-    with task.stages.stage("refine"):
-        found, near = attain(task.problem, starts, task, proved)
-    if found is not None and found.value < task.upper:
-        task = replace(task, best=found)
-    return task, near
+    with context.stages.stage("refine"):
+        found, near = search_incumbent(context.problem, starts, context, proved)
+    if found is not None and found.value < context.upper:
+        context = replace(context, best=found)
+    return context, near
 
 
-def carried(task: Task, points: list[ProvedPoint]) -> Task:
+def adopt_points(context: SolveContext, points: list[ProvedPoint]) -> SolveContext:
     """The task with the best of the points that were attained for other objectives."""
-    row = task.problem.objective_row
+    row = context.problem.objective_row
     for point in points:
         reach = np.full(point.x.size, point.radius)
         near = Interval.point(point.x) + Interval(-reach, reach)
         value = float(range_over(row, near).hi[0])
-        if value < task.upper:
-            task = replace(task, best=replace(point, value=value))
-    return task
+        if value < context.upper:
+            context = replace(context, best=replace(point, value=value))
+    return context
 
 
-def extracted(
+def candidates_from_moments(
     relaxation: Relaxation, solution: ConicSolution | None, scaling: Scaling
 ) -> list[NDArray[np.float64]]:
     """Candidate minimisers from the moments of a solution."""

@@ -34,12 +34,12 @@ from sparsepop_py.verified.certificate.steps import (
 )
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["find_box", "finite", "room_of", "shrinks"]
+__all__ = ["find_box", "finite", "rounding_slack", "shrinks"]
 
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this help nobody
 _LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
-_ROOM = 2.0**-36  # of the widths at the start, which tell how large the rows' numbers are
+_SLACK_OF_START = 2.0**-36  # of the widths at the start, which tell how large the rows' numbers are
 _SHARE = 2.0**-20  # of the widths now: more would weaken bounds
 
 
@@ -48,12 +48,12 @@ def finite(box: Interval) -> bool:
     return bool(np.all(np.isfinite(box.lo) & np.isfinite(box.hi)))
 
 
-def room_of(box: Interval, start: Interval) -> NDArray[np.float64]:
+def rounding_slack(box: Interval, start: Interval) -> NDArray[np.float64]:
     """How much larger replays at a later level may leave boxes within this one: rounding."""
     with np.errstate(over="ignore"):
         first, now = (np.maximum(w.hi - w.lo, 0.0) for w in (start, box))
-    room = np.minimum(_ROOM * np.where(np.isfinite(first), first, now), _SHARE * now)
-    return np.where(np.isfinite(room), room, 0.0)
+    slack = np.minimum(_SLACK_OF_START * np.where(np.isfinite(first), first, now), _SHARE * now)
+    return np.where(np.isfinite(slack), slack, 0.0)
 
 
 def shrinks(old: Interval, new: Interval) -> bool:
@@ -67,11 +67,11 @@ def shrinks(old: Interval, new: Interval) -> bool:
 
 def find_box(
     problem: Problem,
-    cutoff: ProvedPoint | None,
+    incumbent: ProvedPoint | None,
     options: Options,
     *,
     done: bool = False,
-    level: float | None = None,
+    cutoff: float | None = None,
 ) -> tuple[BoxProof, Interval]:
     """The tightest box that presolve finds, with its proof.
 
@@ -91,10 +91,10 @@ def find_box(
     if options.effort == "plain":
         return BoxProof(), box
     if "cutoff" in options.skip:
-        cutoff = level = None
-    if level is None and cutoff is not None:
-        level = cutoff.value
-    replay = Replay(problem, level)
+        incumbent = cutoff = None
+    if cutoff is None and incumbent is not None:
+        cutoff = incumbent.value
+    replay = Replay(problem, cutoff)
     box, step = tighten(replay, box)
     steps: list[Step] = [step]
     if "inverse" not in options.skip and not finite(box) and not is_empty(box):
@@ -102,11 +102,11 @@ def find_box(
         if inverse is not None:
             box, step = tighten(replay, inverse.shrink(problem, box))
             steps += [inverse, step]
-    if cutoff is not None and not done and not finite(box) and not is_empty(box):
-        found = _sublevel(problem, cutoff, box, options)
+    if incumbent is not None and not done and not finite(box) and not is_empty(box):
+        found = _sublevel(problem, incumbent, box, options)
         if found is not None:
             steps.append(found)
-            box = sublevel_box(problem, level, found, box)
+            box = sublevel_box(problem, cutoff, found, box)
             box, step = tighten(replay, box)
             steps.append(step)
     return BoxProof(tuple(steps)), box
@@ -126,7 +126,7 @@ def _cliques(scaled: Scaled, options: Options) -> Cliques:
 
 
 def _sublevel(
-    problem: Problem, cutoff: ProvedPoint, box: Interval, options: Options
+    problem: Problem, incumbent: ProvedPoint, box: Interval, options: Options
 ) -> Sublevel | None:
     """An identity that bounds all variables where f <= cutoff, from a few relaxations.
 
@@ -140,7 +140,7 @@ def _sublevel(
     if problem.constraints or np.any(endless & (np.isfinite(box.lo) | np.isfinite(box.hi))):
         tries.insert(0, (loose, rows))
     for around, active in tries:
-        step = _sublevel_on(problem, cutoff, (box, around), active, options)
+        step = _sublevel_on(problem, incumbent, (box, around), active, options)
         if step is not None:
             return step
     return None
@@ -148,7 +148,7 @@ def _sublevel(
 
 def _sublevel_on(
     problem: Problem,
-    cutoff: ProvedPoint,
+    incumbent: ProvedPoint,
     boxes: tuple[Interval, Interval],
     active: NDArray[np.bool_],
     options: Options,
@@ -160,12 +160,12 @@ def _sublevel_on(
     f, (box, around) = problem.objective, boxes
     inside = Problem(
         f,
-        [*problem.constraints, Constraint(cutoff.value - f, Kind.NONNEGATIVE)],
+        [*problem.constraints, Constraint(incumbent.value - f, Kind.NONNEGATIVE)],
         around.lo,
         around.hi,
         problem.names,
     )
-    scaling = Scaling.of_box(around, typical=cutoff.x)
+    scaling = Scaling.of_box(around, typical=incumbent.x)
     scaled = Scaled.of(inside, scaling, (f,), active)
     cliques = _cliques(scaled, options)
     least = least_order(scaled.problem)
@@ -182,10 +182,14 @@ def _sublevel_on(
         solution = solve_conic(program, solver, options.time_limit)
         if solution.status not in ("solved", "almost"):
             continue
-        step = Sublevel(identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0), cutoff.value)
-        tighter = sublevel_box(problem, cutoff.value, step, box)
+        step = Sublevel(
+            identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0), incumbent.value
+        )
+        tighter = sublevel_box(problem, incumbent.value, step, box)
         gained = (np.isinf(box.lo) | np.isinf(box.hi)) & np.isfinite(tighter.hi - tighter.lo)
         reach = np.maximum(np.abs(tighter.lo), np.abs(tighter.hi))
-        if np.any(gained) and np.all(reach[gained] <= _USEFUL * (1.0 + np.abs(cutoff.x[gained]))):
+        if np.any(gained) and np.all(
+            reach[gained] <= _USEFUL * (1.0 + np.abs(incumbent.x[gained]))
+        ):
             return step
     return None

@@ -27,10 +27,10 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled
 
 __all__ = [
-    "Experience",
+    "CostModel",
     "Families",
-    "Recipe",
-    "catalogue",
+    "RelaxationSpec",
+    "relaxation_specs",
     "expected_seconds",
     "families",
     "hashed",
@@ -53,7 +53,7 @@ _ORDERS = 3  # orders beyond the least
 
 
 @dataclass(frozen=True)
-class Recipe:
+class RelaxationSpec:
     """One kind of relaxation.
 
     Parameters
@@ -69,7 +69,7 @@ class Recipe:
         As in :func:`sparsepop_py.relax`.
     joined : {"constraints", "monomials", "partners"}
         As in :func:`sparsepop_py.find_cliques`.
-    plain : Recipe or None
+    plain : RelaxationSpec or None
         Linear programs with the cut-off tighten the box before this one is solved on it.
     """
 
@@ -81,10 +81,10 @@ class Recipe:
     products: bool = False
     terms: Terms = "none"
     joined: Joined = "constraints"
-    plain: Recipe | None = None
+    plain: RelaxationSpec | None = None
 
     @property
-    def tightened(self) -> Recipe:
+    def tightened(self) -> RelaxationSpec:
         """The same relaxation on a box that linear programs have tightened."""
         return replace(self, name=f"tightened {self.name}", share=self.share + _TIGHTER, plain=self)
 
@@ -138,7 +138,7 @@ def _differ(one: Cliques, other: Cliques) -> bool:
 
 
 @dataclass(eq=False)
-class Experience:
+class CostModel:
     """What the rungs were seen to do, shared by all objectives over one feasible set."""
 
     seconds: dict[str, float] = field(default_factory=dict)
@@ -161,22 +161,22 @@ class Experience:
         worth = self.progress.get(name, _HOPE)
         return max(0.0, worth + _CLOSED - 1.0) / _CLOSED
 
-    def rate(self, recipe: Recipe, share: float, seconds: float) -> float:
+    def rate(self, spec: RelaxationSpec, share: float, seconds: float) -> float:
         """What a rung is expected to be worth in a second, after rungs of that share."""
-        progress = max(0.0, (recipe.share - share) / (1.0 - share + 1e-9))
+        progress = max(0.0, (spec.share - share) / (1.0 - share + 1e-9))
         worth = _CLOSED * progress**_SELDOM + (1.0 - _CLOSED) * progress
-        if recipe.name in self.progress:
-            worth = 0.3 * worth + 0.7 * self.progress[recipe.name]
+        if spec.name in self.progress:
+            worth = 0.3 * worth + 0.7 * self.progress[spec.name]
         return worth / max(1e-3, seconds)
 
 
-def catalogue(
+def relaxation_specs(
     problem: Problem,
     cliques: Families,
     objectives: tuple[Polynomial, ...],
     first: int | None,
     skip: Sequence[str] = (),
-) -> tuple[Recipe, ...]:
+) -> tuple[RelaxationSpec, ...]:
     """The rungs of the ladder for a problem with a finite box, by growing share.
 
     Parameters
@@ -191,60 +191,60 @@ def catalogue(
     skip : sequence of str
         Shapes, ways of joining and kinds of terms to leave out.
     """
-    rungs = []
+    specs = []
     if first is None or first == 1:
-        rungs = _below_orders(problem, cliques, objectives)
-    rungs += _orders(problem, cliques, least_order(problem, objectives), first or 1)
+        specs = _below_orders(problem, cliques, objectives)
+    specs += _orders(problem, cliques, least_order(problem, objectives), first or 1)
     if "components" in skip:
-        rungs = [replace(r, terms="none") if r.terms == "components" else r for r in rungs]
-    rungs = [r for r in rungs if not {r.shape, r.joined, r.terms} & set(skip)]
-    fitting = [rung for rung in rungs if rung.fits(cliques)]
+        specs = [replace(r, terms="none") if r.terms == "components" else r for r in specs]
+    specs = [r for r in specs if not {r.shape, r.joined, r.terms} & set(skip)]
+    fitting = [spec for spec in specs if spec.fits(cliques)]
     return tuple(sorted(fitting, key=lambda rung: rung.share))
 
 
 def _below_orders(
     problem: Problem, cliques: Families, objectives: tuple[Polynomial, ...]
-) -> list[Recipe]:
+) -> list[RelaxationSpec]:
     """The linear relaxation, and what lies between order 1 and order 2 for degree two."""
     products = Products.of(problem, objectives)
     star = problem.degree <= 2 and products.has_star  # far stronger at a similar price
-    rungs = [Recipe("linear", 0.1 if star else 0.25, "linear")]
+    specs = [RelaxationSpec("linear", 0.1 if star else 0.25, "linear")]
     least = least_order(problem, objectives)
     if least > 1 and _differ(cliques["monomials"], cliques["constraints"]):
         name = f"order {least}, monomial cliques"
-        rungs.append(Recipe(name, 0.3, "full", least, True, True, joined="monomials"))
+        specs.append(RelaxationSpec(name, 0.3, "full", least, True, True, joined="monomials"))
     if problem.degree > 2 or not products.pairs.size:
-        return rungs
+        return specs
     if products.has_star:
-        rungs.append(Recipe("star", 0.85, "star", products=True))
-        rungs.append(Recipe("split", 0.9, "split", products=True))
+        specs.append(RelaxationSpec("star", 0.85, "star", products=True))
+        specs.append(RelaxationSpec("split", 0.9, "split", products=True))
     if not products.has_star or problem.dimension <= _SMALL:
-        rungs.append(Recipe("mixed", 0.8, "mixed", products=True))
+        specs.append(RelaxationSpec("mixed", 0.8, "mixed", products=True))
         if _differ(cliques["partners"], cliques["constraints"]):
             name = "mixed, partner cliques"
-            rungs.append(Recipe(name, 0.83, "mixed", products=True, joined="partners"))
-    return rungs
+            specs.append(RelaxationSpec(name, 0.83, "mixed", products=True, joined="partners"))
+    return specs
 
 
-def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list[Recipe]:
+def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list[RelaxationSpec]:
     """Full orders, lean and with small blocks from terms before whole ones."""
     largest = max((len(c) for c in cliques["constraints"].members), default=0)
-    rungs: list[Recipe] = []
+    specs: list[RelaxationSpec] = []
     start = max(first, least)
     for order in range(start, start + _ORDERS + 1):
         above = order - least
         share = 1.0 - (0.3 if problem.degree > 2 else 0.65) * 0.25**above
-        plain = Recipe(f"order {order}", share, "full", order, False, True)
+        plain = RelaxationSpec(f"order {order}", share, "full", order, False, True)
         if order > 1:  # small blocks lose nothing that signs do not lose
             plain = replace(plain, terms="components")
-        rungs += [
+        specs += [
             replace(plain, name=f"order {order} lean", share=0.97 * share, lean=True),
             plain,
         ]
         if order > 1 and comb(largest + order, order) > _WORTH_CUTTING:
             name = f"order {order}, chordal terms"
-            rungs.append(replace(plain, name=name, share=0.95 * share, terms="chordal"))
-    return rungs
+            specs.append(replace(plain, name=name, share=0.95 * share, terms="chordal"))
+    return specs
 
 
 def expected_seconds(sizes: dict[int, float], rows: float) -> float:
@@ -285,10 +285,10 @@ def hashed(relaxation: Relaxation, box: Interval) -> int:
     return hash(tuple(array.tobytes() for array in arrays))
 
 
-def _full_sizes(recipe: Recipe, problem: Problem, cliques: Cliques) -> dict[int, float]:
+def _full_sizes(spec: RelaxationSpec, problem: Problem, cliques: Cliques) -> dict[int, float]:
     """Block sizes of a full shape, counted without building it."""
-    assert recipe.order is not None
-    order = recipe.order
+    assert spec.order is not None
+    order = spec.order
     members = np.array([len(c) for c in cliques.members], int)
     sizes: dict[int, float] = {}
 
@@ -298,7 +298,7 @@ def _full_sizes(recipe: Recipe, problem: Problem, cliques: Cliques) -> dict[int,
 
     for clique in members.tolist():
         add(clique, order)
-        if not recipe.lean:
+        if not spec.lean:
             add(clique, order - 1, clique)
     for number, constraint in enumerate(problem.constraints):
         if not problem.equality[number]:

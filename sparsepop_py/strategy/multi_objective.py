@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
-from sparsepop_py.local_search.incumbents import attained, carried, random_starts
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
+from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import shrinks
@@ -29,11 +29,11 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.strategy.adaptive import Auto
-from sparsepop_py.strategy.order_loop import INTERRUPTED, Climbed
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
-from sparsepop_py.strategy.shared_state import Ground, branching
-from sparsepop_py.tightening.mccormick import Lifted, coordinate_of, tightened
+from sparsepop_py.strategy.shared_state import SharedState, branching
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -41,7 +41,7 @@ from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["Family", "first_starts", "pairs", "tightened_for_all", "width_between"]
+__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tightened_for_all", "width_between"]
 
 _ROUNDS = 4
 _NARROW = 24  # variables whose bounds linear programs tighten for all objectives
@@ -52,7 +52,7 @@ _ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
 
 
 @dataclass(eq=False)
-class Family:
+class MultiObjectiveSearch:
     """Objectives that climb together.
 
     Parameters
@@ -79,18 +79,18 @@ class Family:
     model: Model
     starts: list[NDArray[np.float64]]
     stages: Stages
-    clock: Clock
-    told: Callable[[int, Climbed], None] | None = None
+    deadline: Deadline
+    told: Callable[[int, SearchState], None] | None = None
     repair: Callable[[NDArray], NDArray] | None = None
-    autos: list[Auto] = field(default_factory=list)
+    searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
-    ground: Ground = field(init=False)
+    shared_state: SharedState = field(init=False)
     tightened: bool = False
 
-    def run(self) -> list[Climbed]:
+    def run(self) -> list[SearchState]:
         """Climb until every gap is closed or time is over."""
         self._begin()
         notes: tuple[str, ...] = ()
@@ -98,88 +98,92 @@ class Family:
             self._first_points()
             turn = 1  # all boxes shrink by what is cheap before anything dear is tried
             while not self.over:
-                for index in range(len(self.autos)):
-                    self._climb(index, turn)
+                for index in range(len(self.searches)):
+                    self._run(index, turn)
                 if self._stuck:
                     break
                 turn = _TURN
         except KeyboardInterrupt:
             notes = (INTERRUPTED,)
-        states = [self._state(auto, notes) for auto in self.autos]
+        states = [self._state(auto, notes) for auto in self.searches]
         for index, state in enumerate(states if self.told is not None else ()):
             if not state.history:  # closed without climbing: nobody was told yet
                 self.told(index, state)  # type: ignore[misc]
         return states
 
-    def _state(self, auto: Auto, notes: tuple[str, ...] = ()) -> Climbed:
-        return Climbed(auto.task, auto.outcome, auto.near, tuple(auto.history), notes)
+    def _state(self, auto: AdaptiveSearch, notes: tuple[str, ...] = ()) -> SearchState:
+        return SearchState(auto.context, auto.outcome, auto.near, tuple(auto.history), notes)
 
     @property
     def _stuck(self) -> bool:
-        return all(auto.over or auto.exhausted for auto in self.autos)
+        return all(auto.over or auto.exhausted for auto in self.searches)
 
     @property
     def over(self) -> bool:
         """Whether all gaps are closed or time is over."""
-        return self.clock.over or all(auto.over for auto in self.autos)
+        return self.deadline.over or all(auto.over for auto in self.searches)
 
     def _begin(self) -> None:
         """One climber an objective."""
         self.pairs, self.base = pairs(self.objectives), self.model
-        self.ground = Ground.of(self.problem, self.objectives, self.options)
-        if not self.ground.products.has_star:  # a star may not need it, and is nearly as cheap
+        self.shared_state = SharedState.of(self.problem, self.objectives, self.options)
+        if (
+            not self.shared_state.products.has_star
+        ):  # a star may not need it, and is nearly as cheap
             try:
                 self._tighten()
             except KeyboardInterrupt:
-                self.clock.stop()  # the box is kept as it was
+                self.deadline.stop()  # the box is kept as it was
         for objective in self.objectives:
-            task = Task(
+            context = SolveContext(
                 self.problem.with_objective(objective),
                 self.options,
                 Stages(self.options.progress),
-                self.clock,
+                self.deadline,
                 repair=self.repair,
                 objectives=len(self.objectives),
             )
-            self.autos.append(Auto(task, self.model, [], self.ground))
+            self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
 
     def _first_points(self) -> None:
         """Local searches from the starts; what they find is tried on all objectives."""
         if not self.starts or self.points:
             self._carry(self.points)
             return
-        several = self.ground.products.has_star  # then a local search costs little
-        for auto in self.autos if several else self.autos[:1]:
-            auto.task, auto.near = attained(carried(auto.task, self.points), self.starts)
-            if auto.task.best is not None:
-                self.points.append(auto.task.best)
+        several = self.shared_state.products.has_star  # then a local search costs little
+        for auto in self.searches if several else self.searches[:1]:
+            auto.context, auto.near = update_incumbent(
+                adopt_points(auto.context, self.points), self.starts
+            )
+            if auto.context.best is not None:
+                self.points.append(auto.context.best)
         self._carry(self.points)
 
     def _tighten(self) -> None:
         """Linear programs tighten the box of all, once."""
-        if self.tightened or self.clock.over or not self.ground.narrow:
+        if self.tightened or self.deadline.over or not self.shared_state.narrow:
             return
         self.tightened, start = True, time.process_time()
         with self.stages.stage("presolve"):
-            self.model, self.ground.active = tightened_for_all(
-                self.problem, self.objectives, self.model, self.options, self.clock
+            self.model, self.shared_state.active = tightened_for_all(
+                self.problem, self.objectives, self.model, self.options, self.deadline
             )
         self.base = self.model
-        self.ground.experience.learn(TIGHTENING, 0.0, time.process_time() - start)
+        self.shared_state.cost_model.learn(TIGHTENING, 0.0, time.process_time() - start)
 
-    def _climb(self, index: int, rungs: int) -> None:
+    def _run(self, index: int, most: int) -> None:
         """Let one objective climb some rungs on the shared box as it is now.
 
         What the first ones learn of the rungs saves the others detours.
         """
-        auto = self.autos[index]
-        if auto.over or self.clock.over:
+        auto = self.searches[index]
+        if auto.over or self.deadline.over:
             return
         known = len(self.points)
         auto.restart(self.model)
-        auto.run(rungs)
-        if auto.task.best is not None and auto.task.best not in self.points:
-            self.points.append(auto.task.best)
+        auto.run(most)
+        if auto.context.best is not None and auto.context.best not in self.points:
+            self.points.append(auto.context.best)
         self._carry(self.points[known:])
         self._quote(index)
         if not auto.over:
@@ -189,25 +193,25 @@ class Family:
 
     def _carry(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, and say anew what their gaps are relative to."""
-        for auto in self.autos:
-            auto.task = carried(auto.task, points)
-        for index, auto in enumerate(self.autos):
-            auto.task = replace(auto.task, unit=self._unit(index))
+        for auto in self.searches:
+            auto.context = adopt_points(auto.context, points)
+        for index, auto in enumerate(self.searches):
+            auto.context = replace(auto.context, unit=self._unit(index))
 
     def _unit(self, index: int) -> float | None:
         """The distance of the attained values of a pair of objectives, for width gaps."""
         if self.options.gap_kind != "width":
             return None
-        other = self.autos[self.pairs[index]].task.upper
-        width = width_between(self.autos[index].task.upper, other, self.options)
+        other = self.searches[self.pairs[index]].context.upper
+        width = width_between(self.searches[index].context.upper, other, self.options)
         if np.isfinite(width):
             return width
-        reach = range_over(self.autos[index].task.problem.objective_row, self.model.box)
+        reach = range_over(self.searches[index].context.problem.objective_row, self.model.box)
         return float(reach.hi[0] - reach.lo[0])  # for a start; the attained width is smaller
 
     def _quote(self, index: int) -> None:
         """A proved bound of a single variable shrinks the box of all."""
-        auto, target = self.autos[index], coordinate_of(self.objectives[index])
+        auto, target = self.searches[index], coordinate_of(self.objectives[index])
         certificate = auto.outcome.certificate
         if "quote" in self.options.skip:
             return
@@ -259,7 +263,7 @@ def tightened_for_all(
     objectives: Sequence[Polynomial],
     model: Model,
     options: Options,
-    clock: Clock,
+    deadline: Deadline,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
     """A box that linear programs without cut-off tighten in the variables that matter.
 
@@ -276,7 +280,7 @@ def tightened_for_all(
     variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
     if not products.pairs.size or not 0 < len(variables) <= _NARROW:
         return model, None
-    return _tightened(problem, model, variables, options, products, clock)
+    return _tightened(problem, model, variables, options, products, deadline)
 
 
 def _tightened(
@@ -285,7 +289,7 @@ def _tightened(
     variables: tuple[int, ...],
     options: Options,
     products: Products,
-    clock: Clock,
+    deadline: Deadline,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
     """Rounds of bound tightening while they gain.
 
@@ -302,9 +306,9 @@ def _tightened(
         active[np.linspace(0, problem.rows.size - 1, _WINDOW).astype(int)] = True
     steps, box = list(model.proof.steps), model.box
     for _ in range(_ROUNDS if active is None else 2 * _ROUNDS):
-        lifted = Lifted.of(problem, box, cliques, None, active)
+        mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
         seen: list[NDArray] = []
-        smaller, step, _ = tightened(replay, lifted, box, variables, clock.left, seen)
+        smaller, step, _ = tightened(replay, mccormick, box, variables, deadline.left, seen)
         if step is not None and is_empty(smaller):
             break
         gained = False
@@ -318,7 +322,7 @@ def _tightened(
             wanted = np.unique(np.concatenate([*missing, np.zeros(0, np.int64)]))
             gained |= not np.all(active[wanted])
             active[wanted] = True
-        if not gained or clock.over:
+        if not gained or deadline.over:
             break
     if steps[len(model.proof.steps) :]:
         again, sweeps = tighten(replay, box, 1)

@@ -19,32 +19,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import (
-    Argued,
-    Bound,
+    BoxBound,
+    CertifiedBound,
     Model,
     better,
-    bound_of,
-    level,
+    certified_bound,
+    lower_bound,
     one_round,
     trivially,
 )
 from sparsepop_py.bounding.unconstrained import free_round, good_enough
-from sparsepop_py.context import Task
-from sparsepop_py.local_search.incumbents import attained, extracted
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
-from sparsepop_py.result import Rung
-from sparsepop_py.strategy.adaptive import Auto
-from sparsepop_py.strategy.shared_state import Ground
+from sparsepop_py.result import HistoryEntry
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Node, prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
-__all__ = ["INTERRUPTED", "Climbed", "climb", "nothing_yet"]
+__all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
 
 _ROUNDS = 3
 _MANY = 300  # variables from which a closed gap ends the work at once
@@ -52,31 +52,31 @@ _ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
 @dataclass(frozen=True, eq=False)
-class Climbed:
+class SearchState:
     """Where the ladder ended: the task with its best point, the best bound, and the way there."""
 
-    task: Task
-    outcome: Bound
+    context: SolveContext
+    outcome: CertifiedBound
     near: list[NDArray[np.float64]]
-    history: tuple[Rung, ...]
+    history: tuple[HistoryEntry, ...]
     notes: tuple[str, ...] = ()
 
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
 
 
-def nothing_yet(task: Task, near: list[NDArray]) -> Climbed:
+def unstarted_state(context: SolveContext, near: list[NDArray]) -> SearchState:
     """Where an interrupted search stands before any relaxation was solved."""
-    box = Interval(task.problem.lower, task.problem.upper)
+    box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
-    replay = Replay(task.problem, None)
-    outcome = bound_of(replay, model, Argued(prove(replay, box, None, False), Node()))
-    return Climbed(task, outcome, near, (), (INTERRUPTED,))
+    replay = Replay(context.problem, None)
+    outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
+    return SearchState(context, outcome, near, (), (INTERRUPTED,))
 
 
-def climb(
-    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
-) -> Climbed:
+def run_orders(
+    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> SearchState:
     """Bound the task on one order, or on one rung after the other while the gap is open.
 
     Parameters
@@ -89,13 +89,13 @@ def climb(
     later : iterator of (n,) float
         Starts of local searches for where the first relaxation leaves a gap.
     """
-    free = shared is None and task.options.effort != "plain" and not _restricted(task.problem)
+    free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
     if free:
-        return _after_free(task, near, later, partial(_climbed, shared=None, later=later))
-    climbed = _climbed(task, near, shared, later)
-    if task.options.effort == "presolve" and level(climbed.outcome.certificate) == -np.inf:
-        return _with_free(climbed)
-    return climbed
+        return _after_free(context, near, later, partial(_run_orders, shared=None, later=later))
+    state = _run_orders(context, near, shared, later)
+    if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
+        return _with_free(state)
+    return state
 
 
 def _restricted(problem: Problem) -> bool:
@@ -105,140 +105,157 @@ def _restricted(problem: Problem) -> bool:
 
 
 def _after_free(
-    task: Task,
+    context: SolveContext,
     near: list[NDArray],
     later: Iterator[NDArray],
-    go_on: Callable[[Task, list[NDArray]], Climbed],
-) -> Climbed:
+    go_on: Callable[[SolveContext, list[NDArray]], SearchState],
+) -> SearchState:
     """What the objective on the whole space proves, and where that is not enough, what follows."""
-    free = _freely(task, near, later)
+    free = _by_gram_matrices(context, near, later)
     if free is None:
-        return go_on(task, near)
-    if good_enough(free.task, level(free.outcome.certificate)) or free.task.clock.over:
+        return go_on(context, near)
+    if (
+        good_enough(free.context, lower_bound(free.outcome.certificate))
+        or free.context.deadline.over
+    ):
         return free
-    climbed = go_on(free.task, free.near)
-    outcome = better(free.outcome, climbed.outcome)
-    return replace(climbed, outcome=outcome, history=free.history + climbed.history)
+    state = go_on(free.context, free.near)
+    outcome = better(free.outcome, state.outcome)
+    return replace(state, outcome=outcome, history=free.history + state.history)
 
 
-def _with_free(climbed: Climbed) -> Climbed:
+def _with_free(state: SearchState) -> SearchState:
     """What the objective on the whole space adds where a relaxation proved nothing."""
-    free = _freely(climbed.task, climbed.near, iter(()))
+    free = _by_gram_matrices(state.context, state.near, iter(()))
     if free is None:
-        return climbed
-    outcome = better(free.outcome, climbed.outcome)  # with the output of the relaxation
-    history, notes = climbed.history + free.history, climbed.notes + free.notes
+        return state
+    outcome = better(free.outcome, state.outcome)  # with the output of the relaxation
+    history, notes = state.history + free.history, state.notes + free.notes
     return replace(free, outcome=outcome, history=history, notes=notes)
 
 
-def _freely(task: Task, near: list[NDArray], later: Iterator[NDArray]) -> Climbed | None:
+def _by_gram_matrices(
+    context: SolveContext, near: list[NDArray], later: Iterator[NDArray]
+) -> SearchState | None:
     """What Gram matrices prove where there is no box, and the points behind them."""
     start, bound = time.process_time(), None
     while True:
         try:
-            found = free_round(task)
+            found = free_round(context)
         except KeyboardInterrupt:
-            return nothing_yet(task, near)
+            return unstarted_state(context, near)
         if found is None:
             return None
-        bound, old = better(bound, found), task.best
-        for starts in (_extracted(bound), later):
-            if not task.closed(level(bound.certificate)):
-                task, more = attained(task, list(starts), level(bound.certificate))
+        bound, old = better(bound, found), context.best
+        for starts in (_candidates_from_moments(bound), later):
+            if not context.closed(lower_bound(bound.certificate)):
+                context, more = update_incumbent(
+                    context, list(starts), lower_bound(bound.certificate)
+                )
                 near = near + more
-        if task.best is old or task.closed(level(bound.certificate)) or task.clock.over:
+        if (
+            context.best is old
+            or context.closed(lower_bound(bound.certificate))
+            or context.deadline.over
+        ):
             break
-    rung = _rung(task, bound, bound, time.process_time() - start)
-    return Climbed(task, bound, near, (rung,))
+    rung = _history_entry(context, bound, bound, time.process_time() - start)
+    return SearchState(context, bound, near, (rung,))
 
 
-def _climbed(
-    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
-) -> Climbed:
-    if task.options.effort == "auto":
-        with task.stages.stage("presolve"):
-            replay = task.replay()
+def _run_orders(
+    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> SearchState:
+    if context.options.effort == "auto":
+        with context.stages.stage("presolve"):
+            replay = context.replay()
             proof, box = find_box(
-                task.problem,
-                task.best if replay.level is not None else None,
-                _timed(task),
-                done=trivially(task) or task.clock.over,
-                level=replay.level,
+                context.problem,
+                context.best if replay.cutoff is not None else None,
+                _timed(context),
+                done=trivially(context) or context.deadline.over,
+                cutoff=replay.cutoff,
             )
         if finite(box):
-            ground = Ground.of(task.problem, (task.problem.objective,), task.options)
-            return climbed_by(Auto(task, Model(proof, box), near, ground, later=later))
-        if _restricted(task.problem):
+            shared_state = SharedState.of(
+                context.problem, (context.problem.objective,), context.options
+            )
+            return run_adaptive(
+                AdaptiveSearch(context, Model(proof, box), near, shared_state, later=later)
+            )
+        if _restricted(context.problem):
             orders = partial(_orders, shared=shared, later=later)
-            return _after_free(task, near, iter(()), orders)
-    return _orders(task, near, shared, later)
+            return _after_free(context, near, iter(()), orders)
+    return _orders(context, near, shared, later)
 
 
-def climbed_by(auto: Auto) -> Climbed:
+def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Let a climber go as far as it must."""
     notes: tuple[str, ...] = ()
     try:
         auto.run()
     except KeyboardInterrupt:
         notes = (INTERRUPTED,)
-    return Climbed(auto.task, auto.outcome, auto.near, tuple(auto.history), notes)
+    return SearchState(auto.context, auto.outcome, auto.near, tuple(auto.history), notes)
 
 
 def _orders(
-    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
-) -> Climbed:
+    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> SearchState:
     """One order, or with effort "auto" growing orders."""
-    outcome: Bound | None = None
-    history: list[Rung] = []
-    for order in _order_numbers(task):
+    outcome: CertifiedBound | None = None
+    history: list[HistoryEntry] = []
+    for order in _order_numbers(context):
         start = time.process_time()
-        options = replace(_timed(task), order=order)
+        options = replace(_timed(context), order=order)
         if options.effort == "auto" and outcome is None:
             options = replace(options, effort="presolve")  # the first order may step down
         try:
-            step, bound, near = _rounds(replace(task, options=options), near, shared, later)
+            step, bound, near = _rounds(replace(context, options=options), near, shared, later)
         except KeyboardInterrupt:
             if outcome is None:
-                return nothing_yet(task, near)
-            return Climbed(task, outcome, near, tuple(history), (INTERRUPTED,))
+                return unstarted_state(context, near)
+            return SearchState(context, outcome, near, tuple(history), (INTERRUPTED,))
         if outcome is not None and bound.relaxation is None:
             break  # this order would be too large
         outcome = better(outcome, bound)
-        task = replace(task, best=step.best)
-        history.append(_rung(task, outcome, bound, time.process_time() - start))
-        if task.closed(level(outcome.certificate)) or task.clock.over:
+        context = replace(context, best=step.best)
+        history.append(_history_entry(context, outcome, bound, time.process_time() - start))
+        if context.closed(lower_bound(outcome.certificate)) or context.deadline.over:
             break
-        if outcome.certificate is None and task.best is not None:
-            if falling_ray(task.problem, task.best) is not None:
+        if outcome.certificate is None and context.best is not None:
+            if falling_ray(context.problem, context.best) is not None:
                 break  # no order proves anything
         shared = None
     assert outcome is not None
-    return Climbed(task, outcome, near, tuple(history))
+    return SearchState(context, outcome, near, tuple(history))
 
 
-def _timed(task: Task) -> Options:
+def _timed(context: SolveContext) -> Options:
     """The options with half of the time that is left: a box may take two solves."""
-    left = task.clock.left
-    return replace(task.options, time_limit=None if left is None else 0.5 * left)
+    left = context.deadline.left
+    return replace(context.options, time_limit=None if left is None else 0.5 * left)
 
 
-def _order_numbers(task: Task) -> Iterator[int | None]:
-    first = task.options.order
-    if task.options.effort != "auto":
+def _order_numbers(context: SolveContext) -> Iterator[int | None]:
+    first = context.options.order
+    if context.options.effort != "auto":
         yield first
         return
-    first = max(first or 1, least_order(task.problem))
+    first = max(first or 1, least_order(context.problem))
     yield from range(first, first + _ORDERS + 1)
 
 
-def _rung(task: Task, outcome: Bound, bound: Bound, seconds: float) -> Rung:
+def _history_entry(
+    context: SolveContext, outcome: CertifiedBound, bound: CertifiedBound, seconds: float
+) -> HistoryEntry:
     relaxation = bound.relaxation
     order = relaxation.order if relaxation is not None else 0
-    return Rung(
+    return HistoryEntry(
         name=f"order {order}" if order else "box",
         order=order,
-        lower_bound=level(outcome.certificate),
-        upper_bound=task.upper,
+        lower_bound=lower_bound(outcome.certificate),
+        upper_bound=context.upper,
         seconds=seconds,
         largest_block=max(relaxation.block_sizes, default=0) if relaxation is not None else 0,
         moments=relaxation.moments.shape[0] if relaxation is not None else 0,
@@ -246,42 +263,42 @@ def _rung(task: Task, outcome: Bound, bound: Bound, seconds: float) -> Rung:
 
 
 def _rounds(
-    task: Task, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
-) -> tuple[Task, Bound, list[NDArray]]:
+    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
     """Rounds on one order while the attained value improves."""
-    outcome: Bound | None = None
+    outcome: CertifiedBound | None = None
     for _ in range(1 if shared else _ROUNDS):
         try:
-            bound = one_round(task, shared)
+            bound = one_round(context, shared)
         except KeyboardInterrupt:
             if outcome is None:
                 raise
-            task.clock.stop()
+            context.deadline.stop()
             break
         outcome = better(outcome, bound)
-        proved, old = level(outcome.certificate), task.best
-        if task.closed(proved) and task.problem.dimension > _MANY:
+        proved, old = lower_bound(outcome.certificate), context.best
+        if context.closed(proved) and context.problem.dimension > _MANY:
             break  # reading further minimisers out of the moments would take the longest
-        task, more = attained(task, _extracted(bound), proved)
+        context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
         near = near + more
-        if not task.closed(proved) and not task.clock.over:
-            task, more = attained(task, list(later), proved)
+        if not context.closed(proved) and not context.deadline.over:
+            context, more = update_incumbent(context, list(later), proved)
             near = near + more
-        if task.closed(proved) or task.clock.over or task.options.effort == "plain":
+        if context.closed(proved) or context.deadline.over or context.options.effort == "plain":
             break
-        if task.best is old or not _worth_another(old, task.best, bound):
+        if context.best is old or not _worth_another(old, context.best, bound):
             break
     assert outcome is not None
-    return task, outcome, near
+    return context, outcome, near
 
 
-def _extracted(bound: Bound) -> list[NDArray[np.float64]]:
+def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]:
     if bound.relaxation is None or bound.model.scaled is None:
         return []
-    return extracted(bound.relaxation, bound.solution, bound.model.scaled.scaling)
+    return candidates_from_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
 
 
-def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: Bound) -> bool:
+def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: CertifiedBound) -> bool:
     """Whether the improvement of the attained value is a good part of the open gap."""
     if new is None:
         return False

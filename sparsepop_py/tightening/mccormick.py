@@ -31,7 +31,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.conic.program import ConicProgram
-from sparsepop_py.deadline import Clock
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
@@ -45,13 +45,13 @@ from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.steps import Replay, Tightening, coordinates
 
-__all__ = ["Lifted", "coordinate_of", "first_moments", "products_error", "tightened"]
+__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tightened"]
 
 _SMALL = 1e-9  # multipliers this small against the largest are left out
 
 
 @dataclass(frozen=True, eq=False)
-class Lifted:
+class LinearRelaxation:
     """The linear relaxation of a problem on one box.
 
     Parameters
@@ -73,16 +73,16 @@ class Lifted:
         problem: Problem,
         box: Interval,
         cliques: Cliques,
-        warm: Lifted | None = None,
+        warm: LinearRelaxation | None = None,
         active: NDArray[np.bool_] | None = None,
-        room: NDArray[np.float64] | float = 0.0,
-    ) -> Lifted:
+        slack: NDArray[np.float64] | float = 0.0,
+    ) -> LinearRelaxation:
         """Build it, on the model of another box where one is given (its basis is kept).
 
         With ``active`` (m,) only these constraints take part: a smaller program, weaker at most.
         Its duals hold on boxes larger by ``room``.
         """
-        scaling = Scaling.of_box(box, room=room)
+        scaling = Scaling.of_box(box, slack=slack)
         scaled = Scaled.of(problem, scaling, (problem.objective,), active)
         relaxation = relax(scaled.problem, cliques=cliques, shape="linear")
         program = assemble(relaxation, scaled.objectives[0])
@@ -95,7 +95,7 @@ class Lifted:
         if warm is not None:
             warm.model.load(matrix, (low, program.b), columns)
         model = warm.model if warm else LinearModel(matrix, (low, program.b), columns)
-        return Lifted(scaled, relaxation, program, model)
+        return LinearRelaxation(scaled, relaxation, program, model)
 
     @property
     def size(self) -> float:
@@ -230,7 +230,7 @@ def _used_products(
 
 def tightened(
     replay: Replay,
-    lifted: Lifted,
+    mccormick: LinearRelaxation,
     box: Interval,
     variables: Sequence[int],
     time_limit: float | None = None,
@@ -252,18 +252,20 @@ def tightened(
     chosen: list[tuple[int, int]] = []
     points: list[NDArray] = []
     width = box.hi - box.lo
-    clock = Clock(time_limit)
-    sides = [(v, side) for v in variables for side in (1, -1) if lifted.holds(v) and width[v] > 0]
+    deadline = Deadline(time_limit)
+    sides = [
+        (v, side) for v in variables for side in (1, -1) if mccormick.holds(v) and width[v] > 0
+    ]
     for v, side in sides:
         edge = box.lo[v] if side > 0 else box.hi[v]
-        if clock.over or any(abs(x[v] - edge) <= 0.1 * width[v] for x in points):
+        if deadline.over or any(abs(x[v] - edge) <= 0.1 * width[v] for x in points):
             continue
-        found = lifted.reach(v, side, clock.left)
+        found = mccormick.reach(v, side, deadline.left)
         if found.status == "infeasible":
             return box, None, True
         if found.status != "solved":
             continue
-        points.append(lifted.point(found))
+        points.append(mccormick.point(found))
         if seen is not None:
             seen.append(points[-1])
         if abs(points[-1][v] - edge) > 1e-3 * width[v]:
@@ -272,7 +274,7 @@ def tightened(
     if not chosen:
         return box, None, False
     variable, side = np.array(chosen, np.int64).T
-    dual = lifted.dual(prices, lifted.scaled.scaling.scale[variable].tolist(), short=True)
+    dual = mccormick.dual(prices, mccormick.scaled.scaling.scale[variable].tolist(), short=True)
     system, equality = replay.system(False)
     value = dual.evaluate(system, equality, coordinates(variable, side, n))
     value = np.where(np.isfinite(value), value - 1e-14 * np.abs(value), -np.inf)

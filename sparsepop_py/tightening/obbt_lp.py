@@ -18,21 +18,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.context import Task
+from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
-from sparsepop_py.tightening.mccormick import Lifted, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
 
-__all__ = ["Narrowed", "narrowed", "taken_again"]
+__all__ = ["TightenedModel", "tighten_by_lp", "apply_steps"]
 
 _SWEEPS = 3  # of propagation after bounds have moved
 _GAINED = 0.8  # another round follows where a width fell below this share
 
 
 @dataclass(frozen=True, eq=False)
-class Narrowed:
+class TightenedModel:
     """What one round of tightening made of a box.
 
     Parameters
@@ -50,7 +50,9 @@ class Narrowed:
     empty: bool = False
 
 
-def narrowed(task: Task, model: Model, lifted: Lifted, variables: Sequence[int]) -> Narrowed:
+def tighten_by_lp(
+    context: SolveContext, model: Model, mccormick: LinearRelaxation, variables: Sequence[int]
+) -> TightenedModel:
     """One round over some variables.
 
     Parameters
@@ -59,16 +61,16 @@ def narrowed(task: Task, model: Model, lifted: Lifted, variables: Sequence[int])
         Its attained value is the cut-off.
     model : Model
         The box and its proof.
-    lifted : Lifted
+    lifted : LinearRelaxation
         The linear relaxation on that box.
     variables : sequence of int
     """
     box = model.box
     open_ = [v for v in variables if box.hi[v] > box.lo[v]]
-    replay = task.replay()
-    smaller, step, empty = tightened(replay, lifted, box, open_, task.clock.left)
+    replay = context.replay()
+    smaller, step, empty = tightened(replay, mccormick, box, open_, context.deadline.left)
     if step is None:
-        return Narrowed(model, empty=empty)
+        return TightenedModel(model, empty=empty)
     steps: list[Step] = [*model.proof.steps, step]
     if not is_empty(smaller):
         again, more = tighten(replay, smaller, _SWEEPS)
@@ -77,10 +79,10 @@ def narrowed(task: Task, model: Model, lifted: Lifted, variables: Sequence[int])
             steps.append(more)
     made = replace(model, proof=BoxProof(tuple(steps)), box=smaller)
     old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
-    return Narrowed(made, not is_empty(smaller) and bool(np.any(new < _GAINED * old)))
+    return TightenedModel(made, not is_empty(smaller) and bool(np.any(new < _GAINED * old)))
 
 
-def taken_again(replay: Replay, steps: Sequence[Step], box: Interval) -> Interval:
+def apply_steps(replay: Replay, steps: Sequence[Step], box: Interval) -> Interval:
     """What steps that shrank one box make of another."""
     for step in steps:
         if is_empty(box):

@@ -23,11 +23,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.relaxation_bound import Argued, argue, short_if, solvers_for
-from sparsepop_py.context import Task
+from sparsepop_py.bounding.relaxation_bound import BoxBound, bound_box, short_if, solvers_for
+from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.hierarchy import Families, Recipe
+from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec
 from sparsepop_py.tightening.mccormick import first_moments
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -37,7 +37,7 @@ from sparsepop_py.verified.certificate.certificate import Node, claim
 from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import Replay, Step, Tightening, shrunk, tighten
 
-__all__ = ["Squeezed", "squeezed"]
+__all__ = ["TightenedBox", "tighten_by_relaxation"]
 
 _ACCURACY = 1e-5  # of a solver, in scaled units: bounds of boxes need no more
 _ROUGH = 5e-3  # ... of one whose gap is that of its safe value
@@ -50,7 +50,7 @@ _SWEEPS = 2  # of propagation after a bound has moved
 
 
 @dataclass(frozen=True, eq=False)
-class Squeezed:
+class TightenedBox:
     """What one round made of a box.
 
     Parameters
@@ -71,16 +71,16 @@ class Squeezed:
     node: Node | None = None
 
 
-def squeezed(
-    task: Task,
+def tighten_by_relaxation(
+    context: SolveContext,
     replay: Replay,
     box: Interval,
-    recipe: tuple[Recipe, Families],
+    spec: tuple[RelaxationSpec, Families],
     weights: Mapping[int, float],
     enough: float = 0.0,
     points: Sequence[NDArray[np.float64]] = (),
-    room: NDArray[np.float64] | float = 0.0,
-) -> Squeezed:
+    slack: NDArray[np.float64] | float = 0.0,
+) -> TightenedBox:
     """One round over some variables.
 
     Parameters
@@ -89,7 +89,7 @@ def squeezed(
     replay : Replay
         Its problem, with the cut-off.
     box : Interval
-    recipe : (Recipe, Families)
+    recipe : (RelaxationSpec, Families)
         The relaxation, and the cliques to build it on.
     weights : mapping from int to float
         The variables, and how much their widths matter.
@@ -111,21 +111,21 @@ def squeezed(
         width, edge = box.hi[v] - box.lo[v], box.lo[v] if side > 0 else box.hi[v]
         if width <= 0 or any(abs(x[v] - edge) <= _TOUCHED * width for x in seen):
             continue
-        if task.clock.over or is_empty(box) or left() < enough:
+        if context.deadline.over or is_empty(box) or left() < enough:
             break
         about = replay.about(v, side)
-        found, point = _reached(task, about, box, recipe, room)
+        found, point = _reached(context, about, box, spec, slack)
         if point is not None:
             seen.append(point)
         if found.node.empty and found.proved.bound == np.inf:
-            return Squeezed(box, tuple(steps), 0.0, found.node)
+            return TightenedBox(box, tuple(steps), 0.0, found.node)
         value, argument = _claimed(found), found.node.argument
         if isinstance(argument, Identity) and value - side * edge > _WORTH * width:
             bound = np.array([v]), np.array([side]), np.array([value])
             box, more = _propagated(replay, shrunk(box, *bound))
             steps += [Tightening(*bound, argument, False), *more]
     rest = 0.0 if is_empty(box) else left() if moved else 1.0
-    return Squeezed(box, tuple(steps), rest)
+    return TightenedBox(box, tuple(steps), rest)
 
 
 def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ...]]:
@@ -136,39 +136,39 @@ def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ..
     return (smaller, (sweeps,)) if shrinks(box, smaller) else (box, ())
 
 
-def _claimed(found: Argued) -> float:
+def _claimed(found: BoxBound) -> float:
     """What another machine finds proved, too: there, a step that fails loses all of its box."""
     value = claim(found.proved)
     return value - 1e-14 * abs(value)
 
 
 def _reached(
-    task: Task,
+    context: SolveContext,
     about: Problem,
     box: Interval,
-    recipe: tuple[Recipe, Families],
-    room: NDArray[np.float64] | float,
-) -> tuple[Argued, NDArray[np.float64] | None]:
+    spec: tuple[RelaxationSpec, Families],
+    slack: NDArray[np.float64] | float,
+) -> tuple[BoxBound, NDArray[np.float64] | None]:
     """What the relaxation proves of side * x_v, the objective of ``about``, and first moments."""
-    with task.stages.stage("relax"):
-        scaled = Scaled.of(about, Scaling.of_box(box, room=room), (about.objective,))
-        relaxation = recipe[0].build(scaled, recipe[1])
-    solver = solvers_for(task.options, relaxation, True)[0]
+    with context.stages.stage("relax"):
+        scaled = Scaled.of(about, Scaling.of_box(box, slack=slack), (about.objective,))
+        relaxation = spec[0].build(scaled, spec[1])
+    solver = solvers_for(context.options, relaxation, True)[0]
     options = replace(
-        task.options,
+        context.options,
         effort="presolve",
         accuracy=_ROUGH if solver == "cliquetree" else _ACCURACY,
-        max_iterations=min(_ITERATIONS, task.options.max_iterations or _ITERATIONS),
+        max_iterations=min(_ITERATIONS, context.options.max_iterations or _ITERATIONS),
         solver=solver,
     )
     reach = range_over(about.objective_row, box)
     least, largest = float(reach.lo[0]), float(reach.hi[0])
     aim = largest + _BEYOND * (largest - least)
-    own = replace(task, problem=about, options=options, best=None, aim=aim)
-    found = argue(own, box, scaled, relaxation)
+    own = replace(context, problem=about, options=options, best=None, aim=aim)
+    found = bound_box(own, box, scaled, relaxation)
     value = _claimed(found)
     if np.isfinite(value):
-        with task.stages.stage("certify"):
+        with context.stages.stage("certify"):
             needed = value - _SHORT * (value - least)
             found = short_if(needed, own.replay(), box, found)
     solution = found.solution

@@ -14,21 +14,21 @@ from solved import check
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.branch_and_bound.node import explore
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from sparsepop_py.branch_and_bound.node import process_node
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.presolve.initial_box import room_of
+from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages
-from sparsepop_py.relaxation.hierarchy import Recipe, catalogue
-from sparsepop_py.strategy.adaptive import Auto
-from sparsepop_py.strategy.shared_state import Ground
+from sparsepop_py.relaxation.hierarchy import RelaxationSpec, relaxation_specs
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 INF = np.inf
-CATALOGUE = catalogue
+CATALOGUE = relaxation_specs
 
 
 def never():
@@ -38,24 +38,24 @@ def never():
 def test_room_is_small_against_the_box_and_grows_with_what_it_was_at_the_start():
     start = Interval(np.array([-1.0, -1.0, 0.0, -np.inf]), np.array([1.0, 1.0, 1e9, np.inf]))
     now = Interval(np.array([-1.0, 0.0, 0.0, 0.0]), np.array([1.0, 1e-6, 1.0, 1.0]))
-    room = room_of(now, start)
+    room = rounding_slack(now, start)
     assert np.all(room > 0) and np.all(room <= 2.0**-20 * (now.hi - now.lo))
     assert room[1] > 1e-13  # 1e-6 wide, from rows with numbers near 1
     assert room[3] < 1e-9  # nothing is known of the start
-    assert room_of(start, start)[3] == 0.0
+    assert rounding_slack(start, start)[3] == 0.0
 
 
-@pytest.mark.parametrize("recipe", [None, Recipe("order 1", 0.5, "full", 1)])
-def test_arguments_of_parts_leave_room_for_the_rounding_of_a_replay(recipe):
+@pytest.mark.parametrize("spec", [None, RelaxationSpec("order 1", 0.5, "full", 1)])
+def test_arguments_of_parts_leave_room_for_the_rounding_of_a_replay(spec):
     """Root and part of width 3 and 0.5: the same argument holds on a box larger by 2e-11."""
     problem = bilinear()
     root = Interval(problem.lower, problem.upper)
-    search = search_of(problem, (0, 1, 2, 3), recipe=recipe, room=room_of(root, root))
+    search = search_of(problem, (0, 1, 2, 3), spec=spec, slack=rounding_slack(root, root))
     corner = np.array([-1.0, 0.5, 0.7, -0.2])
-    part = explore(search.task, search.plan, Interval(corner, corner + 0.5), None)
+    part = process_node(search.context, search.settings, Interval(corner, corner + 0.5), None)
     assert part.argument is not None
     larger = Interval(part.box.lo - 2e-11, part.box.hi + 2e-11)
-    again = prove(Replay(search.task.problem, None), larger, part.argument, part.empty)
+    again = prove(Replay(search.context.problem, None), larger, part.argument, part.empty)
     assert not again.reason
     assert abs(again.bound - part.proved.bound) < 1e-10
 
@@ -91,7 +91,7 @@ def test_until_nothing_is_left():
     certificate = search.certificate()
     assert certificate.verify(problem).ok
     assert certificate.leaves > 1
-    upper = search.task.upper
+    upper = search.context.upper
     assert certificate.bound <= least_on_a_grid(problem, 25) + 1e-12
     assert upper - certificate.bound <= 1e-2 * max(1.0, abs(upper))
 
@@ -101,12 +101,12 @@ def test_a_raised_exception_loses_no_part():
     search = search_of(problem, (0, 1, 2, 3), (1.0, 0.0, 0.0, 1.0))
     search.grow(7, never)
     before, parts = search.certificate().bound, len(search._heap)
-    usual, search._explored = search._explored, None  # calling None raises
+    usual, search._processed = search._processed, None  # calling None raises
     with pytest.raises(TypeError):
         search.grow(5, never)
     assert len(search._heap) == parts
     assert search.certificate().bound == before
-    search._explored = usual
+    search._processed = usual
     search.grow(5, never)
     assert search.certificate().bound >= before
     assert search.certificate().verify(problem).ok
@@ -161,14 +161,14 @@ def test_a_lower_cutoff_is_taken_up_and_a_higher_one_refused():
     problem = bilinear()
     search = search_of(problem, (0, 1, 2, 3), (0.5, 0.0, 0.0, 0.5))
     search.grow(3, never)
-    assert search.task.upper == -0.25
+    assert search.context.upper == -0.25
     worse = prove_feasible(problem, np.zeros(4))
     better = prove_feasible(problem, np.array([1.0, 0.0, 0.0, 1.0]))
-    assert search.tell(replace(search.task, best=better))
-    assert search.task.upper == -1.0
+    assert search.update_context(replace(search.context, best=better))
+    assert search.context.upper == -1.0
     search.grow(3, never)
     assert search.certificate().verify(problem).ok
-    assert not search.tell(replace(search.task, best=worse))
+    assert not search.update_context(replace(search.context, best=worse))
 
 
 @pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
@@ -191,7 +191,7 @@ def test_an_executor_leads_to_the_same_bound(pool):
 def only_branch(monkeypatch):
     """Only the linear relaxation and branch and bound are left on the ladder."""
     monkeypatch.setattr(
-        "sparsepop_py.strategy.shared_state.catalogue",
+        "sparsepop_py.strategy.shared_state.relaxation_specs",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
 
@@ -241,14 +241,14 @@ def test_an_executor_in_the_ladder(only_branch):
 
 def test_parts_of_a_dropped_tree_stay_counted(only_branch):
     problem = bilinear()
-    task = Task(problem, Options(effort="auto", node_limit=3), Stages(), Clock(None))
-    ground = Ground.of(problem, (problem.objective,), task.options)
+    context = SolveContext(problem, Options(effort="auto", node_limit=3), Stages(), Deadline(None))
+    shared_state = SharedState.of(problem, (problem.objective,), context.options)
     box = Interval(problem.lower, problem.upper)
-    auto = Auto(task, Model(BoxProof(), box), [], ground)
+    auto = AdaptiveSearch(context, Model(BoxProof(), box), [], shared_state)
     auto.run()
     assert [rung.nodes for rung in auto.history] == [0, 3]
-    auto.task = replace(auto.task, unit=1e-3)  # a smaller gap: its cut-off is a higher one
-    auto.agenda.recipes = list(ground.recipes)
+    auto.context = replace(auto.context, unit=1e-3)  # a smaller gap: its cut-off is a higher one
+    auto.queue.specs = list(shared_state.specs)
     auto.run(1)
     assert [rung.name for rung in auto.history] == ["linear", "branch", "linear"]
     assert auto.history[-1].nodes == 3
@@ -257,18 +257,20 @@ def test_parts_of_a_dropped_tree_stay_counted(only_branch):
 def test_what_was_proved_on_a_box_of_its_own_is_proved_anew_on_a_shared_one(only_branch):
     """Linear programs on [-1, 1/4]^4 bound nothing on the larger box that others share."""
     problem = bilinear()
-    task = Task(problem, Options(effort="auto", node_limit=3), Stages(), Clock(None))
-    ground = Ground.of(problem, (problem.objective,), task.options)
+    context = SolveContext(problem, Options(effort="auto", node_limit=3), Stages(), Deadline(None))
+    shared_state = SharedState.of(problem, (problem.objective,), context.options)
     given = Interval(problem.lower, problem.upper)
     wide = Model(BoxProof(), given)
-    auto = Auto(task, Model(BoxProof(), Interval(given.lo, np.full(4, 0.25))), [], ground)
+    auto = AdaptiveSearch(
+        context, Model(BoxProof(), Interval(given.lo, np.full(4, 0.25))), [], shared_state
+    )
     auto.run(1)
     assert auto.best.proved.bound > -INF
     auto.restart(wide)
     node = auto.best.node
-    again = prove(auto.task.replay(), auto.model.box, node.argument, node.empty)
+    again = prove(auto.context.replay(), auto.model.box, node.argument, node.empty)
     assert auto.best.proved.bound <= again.bound
     auto.outcome = replace(auto.outcome, certificate=None)  # the narrow box has no proof here
-    auto.agenda.recipes = []
+    auto.queue.specs = []
     auto.run(1)
     assert auto.outcome.certificate.verify(problem).ok

@@ -193,8 +193,8 @@ def test_structs_through_a_mat_file(tmp_path):
     cell[0, :] = structs
     path = tmp_path / "cones.mat"
     scipy.io.savemat(path, {"f": objective, "g": cell, "l": lbd, "u": ubd})
-    for squeeze in (False, True):
-        found = scipy.io.loadmat(path, squeeze_me=squeeze)
+    for obbt_sdp in (False, True):
+        found = scipy.io.loadmat(path, squeeze_me=obbt_sdp)
         read = sp.from_structs(found["f"], found["g"], found["l"], found["u"])
         assert read.fingerprint == problem.fingerprint
 

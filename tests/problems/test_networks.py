@@ -26,9 +26,9 @@ def test_the_pooling_problem_is_the_one_of_the_handbook():
 
 @pytest.mark.parametrize("make", [networks.pooling, networks.separation])
 def test_networks_are_closed_and_proved(make):
-    task = make()
-    result = sp.solve(task.problem, sp.Options(effort="auto", gap=1e-5, gap_kind="relative"))
+    context = make()
+    result = sp.solve(context.problem, sp.Options(effort="auto", gap=1e-5, gap_kind="relative"))
     assert result.status is sp.Status.OPTIMAL
-    assert result.lower_bound <= task.optimum + 1e-7 * abs(task.optimum)
-    assert result.upper_bound == pytest.approx(task.optimum, rel=2e-5)
-    assert result.certificate.verify(task.problem).ok
+    assert result.lower_bound <= context.optimum + 1e-7 * abs(context.optimum)
+    assert result.upper_bound == pytest.approx(context.optimum, rel=2e-5)
+    assert result.certificate.verify(context.problem).ok

@@ -13,16 +13,16 @@ from solved import INF, check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Status
-from sparsepop_py.bounding import relaxation_bound as rungs
-from sparsepop_py.branch_and_bound import tree as branch
+from sparsepop_py.bounding import relaxation_bound
+from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
-from sparsepop_py.strategy import adaptive as auto
+from sparsepop_py.strategy import adaptive
 from sparsepop_py.strategy.order_loop import INTERRUPTED
 from sparsepop_py.verified.certificate.steps import Replay
 
-SOLVE_CONIC, EXPLORE, STAGE = rungs.solve_conic, branch.explore, Stages.stage
+SOLVE_CONIC, EXPLORE, STAGE = relaxation_bound.solve_conic, tree.process_node, Stages.stage
 
 
 @pytest.mark.parametrize("several", [False, True])
@@ -66,7 +66,7 @@ def test_an_interrupt_keeps_what_is_proved(case, monkeypatch):
     bounds = []
     for number in numbers:
         interrupting = Interrupting(SOLVE_CONIC, number)
-        monkeypatch.setattr(rungs, "solve_conic", interrupting)
+        monkeypatch.setattr(relaxation_bound, "solve_conic", interrupting)
         result = check(problem, sp.solve(problem, climbing(skip=skip)))
         assert interrupting.calls == number
         assert INTERRUPTED in result.notes
@@ -83,7 +83,7 @@ def test_an_interrupt_keeps_what_is_proved(case, monkeypatch):
 def test_an_interrupt_of_one_order_keeps_the_box(number, monkeypatch):
     problem = bilinear()
     interrupting = Interrupting(SOLVE_CONIC, number)
-    monkeypatch.setattr(rungs, "solve_conic", interrupting)
+    monkeypatch.setattr(relaxation_bound, "solve_conic", interrupting)
     result = check(problem, sp.solve(problem, Options(order=1, gap=0.0)))
     assert -12.0 <= result.lower_bound <= least_of_bilinear()  # 3 products of [-1, 2]^2
     assert (INTERRUPTED in result.notes) == (interrupting.calls >= number)
@@ -95,7 +95,7 @@ def test_an_interrupt_of_one_order_keeps_its_first_relaxation(monkeypatch):
     lean, full = Interrupting(SOLVE_CONIC, 2), Interrupting(SOLVE_CONIC, 1)
     found = []
     for interrupting in (full, lean):
-        monkeypatch.setattr(rungs, "solve_conic", interrupting)
+        monkeypatch.setattr(relaxation_bound, "solve_conic", interrupting)
         result = check(problem, sp.solve(problem, Options(order=2, gap=0.0)))
         assert INTERRUPTED in result.notes
         found.append(result.lower_bound)
@@ -108,8 +108,8 @@ def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
         return tuple(r for r in CATALOGUE(*args) if r.shape == "linear")
 
     problem = bilinear()
-    monkeypatch.setattr("sparsepop_py.strategy.shared_state.catalogue", only_linear)
-    monkeypatch.setattr(branch, "explore", Interrupting(EXPLORE, number))
+    monkeypatch.setattr("sparsepop_py.strategy.shared_state.relaxation_specs", only_linear)
+    monkeypatch.setattr(tree, "process_node", Interrupting(EXPLORE, number))
     result = check(problem, sp.solve(problem, Options(effort="auto")))
     assert INTERRUPTED in result.notes
     assert result.status is Status.LIMIT
@@ -121,24 +121,24 @@ def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
 def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     problem = bilinear()
     monkeypatch.setattr(
-        "sparsepop_py.strategy.shared_state.catalogue",
+        "sparsepop_py.strategy.shared_state.relaxation_specs",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
     found = []
 
-    def attained(task, starts, proved):
+    def attained(context, starts, proved):
         """Finds nothing before the tree grows, then the best point."""
         if exploring.calls:
-            task, near = honest(task, [np.array([-1.0, 2.0, 2.0, -1.0])])
-            found.append(task.upper)
-            return task, near
-        return task, []
+            context, near = honest(context, [np.array([-1.0, 2.0, 2.0, -1.0])])
+            found.append(context.upper)
+            return context, near
+        return context, []
 
-    honest, exploring = auto.attained, Interrupting(EXPLORE, 4)
-    monkeypatch.setattr(auto, "attained", attained)
-    monkeypatch.setattr(branch, "explore", exploring)
+    honest, exploring = adaptive.update_incumbent, Interrupting(EXPLORE, 4)
+    monkeypatch.setattr(adaptive, "update_incumbent", attained)
+    monkeypatch.setattr(tree, "process_node", exploring)
     solve = sys.modules["sparsepop_py.solve"]
-    monkeypatch.setattr(solve, "first_attained", lambda task, starts: (task, []))
+    monkeypatch.setattr(solve, "first_incumbent", lambda context, starts: (context, []))
     result = check(problem, sp.solve(problem, Options(effort="auto", skip=["narrow"])))
     assert INTERRUPTED in result.notes
     assert found
@@ -151,7 +151,7 @@ def test_an_interrupt_of_several_objectives(number, monkeypatch):
     x = sp.variables(7)
     objectives = [problem.objective, -problem.objective, x[0], x[1] - x[2]]
     interrupting = Interrupting(SOLVE_CONIC, number)
-    monkeypatch.setattr(rungs, "solve_conic", interrupting)
+    monkeypatch.setattr(relaxation_bound, "solve_conic", interrupting)
     results = sp.solve_each(problem, objectives, climbing())
     assert interrupting.calls == number
     for objective, result in zip(objectives, results, strict=True):

@@ -13,10 +13,10 @@ from solved import INF, LAB_OPTIMUM, check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, ProblemError, Status
-from sparsepop_py.branch_and_bound import node as parts
+from sparsepop_py.branch_and_bound import node
 from sparsepop_py.options import SKIPPED
-from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.tightening import obbt_lp as narrowing
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.tightening import obbt_lp
 from sparsepop_py.verified.certificate.steps import Known
 
 # ---- the record of the rungs ---------------------------------------------------------------
@@ -131,7 +131,7 @@ def named(part, name):
 
 def all_recipes(problem, skip=(), order=None):
     options = Options(effort="auto", skip=skip, order=order)
-    return Ground.of(problem, (problem.objective,), options).recipes
+    return SharedState.of(problem, (problem.objective,), options).specs
 
 
 @pytest.mark.parametrize("part", SKIPPED[:9])
@@ -144,9 +144,9 @@ def test_parts_left_out_are_there_otherwise(part):
     with_, without = all_recipes(problem), all_recipes(problem, (part,))
     kinds = [{r.shape, r.joined, r.terms} for r in with_]
     assert any(part in kind for kind in kinds)
-    for recipe in without:
-        assert part not in {recipe.shape, recipe.joined, recipe.terms}
-        assert not named(part, recipe.name)
+    for spec in without:
+        assert part not in {spec.shape, spec.joined, spec.terms}
+        assert not named(part, spec.name)
     kept = {r.name for r in without}
     lost = {r.name for r, kind in zip(with_, kinds, strict=True) if part in kind}
     assert kept == {r.name for r in with_} - (set() if part == "components" else lost)
@@ -159,8 +159,8 @@ def test_bounds_are_valid_without_any_part(part, case, monkeypatch):
         raise AssertionError("bounds of variables are tightened")
 
     if part == "narrow":
-        monkeypatch.setattr(narrowing, "tightened", refused)
-        monkeypatch.setattr(parts, "tightened", refused)
+        monkeypatch.setattr(obbt_lp, "tightened", refused)
+        monkeypatch.setattr(node, "tightened", refused)
     problem, least = (made() for made in CASES[case])
     options = Options(effort="auto", skip=[part], gap=1e-5, node_limit=30, time_limit=10.0)
     result = check(problem, sp.solve(problem, options))
@@ -202,10 +202,10 @@ def test_bounds_of_one_objective_are_quoted_by_the_others_unless_left_out(skip):
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_an_order_asked_for_leaves_out_everything_below(order):
-    recipes = all_recipes(star(), order=order)
-    assert {r.order for r in recipes if r.shape == "full"} >= {order, order + 1}
-    assert (min(r.order or 0 for r in recipes) == 0) == (order == 1)
-    assert all((r.order or 1) >= order for r in recipes)
+    specs = all_recipes(star(), order=order)
+    assert {r.order for r in specs if r.shape == "full"} >= {order, order + 1}
+    assert (min(r.order or 0 for r in specs) == 0) == (order == 1)
+    assert all((r.order or 1) >= order for r in specs)
 
 
 # ---- wrong values ----------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def test_progress_is_told_between_the_bounds(effort):
 
 def test_what_terms_leave_as_it_is_is_solved_once(monkeypatch):
     monkeypatch.setattr(
-        "sparsepop_py.strategy.shared_state.catalogue",
+        "sparsepop_py.strategy.shared_state.relaxation_specs",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.order == 4),
     )
     x, y, z = sp.variables(3)  # so coupled that chordal terms of order 4 are all terms
@@ -338,7 +338,7 @@ def test_repaired_vectors_are_only_starting_points(value):
 
 def test_variables_to_cut_of_several_objectives(monkeypatch):
     monkeypatch.setattr(
-        "sparsepop_py.strategy.shared_state.catalogue",
+        "sparsepop_py.strategy.shared_state.relaxation_specs",
         lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
     )
     problem = bilinear()

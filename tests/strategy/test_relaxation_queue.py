@@ -9,19 +9,20 @@ import pytest
 from solved import check
 
 import sparsepop_py as sp
-from benchmarks.identification import THETA, task
+from benchmarks.identification import THETA
+from benchmarks.identification import task as identification_task
 from sparsepop_py import Options, Problem
 from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
-from sparsepop_py.relaxation.hierarchy import Experience, Recipe, families, progress
-from sparsepop_py.strategy.adaptive import Auto
-from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.tightening.mccormick import Lifted, tightened
-from sparsepop_py.tightening.obbt_lp import taken_again
+from sparsepop_py.relaxation.hierarchy import CostModel, RelaxationSpec, families, progress
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.obbt_lp import apply_steps
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.steps import Replay
 
@@ -37,7 +38,7 @@ def test_progress_is_a_share_of_orders_of_magnitude(before, after, expected):
 
 
 def test_less_time_counts_at_once_and_more_time_slowly():
-    seen = Experience()
+    seen = CostModel()
     for seconds in (3.0, 0.7):
         seen.learn("star", 1.0, seconds)
     assert seen.seconds["star"] == 0.7
@@ -51,12 +52,12 @@ def test_mixed_blocks_beyond_the_memory_are_not_built(variables, expected):
     x = sp.variables(variables)
     problem = Problem(x[0], [sum(x) == 1], lower=-1, upper=1)
     whole = families(problem, (problem.objective,), True, "min-degree")
-    assert Recipe("mixed", 0.8, "mixed").fits(whole) == expected
+    assert RelaxationSpec("mixed", 0.8, "mixed").fits(whole) == expected
 
 
 def test_a_record_is_bounded_by_stars_alone():
     """Few parameters in all products: linear programs first would cost more than they save."""
-    record = task("oe", 30, seed=3)
+    record = identification_task("oe", 30, seed=3)
     options = Options(effort="auto", gap=1e-3, gap_kind="width", time_limit=60)
     results = sp.solve_each(record.problem, record.objectives, options)
     for objective, result in zip(record.objectives, results, strict=True):
@@ -76,12 +77,14 @@ def test_a_cut_off_below_the_attained_value():
     problem = bilinear()
     best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
     assert best is not None
-    lone = Task(problem, Options(effort="auto", gap=0.1), Stages(False), Clock(None), best)
-    below = Task(problem, lone.options, lone.stages, lone.clock, best, below=True)
-    assert lone.replay().level == best.value
-    assert below.replay().level == pytest.approx(best.value - 0.09)
-    assert lone.replay(below=True).level == below.replay().level
-    assert below.replay(below=False).level == best.value
+    lone = SolveContext(
+        problem, Options(effort="auto", gap=0.1), Stages(False), Deadline(None), best
+    )
+    below = SolveContext(problem, lone.options, lone.stages, lone.deadline, best, below=True)
+    assert lone.replay().cutoff == best.value
+    assert below.replay().cutoff == pytest.approx(best.value - 0.09)
+    assert lone.replay(below=True).cutoff == below.replay().cutoff
+    assert below.replay(below=False).cutoff == best.value
 
 
 @pytest.mark.parametrize("skip", [(), ("branch",), ("narrow",)])
@@ -90,12 +93,12 @@ def test_a_box_shrunk_under_a_lower_cut_off_is_left_where_the_cut_off_rises(skip
     problem, options = bilinear(), Options(effort="auto", gap=0.1, skip=skip)
     best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
     assert best is not None
-    wide = Task(problem, options, Stages(False), Clock(None), best, unit=9.0, below=True)
+    wide = SolveContext(problem, options, Stages(False), Deadline(None), best, unit=9.0, below=True)
     shared = Model(*find_box(problem, None, options))
-    auto = Auto(wide, shared, [], Ground.of(problem, (problem.objective,), options))
+    auto = AdaptiveSearch(wide, shared, [], SharedState.of(problem, (problem.objective,), options))
     auto.restart(replace(shared))
     auto.run(1)
-    auto.task = replace(auto.task, unit=1e-4)
+    auto.context = replace(auto.context, unit=1e-4)
     auto.restart(auto.shared)
     auto.run()
     certificate = auto.outcome.certificate
@@ -110,10 +113,12 @@ def test_steps_taken_again_on_a_smaller_box_keep_its_points():
     problem = bilinear()
     replay, box = Replay(problem, None), Interval(problem.lower, problem.upper)
     usual = families(problem, [problem.objective], True, "min-degree")["constraints"]
-    smaller, step, empty = tightened(replay, Lifted.of(problem, box, usual), box, (0, 1, 2))
+    smaller, step, empty = tightened(
+        replay, LinearRelaxation.of(problem, box, usual), box, (0, 1, 2)
+    )
     assert step is not None and not empty
     half = Interval(box.lo, np.array([2.0, 0.9, 2.0]))
-    again = taken_again(replay, [step], half)
+    again = apply_steps(replay, [step], half)
     assert np.all(again.lo >= np.maximum(smaller.lo, half.lo) - 1e-9)
     assert np.all(again.hi <= np.minimum(smaller.hi, half.hi) + 1e-9)
     source = np.random.default_rng(0)

@@ -18,17 +18,17 @@ from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
-from sparsepop_py.branch_and_bound import node as parts
-from sparsepop_py.branch_and_bound.node import Plan, explore
+from sparsepop_py.branch_and_bound import node
+from sparsepop_py.branch_and_bound.node import NodeSettings, process_node
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.presolve.initial_box import room_of
+from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages
-from sparsepop_py.strategy.shared_state import Ground
-from sparsepop_py.tightening import obbt_sdp as squeezing
-from sparsepop_py.tightening.obbt_sdp import Squeezed, squeezed
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.tightening import obbt_sdp
+from sparsepop_py.tightening.obbt_sdp import TightenedBox, tighten_by_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Certificate
@@ -82,8 +82,8 @@ def least(problem: Problem) -> float:
     return float(min(problem.objective(x) for x in feasible_points()))
 
 
-def ground_of(problem: Problem, **options) -> Ground:
-    return Ground.of(problem, (problem.objective,), Options(effort="auto", **options))
+def ground_of(problem: Problem, **options) -> SharedState:
+    return SharedState.of(problem, (problem.objective,), Options(effort="auto", **options))
 
 
 def whole(problem: Problem) -> Interval:
@@ -95,13 +95,15 @@ def cut(problem: Problem, level: float) -> Interval:
     return tighten(Replay(problem, level), whole(problem), 1)[0]
 
 
-def one_round(problem: Problem, level: float, **how) -> Squeezed:
-    ground = ground_of(problem)
-    assert ground.squeeze is not None
-    task = Task(problem, Options(effort="auto"), Stages(), Clock(None))
-    weights = dict.fromkeys(ground.variables, 1.0)
-    recipe = (ground.squeeze, ground.cliques)
-    return squeezed(task, Replay(problem, level), cut(problem, level), recipe, weights, **how)
+def one_round(problem: Problem, level: float, **how) -> TightenedBox:
+    shared_state = ground_of(problem)
+    assert shared_state.obbt_sdp is not None
+    context = SolveContext(problem, Options(effort="auto"), Stages(), Deadline(None))
+    weights = dict.fromkeys(shared_state.variables, 1.0)
+    spec = (shared_state.obbt_sdp, shared_state.cliques)
+    return tighten_by_relaxation(
+        context, Replay(problem, level), cut(problem, level), spec, weights, **how
+    )
 
 
 def replayed(problem: Problem, level: float, *steps, room: float = 0.0) -> Interval:
@@ -113,13 +115,17 @@ def replayed(problem: Problem, level: float, *steps, room: float = 0.0) -> Inter
 def planted(local: bool = False) -> tuple[Problem, Search]:
     """A tree for the least b, before it grows."""
     problem = record()
-    ground, points = ground_of(problem), feasible_points()
+    shared_state, points = ground_of(problem), feasible_points()
     best = points[np.argmin([problem.objective(x) for x in points])]
     search = search_of(
-        problem, ground.variables, options=Options(gap=1e-6), local=local, squeeze=ground.squeeze
+        problem,
+        shared_state.variables,
+        options=Options(gap=1e-6),
+        local=local,
+        obbt_sdp=shared_state.obbt_sdp,
     )
-    search.plan = replace(search.plan, cliques=ground.cliques)
-    search.task = replace(search.task, best=prove_feasible(problem, best))
+    search.settings = replace(search.settings, cliques=shared_state.cliques)
+    search.context = replace(search.context, best=prove_feasible(problem, best))
     return problem, search
 
 
@@ -148,12 +154,14 @@ def test_no_point_below_the_level_is_lost_and_the_box_replays(end, above: float)
 def test_below_the_least_value_nothing_is_left(end) -> None:
     """The grid is 1/500 wide: the least value on it is nearly that of the set."""
     problem = record(*end)
-    task = Task(problem, Options(effort="auto"), Stages(), Clock(None))
-    ground = ground_of(problem)
-    plan = Plan(ground.cliques, ground.variables, squeeze=ground.squeeze)
-    found = explore(task, plan, whole(problem), least(problem) - 0.02)
+    context = SolveContext(problem, Options(effort="auto"), Stages(), Deadline(None))
+    shared_state = ground_of(problem)
+    settings = NodeSettings(
+        shared_state.cliques, shared_state.variables, obbt_sdp=shared_state.obbt_sdp
+    )
+    found = process_node(context, settings, whole(problem), least(problem) - 0.02)
     assert found.proved.bound >= least(problem) - 0.02
-    nearly = explore(task, plan, whole(problem), least(problem) + 0.02)
+    nearly = process_node(context, settings, whole(problem), least(problem) + 0.02)
     assert nearly.proved.bound <= least(problem) + 1e-9
 
 
@@ -177,19 +185,19 @@ def test_sides_that_a_point_touches_are_left_alone() -> None:
 
 
 def test_time_that_is_over_ends_a_round() -> None:
-    problem, clock = record(), Clock(None)
-    ground = ground_of(problem)
-    clock.stop()
-    task = Task(problem, Options(effort="auto"), Stages(), clock)
-    recipe = (ground.squeeze, ground.cliques)
-    made = squeezed(task, Replay(problem, 1.0), whole(problem), recipe, {0: 1.0})
+    problem, deadline = record(), Deadline(None)
+    shared_state = ground_of(problem)
+    deadline.stop()
+    context = SolveContext(problem, Options(effort="auto"), Stages(), deadline)
+    spec = (shared_state.obbt_sdp, shared_state.cliques)
+    made = tighten_by_relaxation(context, Replay(problem, 1.0), whole(problem), spec, {0: 1.0})
     assert made.steps == () and not is_empty(made.box)
 
 
 def test_arguments_leave_room_for_the_rounding_of_a_replay() -> None:
     problem = record()
     level = least(problem) + 0.02
-    made = one_round(problem, level, room=room_of(whole(problem), whole(problem)))
+    made = one_round(problem, level, slack=rounding_slack(whole(problem), whole(problem)))
     again = replayed(problem, level, *made.steps, room=1e-12)
     assert again.lo[0] == pytest.approx(made.box.lo[0], abs=1e-10)
     assert again.hi[0] == pytest.approx(made.box.hi[0], abs=1e-10)
@@ -265,12 +273,14 @@ def test_an_argument_for_a_smaller_box_proves_nothing() -> None:
 @pytest.mark.parametrize("skip", [(), ("squeeze",)])
 def test_trees_with_and_without_prove_the_same(skip: tuple[str, ...], monkeypatch) -> None:
     calls, written = [], []
-    real = parts.squeezed
-    monkeypatch.setattr(parts, "squeezed", lambda *a, **k: calls.append(1) or real(*a, **k))
-    rungs = ("linear", "split", "mixed", "full", "narrow", *skip)
+    real = node.tighten_by_relaxation
+    monkeypatch.setattr(
+        node, "tighten_by_relaxation", lambda *a, **k: calls.append(1) or real(*a, **k)
+    )
+    skipped = ("linear", "split", "mixed", "full", "narrow", *skip)
     for end in ENDS:
         problem = record(*end)
-        result = check(problem, sp.solve(problem, Options(effort="auto", skip=rungs, gap=1e-6)))
+        result = check(problem, sp.solve(problem, Options(effort="auto", skip=skipped, gap=1e-6)))
         assert result.status is Status.OPTIMAL
         assert least(problem) - 0.01 <= result.lower_bound <= least(problem) + 1e-9
         again = sp.from_json(sp.to_json(result)).certificate
@@ -293,16 +303,18 @@ def test_long_problems_are_tightened_by_relaxations_only() -> None:
 
 def test_objectives_that_are_no_variable_are_not_squeezed() -> None:
     """Their cut-off is no bound of the box: nothing would be gained."""
-    assert ground_of(star()).squeeze is None
-    assert ground_of(record()).squeeze is not None
+    assert ground_of(star()).obbt_sdp is None
+    assert ground_of(record()).obbt_sdp is not None
 
 
 def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
     """Rounds that gain nothing: after some parts the plan is the one without them."""
-    monkeypatch.setattr(parts, "squeezed", lambda task, replay, box, *rest: Squeezed(box))
+    monkeypatch.setattr(
+        node, "tighten_by_relaxation", lambda context, replay, box, *rest: TightenedBox(box)
+    )
     _, search = planted()
     search.grow(6, lambda: False)
-    assert search.plan.squeeze is None
+    assert search.settings.obbt_sdp is None
 
 
 @pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
@@ -319,7 +331,7 @@ def test_an_executor_squeezes_to_the_same_bound(pool) -> None:
 
 @pytest.mark.parametrize("solves", [0, 1])
 def test_an_interrupted_round_loses_no_part(solves: int, monkeypatch) -> None:
-    count, real = [], squeezing.argue
+    count, real = [], obbt_sdp.bound_box
 
     def interrupted(*args):
         if len(count) == solves:
@@ -329,7 +341,7 @@ def test_an_interrupted_round_loses_no_part(solves: int, monkeypatch) -> None:
 
     problem, search = planted()
     with monkeypatch.context() as patch:
-        patch.setattr(squeezing, "argue", interrupted)
+        patch.setattr(obbt_sdp, "bound_box", interrupted)
         with pytest.raises(KeyboardInterrupt):
             search.grow(200, lambda: False)
     assert len(count) == solves and search.seen == 0 and not search.done
@@ -342,8 +354,8 @@ def test_an_interrupted_round_loses_no_part(solves: int, monkeypatch) -> None:
 def test_the_error_that_a_bound_may_have_says_when_widths_are_small_enough() -> None:
     """A tenth of the error may stay, and half of that is spared."""
     problem, search = planted()
-    task, upper = search.task, search.task.upper
-    assert parts._enough(task, upper - 0.1, upper - 1.0) == pytest.approx(0.05)
+    context, upper = search.context, search.context.upper
+    assert node._enough(context, upper - 0.1, upper - 1.0) == pytest.approx(0.05)
     for level, bound in ((None, 0.0), (upper, upper), (upper, -np.inf), (upper, np.nan)):
-        assert parts._enough(task, level, bound) == 0.0
-    assert parts._enough(replace(task, best=None), 0.5, 0.0) == 0.0
+        assert node._enough(context, level, bound) == 0.0
+    assert node._enough(replace(context, best=None), 0.5, 0.0) == 0.0

@@ -57,7 +57,7 @@ class LeftInverse:
     radius: NDArray[np.float64]
 
     @property
-    def cutoff(self) -> bool:
+    def uses_cutoff(self) -> bool:
         """Never: it holds on the whole feasible set."""
         return False
 

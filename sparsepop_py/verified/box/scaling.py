@@ -54,7 +54,7 @@ class Scaling:
     def of_box(
         box: Interval,
         typical: NDArray[np.float64] | None = None,
-        room: NDArray[np.float64] | float = 0.0,
+        slack: NDArray[np.float64] | float = 0.0,
     ) -> Scaling:
         """Scaling of a box; ``typical`` (n,) gives the scale of variables without one.
 
@@ -66,7 +66,7 @@ class Scaling:
         half = np.maximum(0.5 * high - 0.5 * low, _NARROW)
         centre = np.where(np.abs(centre) <= 1e-12 * half, 0.0, centre)
         centre = np.where(low < high, centre, low)
-        reach = np.maximum(high - centre, centre - low) * _SLACK + room
+        reach = np.maximum(high - centre, centre - low) * _SLACK + slack
         reach = np.maximum(reach + 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high))), _NARROW)
         scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
         side = np.where(

@@ -2,16 +2,16 @@
 
 ``verify`` replays the whole chain from the exact doubles of the problem: the steps that
 made the box, the cuts that split it, and a bound or a proof of emptiness on every part.
-It needs no solver and trusts no stored number but as a multiplier, a level or a claim.
+It needs no solver and trusts no stored number but as a multiplier, a cutoff or a claim.
 
-A cut-off needs no attained point to be sound. Points with f(x) > level satisfy
-f >= level; for the others the steps that use f(x) <= level are valid. So, whatever the
-level is,
+A cutoff needs no attained point to be sound. Points with f(x) > cutoff satisfy
+f >= cutoff; for the others the steps that use f(x) <= cutoff are valid. So, whatever the
+cutoff is,
 
-    min f  >=  min(level, smallest bound of all parts),
+    min f  >=  min(cutoff, smallest bound of all parts),
 
-and the claim can never exceed the level. (A level that no point attains only makes the
-claim weak.) Without any cut-off, parts that are all empty prove that nothing is feasible.
+and the claim can never exceed the cutoff. (A cutoff that no point attains only makes the
+claim weak.) Without any cutoff, parts that are all empty prove that nothing is feasible.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sublevel, Tightening
 
-__all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "halves", "prove"]
+__all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "split_box", "prove"]
 
 Argument = Identity | LinearDual | ExactGram
 
@@ -67,8 +67,8 @@ class Node:
         Multipliers of the objective; of the constant 0 where ``empty``.
     empty : bool
         Whether the argument proves that the box holds no feasible point.
-    cut : (int, float) or None
-        Variable and place: the children are the parts x_v <= place and x_v >= place.
+    branch : (int, float) or None
+        Variable and branching point: the children are x_v <= point and x_v >= point.
     children : tuple of Node
         Two where there is a cut, else none.
     """
@@ -76,7 +76,7 @@ class Node:
     box: BoxProof = field(default_factory=BoxProof)
     argument: Argument | None = None
     empty: bool = False
-    cut: tuple[int, float] | None = None
+    branch: tuple[int, float] | None = None
     children: tuple[Node, ...] = ()
 
     def __iter__(self) -> Iterator[Node]:
@@ -89,26 +89,26 @@ class Node:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """All parts in one list: pickling a deep tree must not recurse."""
-        rows = [(n.box, n.argument, n.empty, n.cut, len(n.children)) for n in self]
+        rows = [(n.box, n.argument, n.empty, n.branch, len(n.children)) for n in self]
         return _tree, (rows,)
 
 
 def _tree(rows: list[tuple[Any, ...]]) -> Node:
     """The tree whose parts stand in the list in the order of iteration."""
     made: list[Node] = []
-    for box, argument, empty, cut, count in reversed(rows):
+    for box, argument, empty, branch, count in reversed(rows):
         children = tuple(made[len(made) - count :])  # the last part was iterated over first
         del made[len(made) - count :]
-        made.append(Node(box, argument, empty, cut, children))
+        made.append(Node(box, argument, empty, branch, children))
     return made[0]
 
 
-def halves(box: Interval, cut: tuple[int, float]) -> tuple[Interval, Interval]:
+def split_box(box: Interval, branch: tuple[int, float]) -> tuple[Interval, Interval]:
     """The two parts of a box; together they cover it, whatever the place of the cut is."""
-    variable, place = cut
+    variable, point = branch
     low, high = box.hi.copy(), box.lo.copy()
-    low[variable] = min(low[variable], place)
-    high[variable] = max(high[variable], place)
+    low[variable] = min(low[variable], point)
+    high[variable] = max(high[variable], point)
     return Interval(box.lo, low), Interval(high, box.hi)
 
 
@@ -156,7 +156,7 @@ class Certificate:
     root : Node
         The argument: one part, or a tree of parts that cover the problem's box.
     cutoff : float or None
-        The level of all cut-offs; the claim cannot exceed it.
+        The objective value above which nothing is claimed; the claim cannot exceed it.
     correction : float
         What the remainder cost at most in one part, in units of the objective.
     assumptions : tuple of str
@@ -228,7 +228,7 @@ class Certificate:
         require_ieee()
         cutoff = None if self.cutoff is None else float(self.cutoff)
         if cutoff is not None and not np.isfinite(cutoff):
-            return -np.inf, np.inf, "the cut-off is not a number"
+            return -np.inf, np.inf, "the cutoff is not a number"
         replay = Replay(problem, cutoff, known)
         self._settle(replay)
         bound, correction, reason, cut_off = np.inf, 0.0, "", False
@@ -237,10 +237,12 @@ class Certificate:
             node, outer = stack.pop()
             box = node.box.replay(replay, outer)
             cut_off |= node.box.uses_cutoff
-            if node.cut is not None and len(node.children) == 2 and not is_empty(box):
-                if not is_index(node.cut[0], problem.dimension) or not np.isfinite(node.cut[1]):
+            if node.branch is not None and len(node.children) == 2 and not is_empty(box):
+                if not is_index(node.branch[0], problem.dimension) or not np.isfinite(
+                    node.branch[1]
+                ):
                     return -np.inf, np.inf, "a cut is malformed"
-                parts = halves(box, node.cut)
+                parts = split_box(box, node.branch)
                 stack += list(zip(node.children, parts, strict=True))
                 continue
             proved = prove(replay, box, node.argument, node.empty)
@@ -248,7 +250,7 @@ class Certificate:
                 bound, reason = proved.bound, proved.reason
             correction = max(correction, proved.correction)
         if cut_off and cutoff is not None and not bound <= cutoff:
-            return cutoff, correction, "nothing is proved above the cut-off"
+            return cutoff, correction, "nothing is proved above the cutoff"
         return bound, correction, reason
 
     def _settle(self, replay: Replay) -> None:
@@ -310,7 +312,7 @@ class Certificate:
 
     @property
     def uses_cutoff(self) -> bool:
-        """Whether some step relies on the level."""
+        """Whether some step relies on the cutoff."""
         return any(node.box.uses_cutoff for node in self.root)
 
     def __repr__(self) -> str:
@@ -323,7 +325,7 @@ class Certificate:
         if self.leaves > 1:
             parts.append(f"{self.leaves} parts")
         if self.cutoff is not None:
-            parts.append(f"cut-off at {self.cutoff:.12g}")
+            parts.append(f"cutoff at {self.cutoff:.12g}")
         others = sum(len(s.bounds) for n in self.root for s in n.box.steps if isinstance(s, Known))
         if others:
             parts.append(f"{others} bounds of other objectives")
@@ -372,15 +374,15 @@ def certify(replay: Replay, root: Node, proved: Proved) -> Certificate | None:
     Parameters
     ----------
     replay : Replay
-        The problem and its cut-off level.
+        The problem and its cutoff.
     root : Node
     proved : Proved
         The smallest bound of all parts, as :func:`prove` returned it.
     """
     bound = claim(proved)
-    level = replay.level if any(node.box.uses_cutoff for node in root) else None
-    if level is not None:
-        bound = min(bound, level)
+    cutoff = replay.cutoff if any(node.box.uses_cutoff for node in root) else None
+    if cutoff is not None:
+        bound = min(bound, cutoff)
     if bound == -np.inf:
         return None
-    return Certificate(replay.problem.fingerprint, bound, root, level, proved.correction)
+    return Certificate(replay.problem.fingerprint, bound, root, cutoff, proved.correction)

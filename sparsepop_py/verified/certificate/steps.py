@@ -1,8 +1,8 @@
 """Proof of a box: which steps shrank the problem's bounds, replayed from the exact data.
 
-Each step names its argument and its scope. Steps that use the cut-off f(x) <= level hold
-where f is at most that level, whatever the level is; a box that is empty after them proves
-f > level, and nothing about feasibility. Steps without the cut-off hold for every
+Each step names its argument and its scope. Steps that use the cutoff f(x) <= cutoff hold
+where f is at most that cutoff, whatever the cutoff is; a box that is empty after them proves
+f > cutoff, and nothing about feasibility. Steps without the cutoff hold for every
 objective over the same feasible set.
 """
 
@@ -54,27 +54,27 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Propagation:
-    """``sweeps`` passes of interval propagation, with the cut-off row or without it."""
+    """``sweeps`` passes of interval propagation, with the cutoff row or without it."""
 
     sweeps: int
-    cutoff: bool
+    uses_cutoff: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Sublevel:
-    """|t_v| <= (K - 1)^(1 / 2d) on the set where f <= level, from a sum-of-squares identity.
+    """|t_v| <= (K - 1)^(1 / 2d) on the set where f <= cutoff, from a sum-of-squares identity.
 
     The identity proves 0 >= -K + sum_b (b(t))^2 on that set, the sum running over the
-    monomials of the moment blocks, among them t_v^d. It is evaluated at its own level, so
-    that the box is the same whatever lower level it is used at.
+    monomials of the moment blocks, among them t_v^d. It is evaluated at its own cutoff, so
+    that the box is the same whatever lower cutoff it is used at.
     """
 
     identity: Identity
-    level: float
+    cutoff: float
 
     @property
-    def cutoff(self) -> bool:
-        """Always: it speaks of the set where f <= level."""
+    def uses_cutoff(self) -> bool:
+        """Always: it speaks of the set where f <= cutoff."""
         return True
 
 
@@ -90,15 +90,15 @@ class Tightening:
         The claims; a claim that the argument does not reach is skipped.
     argument : LinearDual or Identity
         Of the K polynomials side * x_v; an identity speaks of one.
-    cutoff : bool
-        Whether the row level - f(x) >= 0 stands behind the constraints.
+    uses_cutoff : bool
+        Whether the row cutoff - f(x) >= 0 stands behind the constraints.
     """
 
     variable: NDArray[np.int64]
     side: NDArray[np.int64]
     value: NDArray[np.float64]
     argument: LinearDual | Identity
-    cutoff: bool
+    uses_cutoff: bool
 
     def reached(
         self, system: PolynomialSystem, equality: NDArray[np.bool_], matrices: Matrices
@@ -138,7 +138,7 @@ class Known:
     bounds: tuple[tuple[int, int, Proof], ...]
 
     @property
-    def cutoff(self) -> bool:
+    def uses_cutoff(self) -> bool:
         """Never: these bounds hold on the whole feasible set."""
         return False
 
@@ -148,64 +148,65 @@ Step = Propagation | Sublevel | LeftInverse | Tightening | Known
 
 @dataclass(eq=False)
 class Replay:
-    """One problem with one cut-off level, and what replaying steps on it needs again and again.
+    """One problem with one cutoff, and what replaying steps on it needs again and again.
 
     Parameters
     ----------
     problem : Problem
-    level : float or None
-        The cut-off: steps may use f(x) <= level.
+    cutoff : float or None
+        The cutoff: steps may use f(x) <= cutoff.
     known : dict
         What arguments that hold for all objectives were found to prove, by feasible set and
         argument; replays of other problems may fill it too.
     """
 
     problem: Problem
-    level: float | None
+    cutoff: float | None
     known: dict[Any, Any] = field(default_factory=dict)
     _rows: dict[bool, Rows] = field(default_factory=dict)
     _systems: dict[bool, tuple[PolynomialSystem, NDArray]] = field(default_factory=dict)
 
-    def rows(self, cutoff: bool) -> Rows:
+    def rows(self, uses_cutoff: bool) -> Rows:
         """What propagation works on."""
-        if cutoff not in self._rows:
-            self._rows[cutoff] = box_rows(self.problem, self.level if cutoff else None)
-        return self._rows[cutoff]
+        if uses_cutoff not in self._rows:
+            cutoff = self.cutoff if uses_cutoff else None
+            self._rows[uses_cutoff] = box_rows(self.problem, cutoff)
+        return self._rows[uses_cutoff]
 
-    def system(self, cutoff: bool) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
-        """The constraints, with the cut-off row behind them if asked, and which are equal."""
-        if cutoff not in self._systems:
+    def system(self, uses_cutoff: bool) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
+        """The constraints, with the cutoff row behind them if asked, and which are equal."""
+        if uses_cutoff not in self._systems:
             pair = (self.problem.rows, self.problem.equality)
-            if cutoff and self.level is not None:
-                pair = with_cutoff(self.problem, self.level)
-            self._systems[cutoff] = pair
-        return self._systems[cutoff]
+            if uses_cutoff and self.cutoff is not None:
+                pair = with_cutoff(self.problem, self.cutoff)
+            self._systems[uses_cutoff] = pair
+        return self._systems[uses_cutoff]
 
     def step(self, step: Step, box: Interval) -> Interval:
         """What a step makes of a box; a step whose argument fails leaves the box as it is."""
-        if step.cutoff and self.level is None:
+        if step.uses_cutoff and self.cutoff is None:
             return box
         if isinstance(step, Propagation):
-            rows = self.rows(step.cutoff)
+            rows = self.rows(step.uses_cutoff)
             for _ in range(step.sweeps):
                 box = sweep(rows, box)
                 if is_empty(box):
                     break
             return box
         if isinstance(step, Sublevel):
-            return sublevel_box(self.problem, self.level, step, box)
+            return sublevel_box(self.problem, self.cutoff, step, box)
         if isinstance(step, LeftInverse):
             return step.shrink(self.problem, box)
         if isinstance(step, Tightening):
             return self._tightened(step, box)
-        return self._told(step, box)
+        return self._quoted_bounds(step, box)
 
     def begun(self, steps: tuple[Step, ...]) -> tuple[Interval, int]:
         """What the first steps, which hold for all objectives, make of the problem's bounds.
 
         Certificates over one feasible set mostly begin alike: their boxes are remembered.
         """
-        count = next((k for k, step in enumerate(steps) if step.cutoff), len(steps))
+        count = next((k for k, step in enumerate(steps) if step.uses_cutoff), len(steps))
         keys = [(self._feasible_set, *map(id, steps[: k + 1])) for k in range(count)]
         done = max((k + 1 for k in range(count) if keys[k] in self.known), default=0)
         box = Interval(self.problem.lower, self.problem.upper)
@@ -229,13 +230,13 @@ class Replay:
             return box
 
         def proved() -> NDArray[np.float64]:
-            return step.reached(*self.system(step.cutoff), self.problem.matrices)
+            return step.reached(*self.system(step.uses_cutoff), self.problem.matrices)
 
-        bound = proved() if step.cutoff else self._remembered(step, (), proved)
+        bound = proved() if step.uses_cutoff else self._remembered(step, (), proved)
         holds = (bound >= step.value) & np.isfinite(step.value)
         return shrunk(box, step.variable[holds], step.side[holds], step.value[holds])
 
-    def _told(self, step: Known, box: Interval) -> Interval:
+    def _quoted_bounds(self, step: Known, box: Interval) -> Interval:
         for variable, side, proof in step.bounds:
             if self.holds(variable, side, proof):
                 one = np.array([variable])
@@ -304,13 +305,13 @@ class BoxProof:
 
     @property
     def uses_cutoff(self) -> bool:
-        """Whether the box holds only where the objective is at most the level."""
-        return any(step.cutoff for step in self.steps)
+        """Whether the box holds only where the objective is at most the cutoff."""
+        return any(step.uses_cutoff for step in self.steps)
 
     def replay(self, replay: Replay, box: Interval | None = None) -> Interval:
         """Recompute the box from ``box``, by default from the bounds of the problem.
 
-        lo > hi somewhere proves that it holds no feasible point (with f <= level).
+        lo > hi somewhere proves that it holds no feasible point (with f <= cutoff).
         """
         steps = self.steps
         if box is None:
@@ -324,18 +325,18 @@ class BoxProof:
 
 
 def tighten(replay: Replay, box: Interval, limit: int = 60) -> tuple[Interval, Propagation]:
-    """Propagate to a fixed point, with the cut-off if there is one; the box and its proof."""
-    cutoff = replay.level is not None
-    tighter, sweeps = propagate(replay.rows(cutoff), box, limit)
-    return tighter, Propagation(sweeps, cutoff)
+    """Propagate to a fixed point, with the cutoff if there is one; the box and its proof."""
+    uses_cutoff = replay.cutoff is not None
+    tighter, sweeps = propagate(replay.rows(uses_cutoff), box, limit)
+    return tighter, Propagation(sweeps, uses_cutoff)
 
 
 def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: Interval) -> Interval:
-    """Intersect a box with what a sublevel identity proves where f <= cutoff <= its level."""
+    """Intersect a box with what a sublevel identity proves where f <= cutoff <= its cutoff."""
     scaling = step.identity.scaling
-    if cutoff is None or not cutoff <= step.level < np.inf or not scaling.contains(box):
+    if cutoff is None or not cutoff <= step.cutoff < np.inf or not scaling.contains(box):
         return box
-    system, equality = with_cutoff(problem, float(step.level))
+    system, equality = with_cutoff(problem, float(step.cutoff))
     nothing = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
     proved = step.identity.evaluate(system, equality, nothing, problem.matrices)
     if not proved.floor > 0 or not np.isfinite(proved.bound):

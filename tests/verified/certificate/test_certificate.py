@@ -27,7 +27,7 @@ from known_certificates import (
 
 import sparsepop_py as sp
 from sparsepop_py import solvers
-from sparsepop_py.bounding import relaxation_bound as rungs
+from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.relaxation.recover_multipliers import shortened
 from sparsepop_py.solvers import clarabel_
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -67,7 +67,7 @@ def test_verification_needs_no_solver(results, make, monkeypatch):
         raise AssertionError("a solver was called")
 
     monkeypatch.setattr(solvers, "solve_conic", refuse)
-    monkeypatch.setattr(rungs, "solve_conic", refuse)
+    monkeypatch.setattr(relaxation_bound, "solve_conic", refuse)
     for name in ("solve_squares_form", "solve_moment_form"):
         monkeypatch.setattr(clarabel_, name, refuse)
     monkeypatch.setattr("scipy.optimize.linprog", refuse)

@@ -11,7 +11,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import Lifted, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay
@@ -119,8 +119,8 @@ def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
     rows = ([x + y >= 1.5, x * y <= 0.75], [x + y >= 0.5, x * y <= 0.75])
     narrow, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
     box = Interval(narrow.lower, narrow.upper)
-    lifted = Lifted.of(narrow, box, find_cliques(narrow))
-    _, step, _ = tightened(Replay(narrow, None), lifted, box, [0, 1])
+    mccormick = LinearRelaxation.of(narrow, box, find_cliques(narrow))
+    _, step, _ = tightened(Replay(narrow, None), mccormick, box, [0, 1])
     root, memo = Node(BoxProof((step,))), {}
     for problem, true in ((narrow, 0.5), (wide, 0.0), (narrow, 0.5)):
         found = Certificate(problem.fingerprint, 0.0, root).verify(problem, memo).bound
@@ -149,7 +149,7 @@ def test_deep_trees_and_long_chains_can_be_stored_and_printed():
     problem = sp.Problem(x, lower=0, upper=1)
     node = Node(BoxProof((Propagation(1, False),)))
     for k in range(3000):
-        node = Node(cut=(0, (k + 1) / 3002), children=(node, Node()))
+        node = Node(branch=(0, (k + 1) / 3002), children=(node, Node()))
     certificate = Certificate(problem.fingerprint, 0.0, node)
     for _ in range(300):  # each quotes the one before
         root = Node(BoxProof((Known(((0, 1, certificate),)),)))
@@ -159,8 +159,8 @@ def test_deep_trees_and_long_chains_can_be_stored_and_printed():
         for _ in range(300):
             ((variable, side, again),) = again.quotes
             assert (variable, side) == (0, 1)
-        cuts = [(part.cut, len(part.children), part.box.steps) for part in again.root]
-        assert cuts == [(part.cut, len(part.children), part.box.steps) for part in node]
+        cuts = [(part.branch, len(part.children), part.box.steps) for part in again.root]
+        assert cuts == [(part.branch, len(part.children), part.box.steps) for part in node]
     assert "1 bounds of other objectives" in repr(certificate)
 
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from benchmarks.identification import task
-from sparsepop_py.context import Task
-from sparsepop_py.deadline import Clock
+from benchmarks.identification import task as identification_task
+from sparsepop_py.context import SolveContext
+from sparsepop_py.deadline import Deadline
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.recover_multipliers import identity_of, shortened
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
@@ -59,7 +59,7 @@ def test_indices_are_short():
 @pytest.mark.parametrize("kind, times", [("oe", 2), ("eiv", 4)])
 def test_a_proof_is_at_most_a_few_times_the_data(kind, times):
     """All ten bounds of a record: what the proof of one takes, in multiples of the problem."""
-    given = task(kind, 20)
+    given = identification_task(kind, 20)
     options = sp.Options(effort="auto", gap_kind="width", gap=1e-3)
     results = sp.solve_each(given.problem, given.objectives, options)
     assert all(result.status is sp.Status.OPTIMAL for result in results)
@@ -169,9 +169,9 @@ def test_later_points_do_not_spoil_what_shorter_multipliers_keep():
     x = sp.variables(1)[0]
     problem = sp.Problem(x**2, lower=-100, upper=100)
     options, none = sp.Options(effort="auto", gap=1e-3), np.zeros(0, int)
-    task = Task(problem, options, Stages(False), Clock(None))
-    assert task.enough(-5.0) == -5.0  # nothing is known of the gap
-    task = replace(task, best=ProvedPoint(np.array([100.0]), 1e4, 0.0, "exact", none, none))
-    assert task.allowed == 10.0 and task.enough(-5.0) == -5.0 - 1e-5
-    assert task.enough(9999.0) == task.target and task.enough(np.inf) == np.inf
-    assert replace(task, unit=0.5).enough(-5.0) == -5.0 - 0.5e-5
+    context = SolveContext(problem, options, Stages(False), Deadline(None))
+    assert context.enough(-5.0) == -5.0  # nothing is known of the gap
+    context = replace(context, best=ProvedPoint(np.array([100.0]), 1e4, 0.0, "exact", none, none))
+    assert context.allowed == 10.0 and context.enough(-5.0) == -5.0 - 1e-5
+    assert context.enough(9999.0) == context.target and context.enough(np.inf) == np.inf
+    assert replace(context, unit=0.5).enough(-5.0) == -5.0 - 0.5e-5

@@ -14,11 +14,11 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import Lifted, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
-from sparsepop_py.verified.certificate.certificate import Certificate, Node, halves
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, split_box
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay, Tightening
 
@@ -28,7 +28,7 @@ quick = settings(max_examples=10, deadline=None)
 
 
 def cut_in_two(node, cut, low, high):
-    return replace(node, argument=None, empty=False, cut=cut, children=(low, high))
+    return replace(node, argument=None, empty=False, branch=cut, children=(low, high))
 
 
 def lifted_part(problem, box, level, deep, rng):
@@ -39,17 +39,19 @@ def lifted_part(problem, box, level, deep, rng):
     node = Node(BoxProof(tuple(steps)))
     if is_empty(box):
         return node
-    lifted = Lifted.of(problem, box, find_cliques(problem))
+    mccormick = LinearRelaxation.of(problem, box, find_cliques(problem))
     if rng.integers(2):
-        box, step, _ = tightened(replay, lifted, box, range(problem.dimension))
+        box, step, _ = tightened(replay, mccormick, box, range(problem.dimension))
         node = replace(node, box=BoxProof((*steps, *([step] if step else []))))
     if deep and not is_empty(box):
         v = int(rng.integers(problem.dimension))
         place = float(rng.uniform(box.lo[v], box.hi[v]))
-        low, high = (lifted_part(problem, h, level, deep - 1, rng) for h in halves(box, (v, place)))
+        low, high = (
+            lifted_part(problem, h, level, deep - 1, rng) for h in split_box(box, (v, place))
+        )
         return cut_in_two(node, (v, place), low, high)
-    solution = lifted.minimise()
-    dual = lifted.objective_dual(solution)
+    solution = mccormick.minimise()
+    dual = mccormick.objective_dual(solution)
     return replace(node, argument=dual, empty=solution.status == "infeasible")
 
 
@@ -85,7 +87,7 @@ def test_the_parts_cover_the_box_wherever_the_cut_is(seed, place):
     low = rng.integers(-3, 1, 2).astype(float)
     box = Interval(low, low + rng.integers(0, 4, 2))
     v = int(rng.integers(2))
-    parts = halves(box, (v, place))
+    parts = split_box(box, (v, place))
     axes = [
         np.unique(np.append(np.linspace(a, b, 9), place))
         for a, b in zip(box.lo, box.hi, strict=True)
@@ -111,7 +113,7 @@ def test_bisection_proves_the_least_range_of_its_parts(deep):
         if not left:
             return Node()
         low, high = bisected(a, middle, left - 1), bisected(middle, b, left - 1)
-        return Node(cut=(0, middle), children=(low, high))
+        return Node(branch=(0, middle), children=(low, high))
 
     certificate = Certificate(problem.fingerprint, -2.0, bisected(0.0, 1.0, deep))
     edges = np.arange(2**deep + 1) / 2**deep
@@ -175,7 +177,7 @@ def test_a_tightened_box_may_rest_on_the_level(level):
     # half a unit more than that is not proved, and without the level nothing is
     greedy = replace(step, value=claim + 0.5)
     assert BoxProof((greedy,)).replay(Replay(problem, level)).hi[0] == 1.0
-    bare = replace(step, cutoff=False)
+    bare = replace(step, uses_cutoff=False)
     assert BoxProof((bare,)).replay(Replay(problem, level)).hi[0] == 1.0
 
 
@@ -192,7 +194,7 @@ def damages(tree, rng):
     yield changed(tree, number, lambda n: replace(n, children=n.children[:1]))
     yield changed(tree, number, lambda n: replace(n, children=()))
     yield changed(tree, number, lambda n: replace(n, children=(*n.children, Node())))
-    yield changed(tree, number, lambda n: replace(n, cut=None))
+    yield changed(tree, number, lambda n: replace(n, branch=None))
     yield changed(tree, number, lambda n: replace(n, box=BoxProof()))
     yield changed(tree, number, lambda n: replace(n, box=other.box))
     yield changed(tree, number, lambda n: replace(n, empty=not n.empty))
@@ -200,7 +202,9 @@ def damages(tree, rng):
     yield changed(tree, number, lambda n: other)
     for place in nonsense:
         yield changed(tree, 0, lambda n, p=place: cut_in_two(n, (0, p), Node(), other))
-        yield changed(tree, number, lambda n, p=place: n.cut and replace(n, cut=(n.cut[0], p)) or n)
+        yield changed(
+            tree, number, lambda n, p=place: n.branch and replace(n, branch=(n.branch[0], p)) or n
+        )
     for variable in (-1, 17, 0.0, 0.5, True, None):
         yield changed(tree, 0, lambda n, v=variable: cut_in_two(n, (v, 0.0), other, Node()))
 
@@ -223,7 +227,7 @@ def test_a_malformed_cut_proves_nothing_even_if_the_parts_would():
     (x,) = sp.variables(1)
     problem = sp.Problem(x, lower=0, upper=1)
     for cut in ((0, np.nan), (0, INF), (-1, 0.5), (1, 0.5), (True, 0.5), (0.0, 0.5)):
-        root = Node(cut=cut, children=(Node(), Node()))
+        root = Node(branch=cut, children=(Node(), Node()))
         verdict = Certificate(problem.fingerprint, -1.0, root).verify(problem)
         assert verdict == (False, -INF, "a cut is malformed")
 
@@ -236,7 +240,7 @@ def test_a_tree_of_five_thousand_levels_needs_no_recursion(side):
     for k in range(5000):
         place = (k + 1) / 5002
         children = (node, Node()) if side == 0 else (Node(), node)
-        node = Node(cut=(0, place if side == 0 else 1 - place), children=children)
+        node = Node(branch=(0, place if side == 0 else 1 - place), children=children)
     certificate = Certificate(problem.fingerprint, 0.0, node, 2.0)
     verdict = certificate.verify(problem)
     assert verdict.ok
