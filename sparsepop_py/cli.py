@@ -19,7 +19,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import relax
 from sparsepop_py.result import Result, Status
-from sparsepop_py.solve import solve
+from sparsepop_py.pipeline import solve
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.display import rounded
 

@@ -155,7 +155,7 @@ def test_every_field_of_a_certificate_is_written() -> None:
     ):
         steps.remove(step)
         blank = SimpleNamespace(**{f.name: np.zeros(0) for f in fields(step)})
-        blank.sweeps, blank.cutoff, blank.cutoff = 1, True, 0.0
+        blank.sweeps, blank.uses_cutoff, blank.cutoff = 1, True, 0.0
         blank.identity, blank.argument = identity, linear
         assert set(codec.write(blank)) == {f.name for f in fields(step)}
     assert steps == set()
@@ -230,7 +230,7 @@ def test_malformed_certificates() -> None:
         (lambda c: c["parts"][0].update(children=[5, 6]), r"expected numbers of later parts"),
         (lambda c: c["parts"][0].update(argument={"is": "Magic"}), r"is: found 'Magic'"),
         (lambda c: c["parts"][0].update(empty=1), r"empty: found 1, expected true or false"),
-        (lambda c: c["parts"][0].update(branch=[1]), r"cut: found \[1\], expected two numbers"),
+        (lambda c: c["parts"][0].update(branch=[1]), r"branch: found \[1\], expected two numbers"),
         (
             lambda c: c["parts"][0].update(steps=[{"is": "Known", "bounds": [[0, 1, 3]]}]),
             r"expected variable, side and the number of a certificate",

@@ -137,7 +137,7 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     honest, exploring = adaptive.update_incumbent, Interrupting(EXPLORE, 4)
     monkeypatch.setattr(adaptive, "update_incumbent", attained)
     monkeypatch.setattr(tree, "process_node", exploring)
-    solve = sys.modules["sparsepop_py.solve"]
+    solve = sys.modules["sparsepop_py.pipeline"]
     monkeypatch.setattr(solve, "first_incumbent", lambda context, starts: (context, []))
     result = check(problem, sp.solve(problem, Options(effort="auto", skip=["narrow"])))
     assert INTERRUPTED in result.notes
