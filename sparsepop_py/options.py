@@ -6,13 +6,14 @@ import numbers
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.relaxation.sparsepop.relaxation import Switches
-from sparsepop_py.solvers import require_solver
+
+if TYPE_CHECKING:
+    from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 __all__ = ["SKIPPED", "Options"]
 
@@ -155,12 +156,27 @@ class Options:
             raise ProblemError(f"Options.accuracy: found {accuracy!r}, expected a number > 0")
         if most is not None and (not isinstance(most, numbers.Integral) or int(most) < 1):
             raise ProblemError(f"Options.max_iterations: found {most!r}, expected an integer >= 1")
-        if switches is not None and not isinstance(switches, Switches):
-            raise ProblemError(f"Options.switches: found {switches!r}, expected Switches")
+        if switches is not None:
+            self._check_switches()
         if switches is not None and self.effort != "plain":
             raise ProblemError(
                 f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
             )
+
+    def _check_switches(self) -> None:
+        # Loaded where it is used: reading stored results must not load relaxations.
+        from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+
+        if not isinstance(self.switches, Switches):
+            raise ProblemError(f"Options.switches: found {self.switches!r}, expected Switches")
+
+    def _check_solver_name(self) -> None:
+        if not isinstance(self.solver, str):
+            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
+        if self.solver != "auto":
+            from sparsepop_py.solvers import require_solver
+
+            require_solver(self.solver)
 
     def _check_kinds(self) -> None:
         limit = self.time_limit
@@ -183,9 +199,7 @@ class Options:
             )
         if self.executor is not None and not isinstance(self.executor, Executor):
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
-        if not isinstance(self.solver, str):
-            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
-        require_solver(self.solver)
+        self._check_solver_name()
         if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
             raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
         for name in ("sparse", "progress"):

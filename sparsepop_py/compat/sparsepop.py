@@ -36,12 +36,12 @@ from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.gams import read_gms
 from sparsepop_py.local_search.incumbents import search_incumbent
 from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
-from sparsepop_py.pipeline import solve
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
