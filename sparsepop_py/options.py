@@ -38,7 +38,7 @@ SKIPPED = (
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
-    "chordal": ("min-degree", "mcs-m"),
+    "chordal": ("auto", "min-degree", "min-fill", "mcs-m"),
     "refine": ("scipy", "ipopt", "none"),
 }
 
@@ -65,8 +65,10 @@ class Options:
         Largest violation, in the user's units, of points that are worth showing.
     sparse : bool
         Exploit correlative sparsity; False makes one clique of all variables.
-    chordal : {"min-degree", "mcs-m"}
-        How the sparsity graph is made chordal.
+    chordal : {"auto", "min-degree", "min-fill", "mcs-m"}
+        Heuristic that makes the sparsity graph chordal. ``"auto"`` tries those that the size
+        allows and takes the smallest largest clique; the others give the same cliques whatever
+        the version.
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
@@ -114,7 +116,7 @@ class Options:
     gap_kind: Literal["relative", "absolute", "width"] = "relative"
     tolerance: float = 1e-6
     sparse: bool = True
-    chordal: Literal["min-degree", "mcs-m"] = "min-degree"
+    chordal: Literal["auto", "min-degree", "min-fill", "mcs-m"] = "auto"
     solver: str = "auto"
     refine: Literal["scipy", "ipopt", "none"] = "scipy"
     branch_on: Sequence[int] | None = None
