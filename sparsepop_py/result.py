@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sparsepop_py.conic.program import ConicSolution
     from sparsepop_py.relaxation.moment import Relaxation
 
-__all__ = ["Point", "Result", "HistoryEntry", "Status"]
+__all__ = ["HistoryEntry", "Point", "Result", "Status"]
 
 
 class Status(StrEnum):

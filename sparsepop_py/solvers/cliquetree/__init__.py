@@ -54,7 +54,7 @@ from sparsepop_py.solvers.cliquetree.symbolic.analysis import (
 from sparsepop_py.solvers.interface import SolverSettings
 
 __all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "clique_tree", "run"]
-__all__ += ["solve", "second_order_multipliers", "with_second_order"]
+__all__ += ["second_order_multipliers", "solve", "with_second_order"]
 
 _KEPT = 4  # patterns whose analysis is kept
 # Seconds of solves by numpy from which on compiled kernels pay. What is loaded already does not
