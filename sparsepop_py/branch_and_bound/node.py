@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import bound_box, short_if
+from sparsepop_py.budget import spend, spent
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec
@@ -32,6 +33,7 @@ from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 __all__ = ["NodeSettings", "ProcessedNode", "process_node"]
 
 _SWEEPS = 6
+_NODE_WORK = 5e-3  # units of work of a node beside its programs
 _ROUNDS = 6  # of squeezing one part
 _AGAIN = 0.7  # another round of squeezing follows where one left less of the widths
 _HALF = 0.5  # what is spared of the error that a bound may have
@@ -84,6 +86,8 @@ class ProcessedNode:
         By how much the products of each variable are untrue there.
     left : float
         Mean share of the widths that the first round of tightening left; NaN without it.
+    work : float
+        Units of work that it took, see :mod:`sparsepop_py.budget`.
     """
 
     steps: tuple[Step, ...]
@@ -94,6 +98,7 @@ class ProcessedNode:
     point: NDArray[np.float64] | None = None
     error: NDArray[np.float64] | None = None
     left: float = np.nan
+    work: float = 0.0
 
 
 def process_node(
@@ -109,6 +114,15 @@ def process_node(
     level : float or None
         The cut-off.
     """
+    before = spent()
+    found = _processed(context, settings, box, cutoff)
+    spend(_NODE_WORK + 1e-6 * context.problem.rows.words.shape[0])
+    return replace(found, work=spent() - before)
+
+
+def _processed(
+    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
+) -> ProcessedNode:
     replay = Replay(context.problem, cutoff)
     steps: tuple[Step, ...] = ()
     with context.stages.stage("branch"):

@@ -49,7 +49,6 @@ _TIGHTER = 0.02  # share that a tightened box adds
 _SELDOM = 4  # a rung that makes a share s of the progress closes the gap about s**4 of the time
 _HOPE = 0.77  # ... of a rung that was not tried yet: it closes two gaps of three
 _ITERATIONS = 25
-_MOST_BYTES = 5e9
 _MOST_BASIS = 1500  # monomials of one clique
 _WORTH_CUTTING = 30  # monomials of a clique from which chordal term sparsity is tried
 _CHORDAL = 0.1  # time with blocks from chordal terms, as a rule
@@ -76,6 +75,8 @@ class RelaxationSpec:
         As in :func:`sparsepop_py.find_cliques`.
     plain : RelaxationSpec or None
         Linear programs with the cut-off tighten the box before this one is solved on it.
+    memory : float
+        Bytes that a solver may take; larger relaxations are left out.
     """
 
     name: str
@@ -87,6 +88,7 @@ class RelaxationSpec:
     terms: Terms = "none"
     joined: Joined = "constraints"
     plain: RelaxationSpec | None = None
+    memory: float = np.inf
 
     @property
     def tightened(self) -> RelaxationSpec:
@@ -111,9 +113,12 @@ class RelaxationSpec:
         if self.shape == "full":
             sizes = _full_sizes(self, scaled.problem, cliques[self.joined])
             rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
-            return (_CHORDAL if self.terms == "chordal" else 1.0) * expected_seconds(sizes, rows)
+            return (_CHORDAL if self.terms == "chordal" else 1.0) * self._expected(sizes, rows)
         relaxation = self.build(scaled, cliques)
-        return expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        return self._expected(dict(relaxation.block_sizes), relaxation.rows)
+
+    def _expected(self, sizes: dict[int, float], rows: float) -> float:
+        return expected_seconds(sizes, rows, self.memory)
 
     def fits(self, cliques: Families) -> bool:
         """Whether the relaxation is small enough to be built at all."""
@@ -122,7 +127,7 @@ class RelaxationSpec:
             return comb(max(members, default=0) + self.order, self.order) <= _MOST_BASIS
         if self.shape == "mixed":  # 1, the variables, and products that are not counted here
             sizes = Counter(1 + count for count in members)
-            return bool(np.isfinite(expected_seconds(dict(sizes), 0.0)))
+            return bool(np.isfinite(self._expected(dict(sizes), 0.0)))
         return True
 
 
@@ -267,7 +272,7 @@ def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list
     return specs
 
 
-def expected_seconds(sizes: dict[int, float], rows: float) -> float:
+def expected_seconds(sizes: dict[int, float], rows: float, memory: float = np.inf) -> float:
     """About how long a solve takes, +inf where the memory would not do.
 
     Parameters
@@ -276,10 +281,12 @@ def expected_seconds(sizes: dict[int, float], rows: float) -> float:
         How many semidefinite blocks there are of each size (1: linear rows).
     rows : float
         Number of conic rows.
+    memory : float
+        Bytes that a solver may take.
     """
     entries = np.array([s * (s + 1) / 2.0 for s in sizes])
     counts = np.array(list(sizes.values()), float)
-    if np.sum(12.0 * counts * entries**2) > _MOST_BYTES:
+    if np.sum(12.0 * counts * entries**2) > memory:
         return np.inf
     if entries.size == 0 or entries.max() <= 1:
         return 2e-3 + 1.5e-6 * rows**1.4

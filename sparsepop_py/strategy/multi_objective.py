@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
@@ -163,13 +163,13 @@ class MultiObjectiveSearch:
         """Linear programs tighten the box of all, once."""
         if self.tightened or self.deadline.over or not self.shared_state.narrow:
             return
-        self.tightened, start = True, time.process_time()
+        self.tightened, start = True, self.deadline.now()
         with self.stages.stage("presolve"):
             self.model, self.shared_state.active = tightened_for_all(
                 self.problem, self.objectives, self.model, self.options, self.deadline
             )
         self.base = self.model
-        self.shared_state.cost_model.learn(TIGHTENING, 0.0, time.process_time() - start)
+        self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.deadline.now() - start)
 
     def _run(self, index: int, most: int) -> None:
         """Let one objective climb some rungs on the shared box as it is now.
