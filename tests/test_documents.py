@@ -25,6 +25,8 @@ PRIVATE = (
     "|agendas?|told|grounds?|endless|dear(?:er)?"
 )
 
+MADE = ("benchmarks/results/",)  # where programs write
+
 
 def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
@@ -78,6 +80,6 @@ def test_pages_speak_the_words_of_the_field(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_files_that_pages_name_exist(name: str) -> None:
-    named = re.findall(r"`((?:sparsepop_py|setid|tests|benchmarks|examples)/[\w./-]+)`", text(name))
-    absent = [path for path in named if not (ROOT / path).exists()]
+XX
+    absent = [path for path in named if path not in MADE and not (ROOT / path).exists()]
     assert absent == []
