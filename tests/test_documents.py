@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import io
 import re
 import shutil
 from pathlib import Path
 
 import pytest
+
+import sparsepop_py as sp
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [
@@ -80,6 +83,12 @@ def test_pages_speak_the_words_of_the_field(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_files_that_pages_name_exist(name: str) -> None:
-XX
+    named = re.findall(r"`((?:sparsepop_py|setid|tests|benchmarks|examples)/[\w./-]+)`", text(name))
     absent = [path for path in named if path not in MADE and not (ROOT / path).exists()]
     assert absent == []
+
+
+def test_every_option_is_documented() -> None:
+    table = text("docs/parameters.md").split("## Options of solve and solve_each")[1]
+    documented = re.findall(r"^\| `(\w+)` \|", table, re.M)
+    assert documented == [option.name for option in dataclasses.fields(sp.Options)]
