@@ -16,10 +16,10 @@ from sparsepop_py import plots
 from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
 from sparsepop_py.io.gams import read_gms
 from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import relax
 from sparsepop_py.result import Result, Status
-from sparsepop_py.pipeline import solve
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.display import rounded
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numbers
+import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -27,12 +28,14 @@ SKIPPED = (
     "chordal",
     "components",
     "inverse",
-    "narrow",
-    "squeeze",
+    "obbt_lp",
+    "obbt_sdp",
     "quote",
     "cutoff",
     "branch",
 )
+
+_OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until the version after next
 
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
@@ -176,6 +179,7 @@ class Options:
             raise ProblemError(
                 f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
             )
+        object.__setattr__(self, "skip", _renamed(self.skip))
         named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
         if not named or any(name not in SKIPPED for name in self.skip):
             raise ProblemError(
@@ -193,3 +197,17 @@ class Options:
                 raise ProblemError(
                     f"Options.{name}: found {getattr(self, name)!r}, expected True or False"
                 )
+
+
+def _renamed(skip: Sequence[str]) -> Sequence[str]:
+    """Replace names of earlier versions by those of today, with a DeprecationWarning."""
+    if isinstance(skip, str) or not isinstance(skip, Iterable):
+        return skip  # refused by the caller
+    names = tuple(skip)
+    old = [name for name in names if isinstance(name, str) and name in _OLD_SKIPPED]
+    for name in old:
+        text = f"Options.skip: {name!r} is now called {_OLD_SKIPPED[name]!r}"
+        warnings.warn(text, DeprecationWarning, stacklevel=5)
+    if not old:
+        return skip
+    return tuple(_OLD_SKIPPED[name] if name in old else name for name in names)

@@ -15,7 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model, lower_bound, relaxed
+from sparsepop_py.bounding.relaxation_bound import (
+    CertifiedBound,
+    Model,
+    build_relaxations,
+    lower_bound,
+)
 from sparsepop_py.context import SolveContext
 from sparsepop_py.deadline import Deadline
 from sparsepop_py.errors import ProblemError, SparsePOPError
@@ -151,7 +156,7 @@ def solve_each(
         return []
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
-    told = _ProgressReporter(on_progress)
+    report = _ProgressReporter(on_progress)
     deadline = Deadline(options.time_limit)
     first = Model(BoxProof(), Interval(problem.lower, problem.upper))
     try:
@@ -170,7 +175,7 @@ def solve_each(
             starts,
             stages,
             deadline,
-            told,
+            report,
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
         )
@@ -179,7 +184,7 @@ def solve_each(
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         try:
             with stages.stage("relax"):
-                model = relaxed(problem, tuple(objectives), first, options)
+                model = build_relaxations(problem, tuple(objectives), first, options)
         except KeyboardInterrupt:
             deadline.stop()
     states: list[SearchState] = []
@@ -191,7 +196,7 @@ def solve_each(
         states.append(_solve_one(context, starts, model))
         if INTERRUPTED in states[-1].notes:
             deadline.stop()  # the others end with what is known
-        told(number, states[-1])
+        report(number, states[-1])
     return [_result(state) for state in _with_widths(states, objectives, options)]
 
 
@@ -267,15 +272,15 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
 
 def _solve_one(context: SolveContext, starts: list[NDArray], shared: Model | None) -> SearchState:
     """A local search, then the ladder; an interrupt ends both with what is proved."""
-    problem, near = context.problem, list[NDArray]()
+    problem, candidates = context.problem, list[NDArray]()
     try:
         with context.stages.stage("search"):
             box = shared.box if shared else Interval(problem.lower, problem.upper)
-            first, later = tee(chain(starts, _random(problem, box, context.options)))
-            context, near = first_incumbent(context, first)
-        return run_orders(context, near, shared, later)
+            first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
+            context, candidates = first_incumbent(context, first)
+        return run_orders(context, candidates, shared, more_starts)
     except KeyboardInterrupt:
-        return unstarted_state(context, near)
+        return unstarted_state(context, candidates)
     finally:
         context.stages.close()
 
@@ -285,7 +290,7 @@ def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArr
 
 
 def _result(state: SearchState) -> Result:
-    context, bound, near = state.context, state.outcome, state.near
+    context, bound, candidates = state.context, state.outcome, state.candidates
     problem, best = context.problem, context.best
     lower = lower_bound(bound.certificate)
     upper = best.value if best is not None else np.inf
@@ -307,7 +312,7 @@ def _result(state: SearchState) -> Result:
         notes += note
     elif context.deadline.over or state.notes:
         status = Status.LIMIT
-    points = _points(problem, best, near)
+    points = _points(problem, best, candidates)
     return Result(
         problem=problem,
         options=context.options,
@@ -344,12 +349,16 @@ def _unproved(
     return Status.FAILED, []
 
 
-def _points(problem: Problem, best: ProvedPoint | None, near: list[NDArray]) -> tuple[Point, ...]:
+def _points(
+    problem: Problem, best: ProvedPoint | None, candidates: list[NDArray]
+) -> tuple[Point, ...]:
     """Distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []
-    least = min([problem.objective(x) for x in vectors + near], default=np.inf)
-    near = [x for x in near if problem.objective(x) <= least + 1e-3 * (1.0 + abs(least))]
-    rated = sorted(near, key=problem.objective)
+    least = min([problem.objective(x) for x in vectors + candidates], default=np.inf)
+    candidates = [
+        x for x in candidates if problem.objective(x) <= least + 1e-3 * (1.0 + abs(least))
+    ]
+    rated = sorted(candidates, key=problem.objective)
     for x in rated:
         if all(np.abs(x - kept).max() > 1e-4 * (1.0 + np.abs(kept).max()) for kept in vectors):
             vectors.append(x)

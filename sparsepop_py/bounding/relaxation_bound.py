@@ -47,12 +47,12 @@ __all__ = [
     "better",
     "certified_bound",
     "lower_bound",
-    "one_round",
-    "relaxed",
+    "bound_order",
+    "build_relaxations",
     "short_if",
     "solvers_for",
     "stronger",
-    "trivially",
+    "closed_without_relaxation",
 ]
 
 _SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; parts below may be left out
@@ -272,28 +272,30 @@ def solvers_for(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[
 # ---- one round on one order -----------------------------------------------------------------
 
 
-def one_round(context: SolveContext, shared: Model | None) -> CertifiedBound:
+def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
     """Box, relaxations, solver and certificate, once."""
     problem, options, best = context.problem, context.options, context.best
     model = shared
     if model is None:
         with context.stages.stage("presolve"):
-            model = Model(*find_box(problem, best, options, done=trivially(context)))
+            model = Model(
+                *find_box(problem, best, options, done=closed_without_relaxation(context))
+            )
         empty = _emptiness(problem, model)
         if empty is not None:
             return CertifiedBound(model, empty)
-        if trivially(context):
+        if closed_without_relaxation(context):
             return _prove(context, model)
         with context.stages.stage("relax"):
             typical = best.x if best is not None else None
-            scaled = relaxed(problem, (problem.objective,), model, options, typical)
+            scaled = build_relaxations(problem, (problem.objective,), model, options, typical)
         outcome = _prove(context, scaled)
         if _sensible(context, outcome) or options.effort == "plain":
             return outcome
         # a far attained point spoils the scale, a huge box the proof: try without either
         with context.stages.stage("relax"):
             bare = Model(*find_box(problem, best, options, done=True))
-            bare = relaxed(problem, (problem.objective,), bare, options)
+            bare = build_relaxations(problem, (problem.objective,), bare, options)
         return better(outcome, _prove(context, bare))
     return _prove(context, model)
 
@@ -319,7 +321,7 @@ def _emptiness(problem: Problem, model: Model) -> Certificate | None:
     return certify(replay, Node(proof), prove(replay, box, None, False))
 
 
-def trivially(context: SolveContext) -> bool:
+def closed_without_relaxation(context: SolveContext) -> bool:
     """Whether the given bounds or squares close the gap without any relaxation."""
     if context.best is None or context.options.effort == "plain":
         return False
@@ -327,7 +329,7 @@ def trivially(context: SolveContext) -> bool:
     return context.closed(prove(context.replay(), start, None, False).bound)
 
 
-def relaxed(
+def build_relaxations(
     problem: Problem,
     objectives: tuple[Polynomial, ...],
     model: Model,

@@ -19,11 +19,11 @@ from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
     better,
+    build_relaxations,
     certified_bound,
+    closed_without_relaxation,
     lower_bound,
-    relaxed,
     stronger,
-    trivially,
 )
 from sparsepop_py.context import SolveContext
 from sparsepop_py.problem.problem import Problem
@@ -35,7 +35,7 @@ from sparsepop_py.verified.box.scaling import Scaled, scale_objective
 from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
 from sparsepop_py.verified.certificate.steps import BoxProof
 
-__all__ = ["free_round", "good_enough"]
+__all__ = ["unconstrained_bound", "good_enough"]
 
 _ACCURACIES = (1e-7, 1e-6, 1e-5, 1e-4)  # where solvers stop, one after the other
 _SHARES = (1e-3, 1e-2, 1e-1, 1.0)  # steps from the most accurate matrices into the interior
@@ -51,16 +51,16 @@ def good_enough(context: SolveContext, bound: float) -> bool:
     return context.closed(bound) or (large and bound >= context.upper - near)
 
 
-def free_round(context: SolveContext) -> CertifiedBound | None:
+def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
     """A bound of the objective without constraints and bounds, None where it does not apply."""
     problem = Problem(context.problem.objective)
-    if problem.degree == 0 or problem.degree % 2 or trivially(context):
+    if problem.degree == 0 or problem.degree % 2 or closed_without_relaxation(context):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
     outcome: CertifiedBound | None = None
     for typical in (None, context.best.x if context.best is not None else None):
         with context.stages.stage("relax"):
-            model = relaxed(problem, (problem.objective,), bare, context.options, typical)
+            model = build_relaxations(problem, (problem.objective,), bare, context.options, typical)
         if model.scaled is None or not model.relaxations:
             return outcome
         if outcome is None:

@@ -21,7 +21,7 @@ from sparsepop_py.tightening.mccormick import (
     LinearRelaxation,
     first_moments,
     products_error,
-    tightened,
+    tighten_bounds,
 )
 from sparsepop_py.tightening.obbt_sdp import tighten_by_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -60,7 +60,7 @@ class NodeSettings:
     cliques: Families
     variables: tuple[int, ...]
     spec: RelaxationSpec | None = None
-    narrow: bool = False
+    obbt_lp: bool = False
     obbt_sdp: RelaxationSpec | None = None
     slack: NDArray[np.float64] | float = 0.0
 
@@ -119,7 +119,7 @@ def process_node(
     if _done(found, cutoff):
         return found
     if settings.obbt_sdp is not None:
-        return _tightened_by_relaxation(context, settings, settings.obbt_sdp, replay, found)
+        return _obbt_sdp(context, settings, settings.obbt_sdp, replay, found)
     with context.stages.stage("branch"):
         found = _linear(context, settings, replay, found)
     if settings.spec is not None and not _done(found, cutoff):
@@ -152,10 +152,10 @@ def _linear(
     found = replace(
         found, point=mccormick.point(solution), error=mccormick.products_error(solution)
     )
-    if not settings.narrow or _done(found, replay.cutoff):
+    if not settings.obbt_lp or _done(found, replay.cutoff):
         return found
     open_ = [v for v in settings.variables if found.box.hi[v] > found.box.lo[v]]
-    box, step, _ = tightened(replay, mccormick, found.box, open_, left)
+    box, step, _ = tighten_bounds(replay, mccormick, found.box, open_, left)
     if step is None or not open_:
         return replace(found, left=1.0)
     left_over = np.mean((box.hi - box.lo)[open_] / (found.box.hi - found.box.lo)[open_])
@@ -191,7 +191,7 @@ def _semidefinite(
     )
 
 
-def _tightened_by_relaxation(
+def _obbt_sdp(
     context: SolveContext,
     settings: NodeSettings,
     spec: RelaxationSpec,

@@ -161,7 +161,7 @@ class Search:
             if self.settings.obbt_sdp is not None and self.left > _LOOSE:
                 self.settings, self.left = replace(self.settings, obbt_sdp=None), _HOPE
             elif self.left > _USELESS:
-                self.settings = replace(self.settings, narrow=False)
+                self.settings = replace(self.settings, obbt_lp=False)
         if found.proved.bound >= node.proved.bound or is_empty(found.box):
             node.proved, node.argument, node.empty = found.proved, found.argument, found.empty
         if is_empty(node.box):

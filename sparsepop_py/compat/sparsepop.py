@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.algebra.polynomial import Constraint, Kind
-from sparsepop_py.bounding.relaxation_bound import Model, relaxed
+from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
 from sparsepop_py.compat.output import CpuTime, POPOutput, SparsePOPOutput
 from sparsepop_py.compat.param import Parameters, read_parameters
@@ -36,12 +36,12 @@ from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.gams import read_gms
 from sparsepop_py.local_search.incumbents import search_incumbent
 from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
-from sparsepop_py.pipeline import solve
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -287,7 +287,7 @@ def _unsolved(problem: Problem, options: Options) -> Result:
     with stages.stage("presolve"):
         model = Model(*find_box(problem, None, options))
     with stages.stage("relax"):
-        model = relaxed(problem, (problem.objective,), model, options)
+        model = build_relaxations(problem, (problem.objective,), model, options)
     built = "SDPsolverSW = 0: the SDP was built and not solved" if model.relaxations else None
     stages.close()
     return Result(

@@ -38,7 +38,7 @@ from sparsepop_py.strategy.relaxation_queue import (
     PROGRAM,
     TIGHTENING,
     RelaxationQueue,
-    worth_in_parts,
+    relaxation_for_nodes,
 )
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, first_moments
@@ -82,7 +82,7 @@ class AdaptiveSearch:
 
     context: SolveContext
     model: Model
-    near: list[NDArray[np.float64]]
+    candidates: list[NDArray[np.float64]]
     shared_state: SharedState
     history: list[HistoryEntry] = field(default_factory=list)
     outcome: CertifiedBound = field(init=False)
@@ -92,10 +92,10 @@ class AdaptiveSearch:
     best: BoxBound = field(init=False)
     rate: float | None = None
     linear: float = -np.inf
-    later: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
+    more_starts: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
     solved: set[int] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
-    cut: float = np.inf
+    least_cutoff: float = np.inf
 
     def __post_init__(self) -> None:
         replay = self.context.replay()
@@ -126,10 +126,10 @@ class AdaptiveSearch:
                 if spec is None:
                     break
                 self._run(spec)
-                self._search_incumbent(list(self.later))  # exhausted by the first rung
+                self._search_incumbent(list(self.more_starts))  # exhausted by the first rung
                 done += 1
         finally:
-            self.cut = self.context.cutoff
+            self.least_cutoff = self.context.cutoff
             if self.search is not None:
                 self._close_search()
 
@@ -140,7 +140,7 @@ class AdaptiveSearch:
         thought: the box may be without points that count now.
         """
         old = self.shared
-        if model is old and self.context.cutoff <= self.cut:
+        if model is old and self.context.cutoff <= self.least_cutoff:
             return
         moved = old.box.hi > old.box.lo
         width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
@@ -283,8 +283,8 @@ class AdaptiveSearch:
             self._shrink()
 
     def _search_in_tree(self, context: SolveContext, starts: list[NDArray]) -> SolveContext:
-        self.context, near = update_incumbent(context, starts, self.bound)
-        self.near = self.near + near
+        self.context, candidates = update_incumbent(context, starts, self.bound)
+        self.candidates = self.candidates + candidates
         return self.context
 
     def _shrink(self) -> None:
@@ -310,7 +310,7 @@ class AdaptiveSearch:
                 break
             if number == 0:
                 self._search_incumbent([mccormick.point(solution)])
-            if self.over or self.queue.dear or not self._narrow(mccormick):
+            if self.over or self.queue.obbt_too_slow or not self._obbt_lp(mccormick):
                 break
             mccormick = self._mccormick(mccormick)
         return mccormick.relaxation
@@ -343,10 +343,10 @@ class AdaptiveSearch:
         self.linear = max(self.linear, proved.bound)
         return None if empty else solution
 
-    def _narrow(self, mccormick: LinearRelaxation) -> bool:
+    def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
         """Tighten bounds by linear programs; whether another round may gain."""
         variables = self.shared_state.variables[:MOST_TIGHTENED]
-        if not variables or not self.shared_state.narrow:
+        if not variables or not self.shared_state.obbt_lp:
             return False
         with self.context.stages.stage("presolve"):
             made = tighten_by_lp(self.context, self.model, mccormick, variables)
@@ -364,7 +364,7 @@ class AdaptiveSearch:
         self._shrink()
         mccormick = self._mccormick()
         for _ in range(_ROUNDS):
-            if not self._narrow(mccormick) or self.over:
+            if not self._obbt_lp(mccormick) or self.over:
                 break
             mccormick = self._mccormick(mccormick)
         self.shared_state.cost_model.learn(TIGHTENING, 0.0, time.process_time() - start)
@@ -405,15 +405,15 @@ class AdaptiveSearch:
     def _plan(self) -> NodeSettings:
         """Parts that linear programs leave open get what closed most of the gap per second."""
         base = self.linear if np.isfinite(self.linear) else self.first
-        narrow = (
+        obbt_lp = (
             len(self.shared_state.variables) <= MOST_TIGHTENED
-            and "narrow" not in self.context.options.skip
+            and "obbt_lp" not in self.context.options.skip
         )
         seen = self.shared_state.cost_model.seconds
-        program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
-        best = worth_in_parts(self.tried, (base, self.context.upper), program)
+        program = seen.get(TIGHTENING if obbt_lp else PROGRAM, seen.get(PROGRAM, np.inf))
+        best = relaxation_for_nodes(self.tried, (base, self.context.upper), program)
         parts = self.shared_state.cliques, self.shared_state.variables
-        return NodeSettings(*parts, best, narrow, self.shared_state.obbt_sdp, self._slack)
+        return NodeSettings(*parts, best, obbt_lp, self.shared_state.obbt_sdp, self._slack)
 
     def _close_search(self) -> None:
         """Take over what the tree proves now."""

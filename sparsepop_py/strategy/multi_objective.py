@@ -33,7 +33,7 @@ from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.shared_state import SharedState, branching
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -41,10 +41,10 @@ from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tightened_for_all", "width_between"]
+__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
 
 _ROUNDS = 4
-_NARROW = 24  # variables whose bounds linear programs tighten for all objectives
+_MOST_SHARED = 24  # variables whose bounds linear programs tighten for all objectives
 _WINDOW = 40  # constraints that linear programs start with where windows are enough
 _GAINED = 0.8
 _TURN = 5  # rungs that an objective climbs before it is the next one's turn
@@ -80,7 +80,7 @@ class MultiObjectiveSearch:
     starts: list[NDArray[np.float64]]
     stages: Stages
     deadline: Deadline
-    told: Callable[[int, SearchState], None] | None = None
+    report: Callable[[int, SearchState], None] | None = None
     repair: Callable[[NDArray], NDArray] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
@@ -88,7 +88,7 @@ class MultiObjectiveSearch:
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
-    tightened: bool = False
+    obbt_done: bool = False
 
     def run(self) -> list[SearchState]:
         """Climb until every gap is closed or time is over."""
@@ -106,13 +106,13 @@ class MultiObjectiveSearch:
         except KeyboardInterrupt:
             notes = (INTERRUPTED,)
         states = [self._state(auto, notes) for auto in self.searches]
-        for index, state in enumerate(states if self.told is not None else ()):
+        for index, state in enumerate(states if self.report is not None else ()):
             if not state.history:  # closed without climbing: nobody was told yet
-                self.told(index, state)  # type: ignore[misc]
+                self.report(index, state)  # type: ignore[misc]
         return states
 
     def _state(self, auto: AdaptiveSearch, notes: tuple[str, ...] = ()) -> SearchState:
-        return SearchState(auto.context, auto.outcome, auto.near, tuple(auto.history), notes)
+        return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
 
     @property
     def _stuck(self) -> bool:
@@ -148,24 +148,24 @@ class MultiObjectiveSearch:
     def _first_points(self) -> None:
         """Local searches from the starts; what they find is tried on all objectives."""
         if not self.starts or self.points:
-            self._carry(self.points)
+            self._share_points(self.points)
             return
         several = self.shared_state.products.has_star  # then a local search costs little
         for auto in self.searches if several else self.searches[:1]:
-            auto.context, auto.near = update_incumbent(
+            auto.context, auto.candidates = update_incumbent(
                 adopt_points(auto.context, self.points), self.starts
             )
             if auto.context.best is not None:
                 self.points.append(auto.context.best)
-        self._carry(self.points)
+        self._share_points(self.points)
 
     def _tighten(self) -> None:
         """Linear programs tighten the box of all, once."""
-        if self.tightened or self.deadline.over or not self.shared_state.narrow:
+        if self.obbt_done or self.deadline.over or not self.shared_state.obbt_lp:
             return
-        self.tightened, start = True, time.process_time()
+        self.obbt_done, start = True, time.process_time()
         with self.stages.stage("presolve"):
-            self.model, self.shared_state.active = tightened_for_all(
+            self.model, self.shared_state.active = tighten_for_all(
                 self.problem, self.objectives, self.model, self.options, self.deadline
             )
         self.base = self.model
@@ -184,14 +184,14 @@ class MultiObjectiveSearch:
         auto.run(most)
         if auto.context.best is not None and auto.context.best not in self.points:
             self.points.append(auto.context.best)
-        self._carry(self.points[known:])
+        self._share_points(self.points[known:])
         self._quote(index)
         if not auto.over:
             self._tighten()
-        if self.told is not None:
-            self.told(index, self._state(auto))
+        if self.report is not None:
+            self.report(index, self._state(auto))
 
-    def _carry(self, points: list[ProvedPoint]) -> None:
+    def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, and say anew what their gaps are relative to."""
         for auto in self.searches:
             auto.context = adopt_points(auto.context, points)
@@ -258,7 +258,7 @@ def width_between(upper: float, other: float, options: Options) -> float:
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
 
-def tightened_for_all(
+def tighten_for_all(
     problem: Problem,
     objectives: Sequence[Polynomial],
     model: Model,
@@ -278,12 +278,12 @@ def tightened_for_all(
     products = Products.of(problem, objectives)
     targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
     variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-    if not products.pairs.size or not 0 < len(variables) <= _NARROW:
+    if not products.pairs.size or not 0 < len(variables) <= _MOST_SHARED:
         return model, None
-    return _tightened(problem, model, variables, options, products, deadline)
+    return _obbt_rounds(problem, model, variables, options, products, deadline)
 
 
-def _tightened(
+def _obbt_rounds(
     problem: Problem,
     model: Model,
     variables: tuple[int, ...],
@@ -308,7 +308,7 @@ def _tightened(
     for _ in range(_ROUNDS if active is None else 2 * _ROUNDS):
         mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
         seen: list[NDArray] = []
-        smaller, step, _ = tightened(replay, mccormick, box, variables, deadline.left, seen)
+        smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
         if step is not None and is_empty(smaller):
             break
         gained = False

@@ -23,12 +23,12 @@ from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
     better,
+    bound_order,
     certified_bound,
+    closed_without_relaxation,
     lower_bound,
-    one_round,
-    trivially,
 )
-from sparsepop_py.bounding.unconstrained import free_round, good_enough
+from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.options import Options
@@ -57,7 +57,7 @@ class SearchState:
 
     context: SolveContext
     outcome: CertifiedBound
-    near: list[NDArray[np.float64]]
+    candidates: list[NDArray[np.float64]]
     history: tuple[HistoryEntry, ...]
     notes: tuple[str, ...] = ()
 
@@ -65,17 +65,20 @@ class SearchState:
 INTERRUPTED = "interrupted: what is proved so far is kept"
 
 
-def unstarted_state(context: SolveContext, near: list[NDArray]) -> SearchState:
+def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchState:
     """Where an interrupted search stands before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
     replay = Replay(context.problem, None)
     outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
-    return SearchState(context, outcome, near, (), (INTERRUPTED,))
+    return SearchState(context, outcome, candidates, (), (INTERRUPTED,))
 
 
 def run_orders(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> SearchState:
     """Bound the task on one order, or on one rung after the other while the gap is open.
 
@@ -91,10 +94,15 @@ def run_orders(
     """
     free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
     if free:
-        return _after_free(context, near, later, partial(_run_orders, shared=None, later=later))
-    state = _run_orders(context, near, shared, later)
+        return _after_unconstrained(
+            context,
+            candidates,
+            more_starts,
+            partial(_run_orders, shared=None, more_starts=more_starts),
+        )
+    state = _run_orders(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
-        return _with_free(state)
+        return _with_unconstrained(state)
     return state
 
 
@@ -104,29 +112,29 @@ def _restricted(problem: Problem) -> bool:
     return bool(problem.constraints) or bool(bounded.any())
 
 
-def _after_free(
+def _after_unconstrained(
     context: SolveContext,
-    near: list[NDArray],
-    later: Iterator[NDArray],
+    candidates: list[NDArray],
+    more_starts: Iterator[NDArray],
     go_on: Callable[[SolveContext, list[NDArray]], SearchState],
 ) -> SearchState:
     """What the objective on the whole space proves, and where that is not enough, what follows."""
-    free = _by_gram_matrices(context, near, later)
+    free = _by_gram_matrices(context, candidates, more_starts)
     if free is None:
-        return go_on(context, near)
+        return go_on(context, candidates)
     if (
         good_enough(free.context, lower_bound(free.outcome.certificate))
         or free.context.deadline.over
     ):
         return free
-    state = go_on(free.context, free.near)
+    state = go_on(free.context, free.candidates)
     outcome = better(free.outcome, state.outcome)
     return replace(state, outcome=outcome, history=free.history + state.history)
 
 
-def _with_free(state: SearchState) -> SearchState:
+def _with_unconstrained(state: SearchState) -> SearchState:
     """What the objective on the whole space adds where a relaxation proved nothing."""
-    free = _by_gram_matrices(state.context, state.near, iter(()))
+    free = _by_gram_matrices(state.context, state.candidates, iter(()))
     if free is None:
         return state
     outcome = better(free.outcome, state.outcome)  # with the output of the relaxation
@@ -135,36 +143,39 @@ def _with_free(state: SearchState) -> SearchState:
 
 
 def _by_gram_matrices(
-    context: SolveContext, near: list[NDArray], later: Iterator[NDArray]
+    context: SolveContext, candidates: list[NDArray], more_starts: Iterator[NDArray]
 ) -> SearchState | None:
     """What Gram matrices prove where there is no box, and the points behind them."""
     start, bound = time.process_time(), None
     while True:
         try:
-            found = free_round(context)
+            found = unconstrained_bound(context)
         except KeyboardInterrupt:
-            return unstarted_state(context, near)
+            return unstarted_state(context, candidates)
         if found is None:
             return None
         bound, old = better(bound, found), context.best
-        for starts in (_candidates_from_moments(bound), later):
+        for starts in (_candidates_from_moments(bound), more_starts):
             if not context.closed(lower_bound(bound.certificate)):
                 context, more = update_incumbent(
                     context, list(starts), lower_bound(bound.certificate)
                 )
-                near = near + more
+                candidates = candidates + more
         if (
             context.best is old
             or context.closed(lower_bound(bound.certificate))
             or context.deadline.over
         ):
             break
-    rung = _history_entry(context, bound, bound, time.process_time() - start)
-    return SearchState(context, bound, near, (rung,))
+    entry = _history_entry(context, bound, bound, time.process_time() - start)
+    return SearchState(context, bound, candidates, (entry,))
 
 
 def _run_orders(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> SearchState:
     if context.options.effort == "auto":
         with context.stages.stage("presolve"):
@@ -173,7 +184,7 @@ def _run_orders(
                 context.problem,
                 context.best if replay.cutoff is not None else None,
                 _timed(context),
-                done=trivially(context) or context.deadline.over,
+                done=closed_without_relaxation(context) or context.deadline.over,
                 cutoff=replay.cutoff,
             )
         if finite(box):
@@ -181,12 +192,14 @@ def _run_orders(
                 context.problem, (context.problem.objective,), context.options
             )
             return run_adaptive(
-                AdaptiveSearch(context, Model(proof, box), near, shared_state, later=later)
+                AdaptiveSearch(
+                    context, Model(proof, box), candidates, shared_state, more_starts=more_starts
+                )
             )
         if _restricted(context.problem):
-            orders = partial(_orders, shared=shared, later=later)
-            return _after_free(context, near, iter(()), orders)
-    return _orders(context, near, shared, later)
+            orders = partial(_orders, shared=shared, more_starts=more_starts)
+            return _after_unconstrained(context, candidates, iter(()), orders)
+    return _orders(context, candidates, shared, more_starts)
 
 
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
@@ -196,11 +209,14 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
         auto.run()
     except KeyboardInterrupt:
         notes = (INTERRUPTED,)
-    return SearchState(auto.context, auto.outcome, auto.near, tuple(auto.history), notes)
+    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
 
 
 def _orders(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> SearchState:
     """One order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
@@ -211,11 +227,13 @@ def _orders(
         if options.effort == "auto" and outcome is None:
             options = replace(options, effort="presolve")  # the first order may step down
         try:
-            step, bound, near = _rounds(replace(context, options=options), near, shared, later)
+            step, bound, candidates = _rounds(
+                replace(context, options=options), candidates, shared, more_starts
+            )
         except KeyboardInterrupt:
             if outcome is None:
-                return unstarted_state(context, near)
-            return SearchState(context, outcome, near, tuple(history), (INTERRUPTED,))
+                return unstarted_state(context, candidates)
+            return SearchState(context, outcome, candidates, tuple(history), (INTERRUPTED,))
         if outcome is not None and bound.relaxation is None:
             break  # this order would be too large
         outcome = better(outcome, bound)
@@ -228,7 +246,7 @@ def _orders(
                 break  # no order proves anything
         shared = None
     assert outcome is not None
-    return SearchState(context, outcome, near, tuple(history))
+    return SearchState(context, outcome, candidates, tuple(history))
 
 
 def _timed(context: SolveContext) -> Options:
@@ -263,13 +281,16 @@ def _history_entry(
 
 
 def _rounds(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
     """Rounds on one order while the attained value improves."""
     outcome: CertifiedBound | None = None
     for _ in range(1 if shared else _ROUNDS):
         try:
-            bound = one_round(context, shared)
+            bound = bound_order(context, shared)
         except KeyboardInterrupt:
             if outcome is None:
                 raise
@@ -280,16 +301,16 @@ def _rounds(
         if context.closed(proved) and context.problem.dimension > _MANY:
             break  # reading further minimisers out of the moments would take the longest
         context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
-        near = near + more
+        candidates = candidates + more
         if not context.closed(proved) and not context.deadline.over:
-            context, more = update_incumbent(context, list(later), proved)
-            near = near + more
+            context, more = update_incumbent(context, list(more_starts), proved)
+            candidates = candidates + more
         if context.closed(proved) or context.deadline.over or context.options.effort == "plain":
             break
         if context.best is old or not _worth_another(old, context.best, bound):
             break
     assert outcome is not None
-    return context, outcome, near
+    return context, outcome, candidates
 
 
 def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]:

@@ -16,7 +16,7 @@ from sparsepop_py.relaxation.hierarchy import RelaxationSpec
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.box.scaling import Scaled
 
-__all__ = ["MOST_TIGHTENED", "PROGRAM", "TIGHTENING", "RelaxationQueue", "worth_in_parts"]
+__all__ = ["MOST_TIGHTENED", "PROGRAM", "TIGHTENING", "RelaxationQueue", "relaxation_for_nodes"]
 
 PROGRAM = "linear program"  # names under which experience keeps their seconds
 TIGHTENING = "tightening"
@@ -83,7 +83,7 @@ class RelaxationQueue:
         if spec.name not in known:
             known[spec.name] = spec.seconds(self.scaled(), self.shared_state.cliques)
         alone = seen.pace * known[spec.name]
-        if spec.shape == "linear" and self.shared_state.narrow and not self.dear:
+        if spec.shape == "linear" and self.shared_state.obbt_lp and not self.obbt_too_slow:
             return alone + self._tightening  # other programs follow the first
         return alone
 
@@ -93,7 +93,7 @@ class RelaxationQueue:
         return min((self.seconds(r) for r in self.specs if r.share > _WEAK), default=np.inf)
 
     @property
-    def dear(self) -> bool:
+    def obbt_too_slow(self) -> bool:
         """Whether tightening by linear programs costs more than the next relaxation."""
         return self._tightening > _DEAR * self.shortest
 
@@ -114,7 +114,7 @@ class RelaxationQueue:
 
     def _may_tighten(self, spec: RelaxationSpec) -> bool:
         below = spec.shape in _TIGHTENED and spec.plain is None
-        return self.shared_state.narrow and below and bool(self.shared_state.variables)
+        return self.shared_state.obbt_lp and below and bool(self.shared_state.variables)
 
     def _prepared(self, spec: RelaxationSpec) -> RelaxationSpec:
         """On a tightened box, where that costs less than failing without is expected to."""
@@ -127,7 +127,7 @@ class RelaxationQueue:
         return spec.tightened if both < alone + fails * both else spec
 
 
-def worth_in_parts(
+def relaxation_for_nodes(
     tried: Iterable[tuple[RelaxationSpec, float, float]], gap: tuple[float, float], program: float
 ) -> RelaxationSpec | None:
     """The relaxation that closed most of a gap in a second, if cutting alone does not do more.

@@ -65,7 +65,7 @@ class SharedState:
     estimates: dict[str, float] = field(default_factory=dict)
     active: NDArray[np.bool_] | None = None
     obbt_sdp: RelaxationSpec | None = None
-    narrow: bool = True
+    obbt_lp: bool = True
 
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial], options: Options) -> SharedState:
@@ -75,13 +75,13 @@ class SharedState:
         specs = relaxation_specs(problem, cliques, tuple(objectives), options.order, options.skip)
         variables = branching(products, options)
         cuts = "branch" not in options.skip and options.node_limit != 0
-        idle = not cuts or "squeeze" in options.skip or len(variables) > _FEW
+        idle = not cuts or "obbt_sdp" in options.skip or len(variables) > _FEW
         inside = all(coordinate_of(p) is not None for p in objectives)  # cut-offs are in the box
         stars = (r for r in specs if r.shape == "star")
         star = next(stars, None) if inside and not idle else None
         short = star is None or len(problem.constraints) <= _LONG
-        narrow = "narrow" not in options.skip and short
-        return SharedState(products, cliques, variables, specs, obbt_sdp=star, narrow=narrow)
+        obbt_lp = "obbt_lp" not in options.skip and short
+        return SharedState(products, cliques, variables, specs, obbt_sdp=star, obbt_lp=obbt_lp)
 
     @property
     def effort(self) -> float:

@@ -45,7 +45,7 @@ from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.steps import Replay, Tightening, coordinates
 
-__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tightened"]
+__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tighten_bounds"]
 
 _SMALL = 1e-9  # multipliers this small against the largest are left out
 
@@ -228,7 +228,7 @@ def _used_products(
     return number[generator], number[products[kept]]
 
 
-def tightened(
+def tighten_bounds(
     replay: Replay,
     mccormick: LinearRelaxation,
     box: Interval,

@@ -20,7 +20,7 @@ import numpy as np
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
@@ -68,7 +68,7 @@ def tighten_by_lp(
     box = model.box
     open_ = [v for v in variables if box.hi[v] > box.lo[v]]
     replay = context.replay()
-    smaller, step, empty = tightened(replay, mccormick, box, open_, context.deadline.left)
+    smaller, step, empty = tighten_bounds(replay, mccormick, box, open_, context.deadline.left)
     if step is None:
         return TightenedModel(model, empty=empty)
     steps: list[Step] = [*model.proof.steps, step]

@@ -59,7 +59,7 @@ def test_rungs_stand_in_the_order_of_climbing():
     """The relaxation proves nothing, then the objective alone does; both are in the history."""
     x, y = sp.variables(2)
     result = sp.solve(sp.Problem((x - y) ** 2, [x + y <= 10]), sp.Options(effort="presolve"))
-    bounds = [rung.lower_bound for rung in result.history]
+    bounds = [entry.lower_bound for entry in result.history]
     assert bounds == [-np.inf, 0.0]
 
 

@@ -60,12 +60,12 @@ def test_arguments_of_parts_leave_room_for_the_rounding_of_a_replay(spec):
     assert abs(again.bound - part.proved.bound) < 1e-10
 
 
-@pytest.mark.parametrize("narrow", [False, True])
+@pytest.mark.parametrize("obbt_lp", [False, True])
 @pytest.mark.parametrize("start", [None, (1.0, 0.0, 0.0, 1.0)])
-def test_interrupted_after_any_number_of_parts(narrow, start):
+def test_interrupted_after_any_number_of_parts(obbt_lp, start):
     problem = bilinear()
     least = least_on_a_grid(problem, 25)
-    search = search_of(problem, (0, 1, 2, 3), start, narrow=narrow)
+    search = search_of(problem, (0, 1, 2, 3), start, obbt_lp=obbt_lp)
     bounds = []
     for seen in range(1, 26):
         if search.grow(1, never) == 0:

@@ -30,7 +30,7 @@ def test_a_time_limit_holds_on_heavy_rungs(several):
     quartic = sp.problems.random_quartic(9, seed=2)  # dense: order 3 has a block of 220
     problem = quartic.with_objective(-quartic.objective)
     # parts of a tree that tighten bounds by such programs take longer
-    skip = () if several else ("narrow",)
+    skip = () if several else ("obbt_lp",)
     options = Options(effort="auto", gap=0.0, time_limit=1.5, skip=skip)
     start = time.monotonic()
     if several:
@@ -139,7 +139,7 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     monkeypatch.setattr(tree, "process_node", exploring)
     solve = sys.modules["sparsepop_py.pipeline"]
     monkeypatch.setattr(solve, "first_incumbent", lambda context, starts: (context, []))
-    result = check(problem, sp.solve(problem, Options(effort="auto", skip=["narrow"])))
+    result = check(problem, sp.solve(problem, Options(effort="auto", skip=["obbt_lp"])))
     assert INTERRUPTED in result.notes
     assert found
     assert result.upper_bound == min(found) < INF

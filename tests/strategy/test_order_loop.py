@@ -153,14 +153,14 @@ def test_parts_left_out_are_there_otherwise(part):
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("part", [p for p in SKIPPED if p not in ("quote", "squeeze")])
+@pytest.mark.parametrize("part", [p for p in SKIPPED if p not in ("quote", "obbt_sdp")])
 def test_bounds_are_valid_without_any_part(part, case, monkeypatch):
     def refused(*args, **kwargs):
         raise AssertionError("bounds of variables are tightened")
 
-    if part == "narrow":
-        monkeypatch.setattr(obbt_lp, "tightened", refused)
-        monkeypatch.setattr(node, "tightened", refused)
+    if part == "obbt_lp":
+        monkeypatch.setattr(obbt_lp, "tighten_bounds", refused)
+        monkeypatch.setattr(node, "tighten_bounds", refused)
     problem, least = (made() for made in CASES[case])
     options = Options(effort="auto", skip=[part], gap=1e-5, node_limit=30, time_limit=10.0)
     result = check(problem, sp.solve(problem, options))
@@ -189,7 +189,7 @@ def test_bounds_of_one_objective_are_quoted_by_the_others_unless_left_out(skip):
     rows = [x[0] * x[1] + x[1] * x[2] >= 1.5, x[0] ** 2 + x[1] ** 2 <= 1.5, x[2] * x[0] <= 0.5]
     problem = Problem(x[0], rows, -2.0, 2.0)
     objectives = [side * v for v in x for side in (1.0, -1.0)]
-    options = Options(effort="auto", skip=(*skip, "narrow"))
+    options = Options(effort="auto", skip=(*skip, "obbt_lp"))
     results = sp.solve_each(problem, objectives, options)
     known = 0
     for objective, result in zip(objectives, results, strict=True):
@@ -343,7 +343,7 @@ def test_variables_to_cut_of_several_objectives(monkeypatch):
     )
     problem = bilinear()
     objectives = [problem.objective, -problem.objective]
-    options = Options(effort="auto", branch_on=[0], node_limit=15, skip=["narrow"])
+    options = Options(effort="auto", branch_on=[0], node_limit=15, skip=["obbt_lp"])
     results = sp.solve_each(problem, objectives, options, branch_on=[1, 2])
     cuts = set().union(*(cuts_of(result.certificate) for result in results))
     assert cuts == {1, 2}

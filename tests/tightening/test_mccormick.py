@@ -11,7 +11,7 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py import Problem, Status
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
@@ -69,7 +69,7 @@ def test_tightened_boxes_hold_all_feasible_points(seed):
     mccormick, box = lifted_of(case.problem)
     replay = Replay(case.problem, None)
     variables = range(case.problem.dimension)
-    smaller, step, _ = tightened(replay, mccormick, box, variables)
+    smaller, step, _ = tighten_bounds(replay, mccormick, box, variables)
     assert np.all(case.points >= smaller.lo)
     assert np.all(case.points <= smaller.hi)
     assert np.all((smaller.lo >= box.lo) & (smaller.hi <= box.hi))
@@ -84,7 +84,7 @@ def test_tightening_finds_what_no_row_shows_alone():
     x, y = sp.variables(2)
     problem = Problem(x, [x + y >= 3, x - y >= -1, x * y <= 100], [-9.0, -9.0], [4.0, 9.0])
     mccormick, box = lifted_of(problem)
-    smaller, step, _ = tightened(Replay(problem, None), mccormick, box, (0, 1))
+    smaller, step, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1))
     assert step is not None
     assert smaller.lo == pytest.approx([1.0, -1.0], abs=1e-6)
     assert smaller.hi == pytest.approx([4.0, 5.0], abs=1e-6)
@@ -94,7 +94,7 @@ def test_variables_that_occur_nowhere_are_left_alone():
     x, y, z = sp.variables(3)
     problem = Problem(x, [x + y >= 1, x - y >= 0], -1.0, 1.0)
     mccormick, box = lifted_of(problem)
-    smaller, _, _ = tightened(Replay(problem, None), mccormick, box, (0, 1, 2))
+    smaller, _, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1, 2))
     assert smaller.lo[2] == -1.0
     assert smaller.hi[2] == 1.0
     assert smaller.lo[0] == pytest.approx(0.5, abs=1e-6)

@@ -270,14 +270,14 @@ def test_an_argument_for_a_smaller_box_proves_nothing() -> None:
     assert box.lo[0] == -1.51 and box.hi[0] == 0.01
 
 
-@pytest.mark.parametrize("skip", [(), ("squeeze",)])
+@pytest.mark.parametrize("skip", [(), ("obbt_sdp",)])
 def test_trees_with_and_without_prove_the_same(skip: tuple[str, ...], monkeypatch) -> None:
     calls, written = [], []
     real = node.tighten_by_relaxation
     monkeypatch.setattr(
         node, "tighten_by_relaxation", lambda *a, **k: calls.append(1) or real(*a, **k)
     )
-    skipped = ("linear", "split", "mixed", "full", "narrow", *skip)
+    skipped = ("linear", "split", "mixed", "full", "obbt_lp", *skip)
     for end in ENDS:
         problem = record(*end)
         result = check(problem, sp.solve(problem, Options(effort="auto", skip=skipped, gap=1e-6)))
@@ -296,18 +296,18 @@ def test_long_problems_are_tightened_by_relaxations_only() -> None:
         return Problem(c, [c * a + b == 0.1 for a, b in zip(v, v[1:], strict=False)], -1.0, 1.0)
 
     short, long = ground_of(chain(100)), ground_of(chain(301))
-    assert short.narrow and not long.narrow
-    assert ground_of(chain(301), skip=("squeeze",)).narrow
-    assert not ground_of(chain(100), skip=("narrow",)).narrow
+    assert short.obbt_lp and not long.obbt_lp
+    assert ground_of(chain(301), skip=("obbt_sdp",)).obbt_lp
+    assert not ground_of(chain(100), skip=("obbt_lp",)).obbt_lp
 
 
-def test_objectives_that_are_no_variable_are_not_squeezed() -> None:
+def test_objectives_that_are_no_variable_keep_their_box() -> None:
     """Their cut-off is no bound of the box: nothing would be gained."""
     assert ground_of(star()).obbt_sdp is None
     assert ground_of(record()).obbt_sdp is not None
 
 
-def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
+def test_obbt_sdp_stops_where_it_leaves_most_of_the_widths(monkeypatch) -> None:
     """Rounds that gain nothing: after some parts the plan is the one without them."""
     monkeypatch.setattr(
         node, "tighten_by_relaxation", lambda context, replay, box, *rest: TightenedBox(box)
@@ -318,7 +318,7 @@ def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
-def test_an_executor_squeezes_to_the_same_bound(pool) -> None:
+def test_an_executor_tightens_to_the_same_bound(pool) -> None:
     (problem, alone), (_, shared) = planted(local=True), planted(local=True)
     alone.grow(200, lambda: False)
     with pool() as executor:

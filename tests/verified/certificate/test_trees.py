@@ -14,7 +14,7 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
@@ -41,7 +41,7 @@ def lifted_part(problem, box, level, deep, rng):
         return node
     mccormick = LinearRelaxation.of(problem, box, find_cliques(problem))
     if rng.integers(2):
-        box, step, _ = tightened(replay, mccormick, box, range(problem.dimension))
+        box, step, _ = tighten_bounds(replay, mccormick, box, range(problem.dimension))
         node = replace(node, box=BoxProof((*steps, *([step] if step else []))))
     if deep and not is_empty(box):
         v = int(rng.integers(problem.dimension))
