@@ -1,4 +1,4 @@
-"""How to solve: one frozen class, stored in every result."""
+"""Options of a solve: one frozen class, stored in every result."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class Options:
         Relaxation order; the least legal one when left out, raised to it when smaller.
     effort : {"presolve", "plain", "auto"}
         ``"plain"``: scaling and exactly the relaxation of that order. ``"presolve"``:
-        finite boxes too, by interval propagation and an objective cut-off. ``"auto"``: a
-        ladder of relaxations, linear to high orders, and branch and bound, while the gap
+        finite boxes too, by interval propagation and an objective cutoff. ``"auto"``: a
+        hierarchy of relaxations, linear to high orders, and branch and bound, while the gap
         is open, starting at ``order`` when given; give a ``time_limit`` with it.
     gap : float
         The gap that counts as closed.
@@ -68,26 +68,27 @@ class Options:
     sparse : bool
         Exploit correlative sparsity; False makes one clique of all variables.
     chordal : {"min-degree", "mcs-m"}
-        How the sparsity graph is made chordal.
+        Method of the chordal extension of the sparsity graph.
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
     refine : {"scipy", "ipopt", "none"}
         Local search for attained points; ``"ipopt"`` needs the extra of that name.
     branch_on : sequence of int, optional
-        Variables (from 0) that branch and bound may cut; those that cover all products
+        Variables (from 0) for branch and bound to branch on; those that cover all products
         when left out.
     node_limit : int, optional
-        Most parts that branch and bound looks at; 0 switches it off.
+        Most nodes that branch and bound processes; 0 switches it off.
     executor : concurrent.futures.Executor, optional
-        Where the parts of branch and bound are worked on.
+        Processes the nodes of branch and bound.
     skip : sequence of str, optional
-        Parts of effort ``"auto"`` to leave out, for comparisons: rungs by shape
+        Steps of effort ``"auto"`` to leave out, for comparisons: relaxations by shape
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
         (``"monomials"``, ``"partners"``) or by terms (``"chordal"``, ``"components"``);
-        ``"inverse"`` (first bounds from linear rows), ``"narrow"`` (bounds tightened by
-        linear programs), ``"squeeze"`` (... by semidefinite relaxations, in branch and bound),
-        ``"quote"`` (bounds of one objective used for others), ``"cutoff"``, ``"branch"``.
+        ``"inverse"`` (first bounds from linear rows), ``"obbt_lp"`` (bound tightening by
+        linear programs), ``"obbt_sdp"`` (... by semidefinite relaxations, in branch and
+        bound), ``"quote"`` (bounds of one objective used for others), ``"cutoff"``,
+        ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.
@@ -98,7 +99,8 @@ class Options:
         Most iterations of a conic solver (Clarabel and the clique-tree method).
     switches : Switches, optional
         With effort ``"plain"``: the relaxation of Waki, Kim, Kojima and Muramatsu under
-        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
+        SparsePOP's switches, its order among them; see
+        :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
     seed : int
         Seed of random starting points.
     progress : bool
@@ -108,6 +110,16 @@ class Options:
     ------
     ProblemError
         If a value is outside its range; the message names the option.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> sp.Options(order=2, effort="auto", time_limit=60.0).gap
+    1e-06
+    >>> sp.Options(order=0)
+    Traceback (most recent call last):
+    ...
+    sparsepop_py.errors.ProblemError: Options.order: found 0, expected a positive integer
     """
 
     order: int | None = None

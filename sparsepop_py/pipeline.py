@@ -1,8 +1,9 @@
-"""The pipeline: from a problem to a proved bound, an attained point, the gap and a status.
+"""Pipeline from a problem to proved bound, attained point, gap and status.
 
     search -> box -> scale -> cliques -> relax -> assemble -> solve -> certify -> extract
 
-The stages are in :mod:`sparsepop_py.bounding.relaxation_bound`, their repetition in :mod:`sparsepop_py.strategy.order_loop`.
+One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
+:mod:`sparsepop_py.strategy.order_loop`.
 """
 
 from __future__ import annotations
@@ -51,12 +52,13 @@ __all__ = ["solve", "solve_each"]
 def solve(
     problem: Problem, options: Options | None = None, *, start: NDArray | None = None
 ) -> Result:
-    """Proved lower bound, attained upper bound and minimisers of a polynomial problem.
+    """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
     Parameters
     ----------
     problem : Problem
     options : Options, optional
+        Defaults: relaxation of least order, with presolve.
     start : (n,) array_like, optional
         A point to start the local search from.
 
@@ -104,11 +106,11 @@ def solve_each(
     branch_on: Sequence[int] | None = None,
     on_progress: Callable[[int, float, float], None] | None = None,
 ) -> list[Result]:
-    """Solve for several objectives over one feasible set, with one relaxation for all.
+    """Solve for several objectives over one feasible set, sharing box and relaxations.
 
-    The shared box uses arguments that hold for all objectives (no cut-off). Where it is
+    The shared box uses arguments that hold for all objectives (no cutoff). Where it is
     not finite in every variable, each objective gets a box and a relaxation of its own.
-    With effort ``"auto"`` a bound that one objective proves of a single variable shrinks
+    With effort ``"auto"`` a bound that one objective proves of a single variable tightens
     the box of the others, and its certificate is quoted in theirs.
 
     Parameters
@@ -116,9 +118,11 @@ def solve_each(
     problem : Problem
         Its own objective is ignored.
     objectives : sequence of Polynomial
-    options, start
-        As in :func:`solve`; ``time_limit`` is for all objectives together. With
-        ``gap_kind="width"`` every objective p needs its negative -p among the others.
+    options : Options, optional
+        ``time_limit`` is for all objectives together. With ``gap_kind="width"`` every
+        objective p needs its negative -p among the others.
+    start : (n,) array_like, optional
+        A point to start local searches from.
     repair : callable, optional
         Given a candidate vector (n,), a better one: used before local searches.
     points : sequence of ProvedPoint
@@ -137,6 +141,8 @@ def solve_each(
     ------
     ProblemError
         If an argument is malformed.
+    SolverNotFound
+        If the chosen solver is not installed.
 
     Examples
     --------
@@ -167,7 +173,7 @@ def solve_each(
     box = first.box
     if options.effort == "auto" and finite(box) and not is_empty(box):
         starts += [] if deadline.over else first_starts(problem, box, options)
-        family = MultiObjectiveSearch(
+        search = MultiObjectiveSearch(
             problem,
             objectives,
             options,
@@ -179,7 +185,7 @@ def solve_each(
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
         )
-        return [_result(state) for state in family.run()]
+        return [_result(state) for state in search.run()]
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         try:
@@ -191,8 +197,8 @@ def solve_each(
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not states else {})
-        part, count = problem.with_objective(objective), len(objectives)
-        context = SolveContext(part, options, own, deadline, repair=repair, objectives=count)
+        one, count = problem.with_objective(objective), len(objectives)
+        context = SolveContext(one, options, own, deadline, repair=repair, objectives=count)
         states.append(_solve_one(context, starts, model))
         if INTERRUPTED in states[-1].notes:
             deadline.stop()  # the others end with what is known
@@ -202,7 +208,7 @@ def solve_each(
 
 @dataclass(frozen=True)
 class _ProgressReporter:
-    """Tells the caller how far an objective is."""
+    """Callback that reports the bounds of an objective to the caller."""
 
     on_progress: Callable[[int, float, float], None] | None
 
@@ -245,7 +251,7 @@ def _check_problem(problem: Problem, options: Options) -> None:
 def _with_widths(
     states: list[SearchState], objectives: list[Polynomial], options: Options
 ) -> list[SearchState]:
-    """Gaps relative to the distance of the attained values of pairs, where asked for."""
+    """Make gaps relative to the distance of the attained values of pairs, if asked for."""
     if options.gap_kind != "width":
         return states
     paired, done = pairs(objectives), []
@@ -271,7 +277,7 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
 
 
 def _solve_one(context: SolveContext, starts: list[NDArray], shared: Model | None) -> SearchState:
-    """A local search, then the ladder; an interrupt ends both with what is proved."""
+    """Search an incumbent, then loop over relaxations; an interrupt keeps what is proved."""
     problem, candidates = context.problem, list[NDArray]()
     try:
         with context.stages.stage("search"):
@@ -341,10 +347,10 @@ def _unproved(
             shown = ", ".join(f"{v:g}" for v in ray[:8]) + (", ..." if ray.size > 8 else "")
             return Status.UNBOUNDED, [f"the objective falls along the ray ({shown}) from x"]
     box = bound.model.box
-    endless = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
-    if endless.size:
-        names = ", ".join(problem.names[v] for v in endless[:8])
-        more = f" and {endless.size - 8} more" if endless.size > 8 else ""
+    unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
+    if unbounded.size:
+        names = ", ".join(problem.names[v] for v in unbounded[:8])
+        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
         return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
     return Status.FAILED, []
 
@@ -352,7 +358,7 @@ def _unproved(
 def _points(
     problem: Problem, best: ProvedPoint | None, candidates: list[NDArray]
 ) -> tuple[Point, ...]:
-    """Distinct candidates, the attained one first, then by value."""
+    """Select distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []
     least = min([problem.objective(x) for x in vectors + candidates], default=np.inf)
     candidates = [

@@ -49,7 +49,7 @@ def search_of(problem, variables, start=None, options=None, local=False, **setti
     )
 
 
-def cuts_of(certificate):
+def branched_on(certificate):
     return {node.branch[0] for node in certificate.root if node.branch is not None}
 
 

@@ -1,9 +1,10 @@
-"""One part of a search: its box shrinks, then it is bounded.
+"""Processing of one branch-and-bound node: propagate bounds, bound, tighten.
 
-Propagation with the cut-off comes first. Then either a linear program bounds the part, others like
-it tighten its box, and a semidefinite relaxation follows where that leaves it open; or, where few
-variables complicate the problem and the objective is one variable, a relaxation does all of it: it
-bounds the part and tightens its box in turn while that gains (:mod:`~sparsepop_py.tightening.obbt_sdp`).
+Propagation with the cutoff comes first. Then a linear program bounds the node, others like it
+tighten its box (OBBT), and a semidefinite relaxation follows where that leaves the node open.
+Where few variables complicate the problem and the objective is one variable, a semidefinite
+relaxation does all of it: it bounds the node and tightens its box in turn while that gains
+(:mod:`~sparsepop_py.tightening.obbt_sdp`).
 """
 
 from __future__ import annotations
@@ -31,30 +32,31 @@ from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 
 __all__ = ["ProcessedNode", "NodeSettings", "process_node"]
 
-_SWEEPS = 6
-_ROUNDS = 6  # of squeezing one part
-_AGAIN = 0.7  # another round of squeezing follows where one left less of the widths
-_HALF = 0.5  # what is spared of the error that a bound may have
+_SWEEPS = 6  # of propagation over a node
+_ROUNDS = 6  # of OBBT by a semidefinite relaxation on one node
+_AGAIN = 0.7  # another round of OBBT follows where one left less of the widths
+_HALF = 0.5  # share of the error that a bound may have, aimed at: the rest is a margin
 
 
 @dataclass(frozen=True, eq=False)
 class NodeSettings:
-    """How the parts of one search are bounded.
+    """Settings for the nodes of one search.
 
     Parameters
     ----------
     cliques : dict
-        A family for each way of joining variables.
+        Cliques for each way of joining variables.
     variables : tuple of int
-        Which variables may be cut.
-    recipe : RelaxationSpec or None
-        The semidefinite relaxation of a part that the linear one leaves open.
-    narrow : bool
+        Branching variables.
+    spec : RelaxationSpec or None
+        The semidefinite relaxation of a node that the linear one leaves open; None: none.
+    obbt_lp : bool
         Tighten the bounds of the variables by linear programs.
-    squeeze : RelaxationSpec or None
-        The semidefinite relaxation that bounds a part and tightens its box, instead of all others.
-    room : (n,) float
-        Arguments hold on boxes larger by this: rounding, where parts are replayed at a later level.
+    obbt_sdp : RelaxationSpec or None
+        The semidefinite relaxation that bounds a node and tightens its box, instead of all others.
+    slack : (n,) float
+        Arguments hold on boxes larger by this: rounding, where a node is replayed with another
+        cutoff.
     """
 
     cliques: Families
@@ -67,23 +69,26 @@ class NodeSettings:
 
 @dataclass(frozen=True, eq=False)
 class ProcessedNode:
-    """What one part turned out to be.
+    """Result of processing one node.
 
     Parameters
     ----------
     steps : tuple
-        How its box shrank.
+        Steps that tightened its box.
     box : Interval
+        The tightened box.
     proved : Proved
+        The proved bound.
     argument : Identity or LinearDual or None
+        The argument behind the bound; None: interval arithmetic alone.
     empty : bool
         Whether the argument proves emptiness.
     point : (n,) float or None
-        First moments: a candidate.
-    error : (n,) float
-        By how much the products of each variable are untrue there.
+        First moments: a candidate minimiser.
+    error : (n,) float or None
+        Violation of the products of each variable at that point.
     left : float
-        Mean share of the widths that the first round of tightening left; NaN without it.
+        Mean share of the widths that the first round of tightening left; NaN without a round.
     """
 
     steps: tuple[Step, ...]
@@ -99,15 +104,22 @@ class ProcessedNode:
 def process_node(
     context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
 ) -> ProcessedNode:
-    """Shrink and bound one part. Depends on nothing else, so it can run in any process.
+    """Process one branch-and-bound node: propagate bounds, bound, tighten.
+
+    Pure; safe in a worker process.
 
     Parameters
     ----------
-    task : Task
-    plan : Plan
+    context : SolveContext
+    settings : NodeSettings
     box : Interval
-    level : float or None
-        The cut-off.
+        The box of the node.
+    cutoff : float or None
+        Objective value above which the node is fathomed; None without an incumbent.
+
+    Returns
+    -------
+    ProcessedNode
     """
     replay = Replay(context.problem, cutoff)
     steps: tuple[Step, ...] = ()
@@ -134,7 +146,7 @@ def _done(found: ProcessedNode, cutoff: float | None) -> bool:
 def _linear(
     context: SolveContext, settings: NodeSettings, replay: Replay, found: ProcessedNode
 ) -> ProcessedNode:
-    """The bound of the linear relaxation, and if asked a tighter box by others like it."""
+    """Bound a node by the linear relaxation, and if asked tighten its box by OBBT."""
     problem, left = context.problem, context.deadline.left
     mccormick = LinearRelaxation.of(
         problem, found.box, settings.cliques["constraints"], slack=settings.slack
@@ -169,7 +181,7 @@ def _semidefinite(
     replay: Replay,
     found: ProcessedNode,
 ) -> ProcessedNode:
-    """The bound of a semidefinite relaxation, if it is better."""
+    """Bound a node by a semidefinite relaxation, kept where it is better."""
     problem = context.problem
     with context.stages.stage("relax"):
         scaling = Scaling.of_box(found.box, slack=settings.slack)
@@ -198,7 +210,7 @@ def _obbt_sdp(
     replay: Replay,
     found: ProcessedNode,
 ) -> ProcessedNode:
-    """The bound of one relaxation, and while that leaves the part open, its box made smaller."""
+    """Bound a node and tighten its box by one relaxation, in turns while that gains."""
     cutoff = replay.cutoff
     for _ in range(_ROUNDS):
         found = _semidefinite(context, settings, spec, replay, found)
@@ -215,8 +227,8 @@ def _obbt_sdp(
         left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)
         if made.node is not None:
-            nothing = Proved(np.inf, 0.0, "")
-            return replace(found, proved=nothing, argument=made.node.argument, empty=True)
+            fathomed = Proved(np.inf, 0.0, "")
+            return replace(found, proved=fathomed, argument=made.node.argument, empty=True)
         alone = prove(replay, found.box, None, False)  # +inf where the box is empty
         if alone.bound > found.proved.bound:  # the objective is a variable
             found = replace(found, proved=alone, argument=None, empty=False)
@@ -226,7 +238,7 @@ def _obbt_sdp(
 
 
 def _enough(context: SolveContext, cutoff: float | None, bound: float) -> float:
-    """Share of the widths at which the bound may reach the level, 0 where nobody knows."""
+    """Estimate the share of the widths at which the bound reaches the cutoff, else 0."""
     if cutoff is None or not -np.inf < bound < context.upper < np.inf:
         return 0.0
     return _HALF * (context.upper - cutoff) / (context.upper - bound)

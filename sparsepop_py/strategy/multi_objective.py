@@ -1,11 +1,11 @@
-"""Many objectives over one feasible set: what one proves helps the others.
+"""Bound many objectives over one feasible set; results of one help the others (``solve_each``).
 
-The box is made once by arguments that hold for all objectives: propagation, and linear programs
-for the variables that matter (where a star of few complicating variables may do without, only
-once it has failed, and not for long records). Each objective in turn climbs some rungs, until
-every gap is closed or nothing is left to try. A proved bound of a single variable shrinks the
-shared box (its certificate is quoted, not repeated), and the next rungs are built on it; an
-attained point is tried on all objectives. Cut-offs stay with their objective.
+The shared box is made once by arguments that hold for all objectives: propagation, and linear
+programs for the branching variables (where a star relaxation exists, only once it has failed,
+and not for long records). The objectives take turns of a few steps each, until every gap is
+closed or nothing is left to try. A proved bound of a single variable tightens the shared box
+(its certificate is quoted, not repeated), and later relaxations are built on it. An attained
+point is tried on all objectives. Cutoffs stay with their objective.
 """
 
 from __future__ import annotations
@@ -43,17 +43,17 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
 
-_ROUNDS = 4
+_ROUNDS = 4  # of OBBT by linear programs
 _MOST_SHARED = 24  # variables whose bounds linear programs tighten for all objectives
 _WINDOW = 40  # constraints that linear programs start with where windows are enough
-_GAINED = 0.8
-_TURN = 5  # rungs that an objective climbs before it is the next one's turn
+_GAINED = 0.8  # another round follows where a width fell below this share
+_TURN = 5  # steps of an objective before it is the next one's turn
 _ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
 
 
 @dataclass(eq=False)
 class MultiObjectiveSearch:
-    """Objectives that climb together.
+    """Adaptive searches for several objectives over one feasible set.
 
     Parameters
     ----------
@@ -61,16 +61,17 @@ class MultiObjectiveSearch:
     objectives : sequence of Polynomial
     options : Options
     model : Model
-        Box and proof without cut-offs, finite in every variable.
+        Box and proof without cutoffs, finite in every variable.
     starts : list of (n,) float
+        Vectors to start local searches from.
     stages : Stages
-    clock : Clock
-    told : callable, optional
-        Called after each climb of an objective.
+    deadline : Deadline
+    report : callable, optional
+        Called with an objective's number and state after each of its turns.
     repair : callable, optional
         Improves candidate vectors before local searches.
     points : list of ProvedPoint
-        Known feasible points; with any, no local search runs before the first climb.
+        Known feasible points; with any, no local search runs before the first turn.
     """
 
     problem: Problem
@@ -91,12 +92,18 @@ class MultiObjectiveSearch:
     obbt_done: bool = False
 
     def run(self) -> list[SearchState]:
-        """Climb until every gap is closed or time is over."""
+        """Search until every gap is closed, nothing is left to try or time is over.
+
+        Returns
+        -------
+        list of SearchState
+            One for each objective.
+        """
         self._begin()
         notes: tuple[str, ...] = ()
         try:
             self._first_points()
-            turn = 1  # all boxes shrink by what is cheap before anything dear is tried
+            turn = 1  # every objective takes its cheapest step before costlier ones are tried
             while not self.over:
                 for index in range(len(self.searches)):
                     self._run(index, turn)
@@ -107,7 +114,7 @@ class MultiObjectiveSearch:
             notes = (INTERRUPTED,)
         states = [self._state(auto, notes) for auto in self.searches]
         for index, state in enumerate(states if self.report is not None else ()):
-            if not state.history:  # closed without climbing: nobody was told yet
+            if not state.history:  # closed without a step: not reported yet
                 self.report(index, state)  # type: ignore[misc]
         return states
 
@@ -120,11 +127,11 @@ class MultiObjectiveSearch:
 
     @property
     def over(self) -> bool:
-        """Whether all gaps are closed or time is over."""
+        """True if all gaps are closed or time is over."""
         return self.deadline.over or all(auto.over for auto in self.searches)
 
     def _begin(self) -> None:
-        """One climber an objective."""
+        """Prepare the shared state and one adaptive search for each objective."""
         self.pairs, self.base = pairs(self.objectives), self.model
         self.shared_state = SharedState.of(self.problem, self.objectives, self.options)
         if (
@@ -146,7 +153,7 @@ class MultiObjectiveSearch:
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
 
     def _first_points(self) -> None:
-        """Local searches from the starts; what they find is tried on all objectives."""
+        """Run local searches from the starts; try the points found on all objectives."""
         if not self.starts or self.points:
             self._share_points(self.points)
             return
@@ -160,7 +167,7 @@ class MultiObjectiveSearch:
         self._share_points(self.points)
 
     def _tighten(self) -> None:
-        """Linear programs tighten the box of all, once."""
+        """Tighten the shared box by linear programs, once."""
         if self.obbt_done or self.deadline.over or not self.shared_state.obbt_lp:
             return
         self.obbt_done, start = True, time.process_time()
@@ -172,9 +179,9 @@ class MultiObjectiveSearch:
         self.shared_state.cost_model.learn(TIGHTENING, 0.0, time.process_time() - start)
 
     def _run(self, index: int, most: int) -> None:
-        """Let one objective climb some rungs on the shared box as it is now.
+        """Give one objective a turn of a few steps on the current shared box.
 
-        What the first ones learn of the rungs saves the others detours.
+        Costs and progress learned in the first turns guide the turns after them.
         """
         auto = self.searches[index]
         if auto.over or self.deadline.over:
@@ -192,14 +199,14 @@ class MultiObjectiveSearch:
             self.report(index, self._state(auto))
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
-        """Try points on all objectives, and say anew what their gaps are relative to."""
+        """Try points on all objectives, then update the units of their gaps."""
         for auto in self.searches:
             auto.context = adopt_points(auto.context, points)
         for index, auto in enumerate(self.searches):
             auto.context = replace(auto.context, unit=self._unit(index))
 
     def _unit(self, index: int) -> float | None:
-        """The distance of the attained values of a pair of objectives, for width gaps."""
+        """Compute the distance of the attained values of a pair, None unless gaps are widths."""
         if self.options.gap_kind != "width":
             return None
         other = self.searches[self.pairs[index]].context.upper
@@ -210,7 +217,7 @@ class MultiObjectiveSearch:
         return float(reach.hi[0] - reach.lo[0])  # for a start; the attained width is smaller
 
     def _quote(self, index: int) -> None:
-        """A proved bound of a single variable shrinks the box of all."""
+        """Tighten the shared box by a proved bound of a single variable."""
         auto, target = self.searches[index], coordinate_of(self.objectives[index])
         certificate = auto.outcome.certificate
         if "quote" in self.options.skip:
@@ -242,7 +249,7 @@ class MultiObjectiveSearch:
 
 
 def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
-    """For each objective p the number of the objective -p."""
+    """Map the number of each objective p to the number of the objective -p."""
     found: dict[int, int] = {}
     for i, p in enumerate(objectives):
         for j, q in enumerate(objectives):
@@ -253,7 +260,10 @@ def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
 
 
 def width_between(upper: float, other: float, options: Options) -> float:
-    """The distance of the attained values of p and -p; a single point counts as rounding wide."""
+    """Compute the distance of the attained values of p and -p.
+
+    +inf where one of them is missing; a single point counts as wide as rounding.
+    """
     rounding = _ROUNDING * max(1.0, abs(other)) / max(options.gap, _ROUNDING)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
@@ -265,11 +275,21 @@ def tighten_for_all(
     options: Options,
     deadline: Deadline,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
-    """A box that linear programs without cut-off tighten in the variables that matter.
+    """Tighten the branching variables and the objectives' variables without a cutoff.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : sequence of Polynomial
+    model : Model
+        The box and its proof, without cutoffs.
+    options : Options
+    deadline : Deadline
 
     Returns
     -------
     model : Model
+        The tightened box and its proof.
     active : (m,) bool or None
         Constraints that were enough for these linear programs; None: all.
     """
@@ -291,11 +311,11 @@ def _obbt_rounds(
     products: Products,
     deadline: Deadline,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
-    """Rounds of bound tightening while they gain.
+    """Run rounds of OBBT by linear programs while they gain.
 
-    Where few variables complicate many constraints, the programs start from a few of these
-    (any choice is valid); those that are violated at a solution whatever the other variables
-    are come in before the next round.
+    Where few variables complicate many constraints, the programs start from a sample of the
+    constraints (any choice is valid). Constraints that a solution violates whatever the other
+    variables are come in before the next round.
     """
     replay = Replay(problem, None)
     cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
@@ -333,7 +353,7 @@ def _obbt_rounds(
 
 
 def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
-    """Random starts, the middle of the box alone where few variables complicate the problem."""
+    """Choose starts of local searches: random, or the middle of the box with a star."""
     if Products.of(problem).has_star:
         return [box.middle()]
     return random_starts(problem, box, options)

@@ -1,11 +1,10 @@
-"""The ladder: rounds on one order, and with effort "auto" one rung after the other.
+"""Loop over relaxations for one objective, with local searches between them.
 
 A round ends with a certificate and with candidate minimisers. When these improve the
-attained value, the cut-off shrinks the box and another round may gain. With effort "auto"
-the rungs of :mod:`sparsepop_py.relaxation.hierarchy` follow, each time the one that promises to close
-most of the gap per second, branch and bound among them; where no finite box is known,
-orders follow one another. The ladder ends when the gap is closed, time is over, or nothing
-is left to try.
+attained value, the cutoff tightens the box and another round may gain. With effort "auto" and
+a finite box the adaptive search of :mod:`sparsepop_py.strategy.adaptive` follows; without a
+finite box, relaxation orders follow one another. The loop ends when the gap is closed, time is
+over or nothing is left to try.
 """
 
 from __future__ import annotations
@@ -46,14 +45,27 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
 
-_ROUNDS = 3
+_ROUNDS = 3  # of one order while the attained value improves
 _MANY = 300  # variables from which a closed gap ends the work at once
 _ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """Where the ladder ended: the task with its best point, the best bound, and the way there."""
+    """State at the end of a search for one objective.
+
+    Parameters
+    ----------
+    context : SolveContext
+        With the incumbent.
+    outcome : CertifiedBound
+        The best proved bound.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen.
+    history : tuple of HistoryEntry
+    notes : tuple of str
+        Sentences for the user.
+    """
 
     context: SolveContext
     outcome: CertifiedBound
@@ -66,7 +78,7 @@ INTERRUPTED = "interrupted: what is proved so far is kept"
 
 
 def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchState:
-    """Where an interrupted search stands before any relaxation was solved."""
+    """Return the state of a search interrupted before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
     replay = Replay(context.problem, None)
@@ -80,17 +92,21 @@ def run_orders(
     shared: Model | None,
     more_starts: Iterator[NDArray],
 ) -> SearchState:
-    """Bound the task on one order, or on one rung after the other while the gap is open.
+    """Bound one objective by one relaxation order, or with effort "auto" by growing ones.
 
     Parameters
     ----------
-    task : Task
-    near : list of (n,) float
+    context : SolveContext
+    candidates : list of (n,) float
         Nearly feasible vectors seen so far.
     shared : Model or None
-        Box and relaxations that several objectives share; used on the first rung.
-    later : iterator of (n,) float
+        Box and relaxations that several objectives share, used in the first round; None: own ones.
+    more_starts : iterator of (n,) float
         Starts of local searches for where the first relaxation leaves a gap.
+
+    Returns
+    -------
+    SearchState
     """
     free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
     if free:
@@ -107,7 +123,7 @@ def run_orders(
 
 
 def _restricted(problem: Problem) -> bool:
-    """Whether there are constraints or bounds."""
+    """Check for constraints or bounds."""
     bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
     return bool(problem.constraints) or bool(bounded.any())
 
@@ -118,7 +134,7 @@ def _after_unconstrained(
     more_starts: Iterator[NDArray],
     go_on: Callable[[SolveContext, list[NDArray]], SearchState],
 ) -> SearchState:
-    """What the objective on the whole space proves, and where that is not enough, what follows."""
+    """Bound the objective on the whole space; continue where that is not enough."""
     free = _by_gram_matrices(context, candidates, more_starts)
     if free is None:
         return go_on(context, candidates)
@@ -133,7 +149,7 @@ def _after_unconstrained(
 
 
 def _with_unconstrained(state: SearchState) -> SearchState:
-    """What the objective on the whole space adds where a relaxation proved nothing."""
+    """Add a bound of the objective on the whole space where a relaxation proved nothing."""
     free = _by_gram_matrices(state.context, state.candidates, iter(()))
     if free is None:
         return state
@@ -145,7 +161,7 @@ def _with_unconstrained(state: SearchState) -> SearchState:
 def _by_gram_matrices(
     context: SolveContext, candidates: list[NDArray], more_starts: Iterator[NDArray]
 ) -> SearchState | None:
-    """What Gram matrices prove where there is no box, and the points behind them."""
+    """Bound the objective by Gram matrices without a box, searching points between rounds."""
     start, bound = time.process_time(), None
     while True:
         try:
@@ -203,7 +219,7 @@ def _run_orders(
 
 
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
-    """Let a climber go as far as it must."""
+    """Run an adaptive search to its end and return its state."""
     notes: tuple[str, ...] = ()
     try:
         auto.run()
@@ -218,7 +234,7 @@ def _orders(
     shared: Model | None,
     more_starts: Iterator[NDArray],
 ) -> SearchState:
-    """One order, or with effort "auto" growing orders."""
+    """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
     history: list[HistoryEntry] = []
     for order in _order_numbers(context):
@@ -250,7 +266,7 @@ def _orders(
 
 
 def _timed(context: SolveContext) -> Options:
-    """The options with half of the time that is left: a box may take two solves."""
+    """Limit the options to half of the time left: a box may take two solves."""
     left = context.deadline.left
     return replace(context.options, time_limit=None if left is None else 0.5 * left)
 
@@ -286,7 +302,7 @@ def _rounds(
     shared: Model | None,
     more_starts: Iterator[NDArray],
 ) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
-    """Rounds on one order while the attained value improves."""
+    """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
     for _ in range(1 if shared else _ROUNDS):
         try:
@@ -320,7 +336,7 @@ def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]
 
 
 def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: CertifiedBound) -> bool:
-    """Whether the improvement of the attained value is a good part of the open gap."""
+    """Check that the attained value improved by a good part of the open gap."""
     if new is None:
         return False
     if old is None or bound.certificate is None:

@@ -31,7 +31,7 @@ def cut_in_two(node, cut, low, high):
     return replace(node, argument=None, empty=False, branch=cut, children=(low, high))
 
 
-def lifted_part(problem, box, level, deep, rng):
+def linear_node(problem, box, level, deep, rng):
     """A part and what follows: propagation, bound tightening, multipliers, and cuts at random."""
     replay = Replay(problem, level)
     steps = [Propagation(int(rng.integers(0, 3)), bool(rng.integers(2)))]
@@ -47,7 +47,7 @@ def lifted_part(problem, box, level, deep, rng):
         v = int(rng.integers(problem.dimension))
         place = float(rng.uniform(box.lo[v], box.hi[v]))
         low, high = (
-            lifted_part(problem, h, level, deep - 1, rng) for h in split_box(box, (v, place))
+            linear_node(problem, h, level, deep - 1, rng) for h in split_box(box, (v, place))
         )
         return cut_in_two(node, (v, place), low, high)
     solution = mccormick.minimise()
@@ -56,7 +56,7 @@ def lifted_part(problem, box, level, deep, rng):
 
 
 def random_tree(problem, level, rng, deep=2):
-    root = lifted_part(problem, Interval(problem.lower, problem.upper), level, deep, rng)
+    root = linear_node(problem, Interval(problem.lower, problem.upper), level, deep, rng)
     return Certificate(problem.fingerprint, -INF, root, level)
 
 
