@@ -16,6 +16,7 @@ from .errors import (
     SolverNotFound,
     SparsePOPError,
 )
+from .formats import read, write
 from .io.gams import read_gms, write_gms
 from .io.json_ import from_json, read_json, to_json, write_json
 from .io.sdpa import read_sdpa, write_sdpa
@@ -64,6 +65,7 @@ __all__ = [
     "parse",
     "problems",
     "psd",
+    "read",
     "read_gms",
     "read_json",
     "read_mat",
@@ -78,6 +80,7 @@ __all__ = [
     "to_structs",
     "total",
     "variables",
+    "write",
     "write_gms",
     "write_json",
     "write_mat",

@@ -7,13 +7,14 @@ import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.relaxation.sparsepop.relaxation import Switches
-from sparsepop_py.solvers import require_solver
+
+if TYPE_CHECKING:
+    from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 __all__ = ["SKIPPED", "Options"]
 
@@ -40,7 +41,7 @@ _OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until th
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
-    "chordal": ("min-degree", "mcs-m"),
+    "chordal": ("auto", "min-degree", "min-fill", "mcs-m"),
     "refine": ("scipy", "ipopt", "none"),
 }
 
@@ -67,8 +68,10 @@ class Options:
         Largest violation, in the user's units, of points that are worth showing.
     sparse : bool
         Exploit correlative sparsity; False makes one clique of all variables.
-    chordal : {"min-degree", "mcs-m"}
-        Method of the chordal extension of the sparsity graph.
+    chordal : {"auto", "min-degree", "min-fill", "mcs-m"}
+        Heuristic that makes the sparsity graph chordal. ``"auto"`` tries those that the size
+        allows and takes the smallest largest clique; the others give the same cliques whatever
+        the version.
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
@@ -128,7 +131,7 @@ class Options:
     gap_kind: Literal["relative", "absolute", "width"] = "relative"
     tolerance: float = 1e-6
     sparse: bool = True
-    chordal: Literal["min-degree", "mcs-m"] = "min-degree"
+    chordal: Literal["auto", "min-degree", "min-fill", "mcs-m"] = "auto"
     solver: str = "auto"
     refine: Literal["scipy", "ipopt", "none"] = "scipy"
     branch_on: Sequence[int] | None = None
@@ -170,12 +173,27 @@ class Options:
             raise ProblemError(f"Options.accuracy: found {accuracy!r}, expected a number > 0")
         if most is not None and (not isinstance(most, numbers.Integral) or int(most) < 1):
             raise ProblemError(f"Options.max_iterations: found {most!r}, expected an integer >= 1")
-        if switches is not None and not isinstance(switches, Switches):
-            raise ProblemError(f"Options.switches: found {switches!r}, expected Switches")
+        if switches is not None:
+            self._check_switches()
         if switches is not None and self.effort != "plain":
             raise ProblemError(
                 f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
             )
+
+    def _check_switches(self) -> None:
+        # Loaded where it is used: reading stored results must not load relaxations.
+        from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+
+        if not isinstance(self.switches, Switches):
+            raise ProblemError(f"Options.switches: found {self.switches!r}, expected Switches")
+
+    def _check_solver_name(self) -> None:
+        if not isinstance(self.solver, str):
+            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
+        if self.solver != "auto":
+            from sparsepop_py.solvers import require_solver
+
+            require_solver(self.solver)
 
     def _check_kinds(self) -> None:
         limit = self.time_limit
@@ -199,9 +217,7 @@ class Options:
             )
         if self.executor is not None and not isinstance(self.executor, Executor):
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
-        if not isinstance(self.solver, str):
-            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
-        require_solver(self.solver)
+        self._check_solver_name()
         if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
             raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
         for name in ("sparse", "progress"):

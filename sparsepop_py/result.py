@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.conic.program import ConicSolution
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -21,7 +19,10 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Point", "Result", "HistoryEntry", "Status"]
+    from sparsepop_py.conic.program import ConicSolution
+    from sparsepop_py.relaxation.moment import Relaxation
+
+__all__ = ["HistoryEntry", "Point", "Result", "Status"]
 
 
 class Status(StrEnum):

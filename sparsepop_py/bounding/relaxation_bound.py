@@ -39,12 +39,12 @@ from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay
 
 __all__ = [
-    "BoxBound",
     "Attempt",
+    "BoxBound",
     "CertifiedBound",
     "Model",
-    "bound_box",
     "better",
+    "bound_box",
     "certified_bound",
     "lower_bound",
     "bound_order",

@@ -30,7 +30,7 @@ from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.certificate import Argument, Proved, claim, prove
 from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 
-__all__ = ["ProcessedNode", "NodeSettings", "process_node"]
+__all__ = ["NodeSettings", "ProcessedNode", "process_node"]
 
 _SWEEPS = 6  # of propagation over a node
 _ROUNDS = 6  # of OBBT by a semidefinite relaxation on one node

@@ -27,12 +27,12 @@ from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = [
-    "search_incumbent",
-    "update_incumbent",
     "adopt_points",
     "candidates_from_moments",
     "first_incumbent",
     "random_starts",
+    "search_incumbent",
+    "update_incumbent",
 ]
 
 _MANY = 2000  # variables from which no atoms are extracted: first moments start a search, too

@@ -14,27 +14,32 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import comb
+from typing import Protocol
 
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.registry import Registry
 from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
-from sparsepop_py.relaxation.shapes import Products, Shape
+from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.relaxation.term_sparsity import Terms
 from sparsepop_py.sparsity.correlative import Cliques, Joined, Method, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled
 
 __all__ = [
+    "SPECS",
     "CostModel",
     "Families",
     "RelaxationSpec",
-    "relaxation_specs",
+    "SpecSource",
     "expected_seconds",
     "families",
     "hashed",
     "progress",
+    "relaxation_specs",
 ]
 
 Families = dict[Joined, Cliques]
@@ -75,7 +80,7 @@ class RelaxationSpec:
 
     name: str
     share: float
-    shape: Shape = "full"
+    shape: str = "full"
     order: int | None = None
     lean: bool = False
     products: bool = False
@@ -193,7 +198,7 @@ def relaxation_specs(
     """
     specs = []
     if first is None or first == 1:
-        specs = _below_orders(problem, cliques, objectives)
+        specs = [r for source in SPECS for r in SPECS[source](problem, cliques, objectives)]
     specs += _orders(problem, cliques, least_order(problem, objectives), first or 1)
     if "components" in skip:
         specs = [replace(r, terms="none") if r.terms == "components" else r for r in specs]
@@ -224,6 +229,21 @@ def _below_orders(
             name = "mixed, partner cliques"
             specs.append(RelaxationSpec(name, 0.83, "mixed", products=True, joined="partners"))
     return specs
+
+
+class SpecSource(Protocol):
+    """Offer relaxations of a registered shape to the adaptive search."""
+
+    def __call__(
+        self, problem: Problem, cliques: Families, objectives: tuple[Polynomial, ...]
+    ) -> list[RelaxationSpec]:
+        """Return the relaxations that suit the structure of a problem, perhaps none."""
+        ...
+
+
+SPECS: Registry[SpecSource] = Registry(
+    "relaxations", {"below order 2": _below_orders}, ProblemError
+)
 
 
 def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list[RelaxationSpec]:

@@ -46,7 +46,7 @@ from sparsepop_py.problem import generators
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.blocks import BlockGroup, block_groups, stacked_groups
-from sparsepop_py.relaxation.shapes import Shape, shaped_blocks
+from sparsepop_py.relaxation.shapes import shaped_blocks
 from sparsepop_py.relaxation.term_sparsity import Terms, term_sparse
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 
@@ -178,7 +178,7 @@ def relax(
     reduce: bool = True,
     lean: bool = False,
     products: bool = False,
-    shape: Shape = "full",
+    shape: str = "full",
     terms: Terms = "none",
 ) -> Relaxation:
     """Build the moment relaxation of a problem.
@@ -202,7 +202,7 @@ def relax(
         blocks, about what Waki et al. solve where the data are of low degree.
     products : bool
         Add products of bounds and linear inequalities where variables multiply each other.
-    shape : {"full", "linear", "mixed", "star", "split"}
+    shape : {"full", "linear", "mixed", "star", "split"}, or a registered one
         ``"linear"``: rows only, with products of bounds up to the degree of the problem.
         The others: bases of problems of degree two between order 1 and order 2, see
         :mod:`sparsepop_py.relaxation.shapes`. ``order``, ``reduce`` and ``lean`` mean nothing then.

@@ -19,8 +19,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
+from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,14 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.registry import Registry
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, matrix_block
 from sparsepop_py.sparsity.correlative import Cliques
 
-__all__ = ["Products", "Shape", "shaped_blocks"]
-
-Shape = Literal["full", "linear", "mixed", "star", "split"]
+__all__ = ["SHAPES", "Products", "ShapeBuilder", "shaped_blocks"]
 
 _GLOBAL = 0.25  # a variable in this share of all constraints is one that all of them share
 
@@ -113,33 +113,54 @@ class Products:
         return 0 < centre <= 12 and len(self.partners) - centre >= 2 * centre
 
 
+class ShapeBuilder(Protocol):
+    """Make the blocks of a shape.
+
+    The blocks need not be good: a bound is proved from their multipliers, whatever they are.
+    """
+
+    def __call__(
+        self,
+        problem: Problem,
+        cliques: Cliques,
+        system: PolynomialSystem,
+        objectives: Sequence[Polynomial],
+    ) -> Blocks:
+        """Return blocks of the scaled ``problem``, for all its objectives.
+
+        ``system`` holds all generators, numbered as in :mod:`sparsepop_py.problem.generators`.
+        """
+        ...
+
+
 def shaped_blocks(
-    shape: Shape,
+    shape: str,
     problem: Problem,
     cliques: Cliques,
     system: PolynomialSystem,
     objectives: Sequence[Polynomial],
 ) -> Blocks:
-    """Blocks (free, generators, cliques, bases) of a shape; products of generators are rows.
+    """Make the blocks of a registered shape; products of generators are rows.
 
     Parameters
     ----------
-    shape : {"linear", "mixed", "star", "split"}
+    shape : str
+        A name in ``SHAPES``: ``"linear"``, ``"mixed"``, ``"star"``, ``"split"`` or one that was
+        registered.
     problem : Problem
         Scaled, of degree two (of any degree where the shape is linear).
     cliques : Cliques
     system : PolynomialSystem
         All generators, numbered as in :mod:`sparsepop_py.problem.generators`.
     objectives : sequence of Polynomial
+
+    Raises
+    ------
+    ProblemError
+        If no shape has that name.
     """
-    products = Products.of(problem, objectives)
-    builder = _Builder(problem, cliques, products)
-    if shape == "linear":
-        builder.linear()
-    elif shape == "mixed":
-        builder.mixed()
-    else:
-        builder.star(split=shape == "split")
+    blocks = SHAPES[shape](problem, cliques, system, objectives)
+    builder = _Builder(problem, cliques, blocks=blocks)
     single = generators.count(len(problem.constraints), problem.dimension)
     builder.rows(np.arange(single, system.size))
     if not builder.blocks:
@@ -150,12 +171,26 @@ def shaped_blocks(
 class _Builder:
     """Collects blocks; letters are variable numbers from 1."""
 
-    def __init__(self, problem: Problem, cliques: Cliques, products: Products) -> None:
-        self.problem, self.cliques, self.products = problem, cliques, products
-        self.blocks: Blocks = []
+    def __init__(
+        self,
+        problem: Problem,
+        cliques: Cliques,
+        objectives: Sequence[Polynomial] = (),
+        blocks: Blocks | None = None,
+    ) -> None:
+        self.problem, self.cliques, self.objectives = problem, cliques, objectives
+        self.blocks: Blocks = [] if blocks is None else blocks
         fixed = problem.lower == problem.upper
         self.free = [v for v in range(problem.dimension) if not fixed[v]]
-        self.centre = [c + 1 for c in products.complicating if not fixed[c]]
+
+    @cached_property
+    def products(self) -> Products:
+        return Products.of(self.problem, self.objectives)
+
+    @cached_property
+    def centre(self) -> list[int]:
+        chosen = set(self.free)
+        return [c + 1 for c in self.products.complicating if c in chosen]
 
     def add(
         self, free: bool, generator: int, clique: int, basis: Sequence[tuple[int, ...]]
@@ -375,3 +410,47 @@ def _localized(
         if all(tuple(sorted(b + other + t)) in held for other in trial for t in terms):
             grown = trial
     return grown
+
+
+# ---- the table of shapes ----------------------------------------------------------------
+
+
+def _linear(
+    problem: Problem,
+    cliques: Cliques,
+    system: PolynomialSystem,
+    objectives: Sequence[Polynomial],
+) -> Blocks:
+    builder = _Builder(problem, cliques, objectives)
+    builder.linear()
+    return builder.blocks
+
+
+def _mixed(
+    problem: Problem,
+    cliques: Cliques,
+    system: PolynomialSystem,
+    objectives: Sequence[Polynomial],
+) -> Blocks:
+    builder = _Builder(problem, cliques, objectives)
+    builder.mixed()
+    return builder.blocks
+
+
+def _star(
+    problem: Problem,
+    cliques: Cliques,
+    system: PolynomialSystem,
+    objectives: Sequence[Polynomial],
+    split: bool = False,
+) -> Blocks:
+    builder = _Builder(problem, cliques, objectives)
+    builder.star(split)
+    return builder.blocks
+
+
+SHAPES: Registry[ShapeBuilder] = Registry(
+    "shape",
+    {"linear": _linear, "mixed": _mixed, "star": _star, "split": partial(_star, split=True)},
+    ProblemError,
+)

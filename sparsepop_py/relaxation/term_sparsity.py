@@ -361,7 +361,8 @@ def _close_graphs(
     ]
     rest = np.flatnonzero(~whole[label])
     if rest.size:
-        extended, order = chordal_extension(sps.csr_array((edges + edges.T)[rest][:, rest]))
+        graph = sps.csr_array((edges + edges.T)[rest][:, rest])
+        extended, order = chordal_extension(graph, "min-degree")
         cliques, _ = clique_tree(extended, order)
         sizes = np.array([len(c) for c in cliques])
         members += [

@@ -94,7 +94,23 @@ class Cliques:
         counts = sorted(Counter(self.sizes.tolist()).items(), reverse=True)
         lines = [f"{len(self)} cliques of {self.graph.shape[0]} variables"]
         lines += [f"  {count:6d} of size {size}" for size, count in counts]
-        return "\n".join(lines)
+        holds = "holds" if satisfies_running_intersection(self) else "does not hold"
+        lines += [f"running intersection property: {holds}", "clique tree (shared with parent):"]
+        return "\n".join([*lines, *self._tree_lines()])
+
+    def _tree_lines(self, most: int = 12) -> list[str]:
+        """Draw the clique tree, indented by depth; ``most`` cliques are shown."""
+        depth: list[int] = []
+        lines = []
+        for k, parent in enumerate(self.tree.tolist()):
+            depth.append(0 if parent < 0 else depth[parent] + 1)
+            if k < most:
+                shared = set(self.members[k]).intersection(self.members[parent]) if depth[k] else ()
+                names = " ".join(f"x{v + 1}" for v in self.members[k])
+                common = " ".join(f"x{v + 1}" for v in sorted(shared))
+                lines.append("  " * (depth[k] + 1) + names + (f"  ({common})" if common else ""))
+        hidden = len(self) - most
+        return lines + ([f"  ... {hidden} more"] if hidden > 0 else [])
 
     def __repr__(self) -> str:
         return f"<Cliques: {len(self)} of at most {self.sizes.max(initial=0)} variables>"
@@ -145,7 +161,7 @@ def csp_graph(
 def find_cliques(
     problem: Problem,
     sparse: bool = True,
-    method: Method = "min-degree",
+    method: Method = "auto",
     objectives: Sequence[Polynomial] = (),
     joined: Joined = "constraints",
 ) -> Cliques:
@@ -156,7 +172,7 @@ def find_cliques(
     problem : Problem
     sparse : bool
         False gives one clique of all variables (and a complete graph, n^2 entries).
-    method : {"min-degree", "mcs-m"}
+    method : {"auto", "min-degree", "min-fill", "mcs-m"}
         See :func:`chordal_extension`.
     objectives : sequence of Polynomial, optional
         Further objectives that shall share the cliques.
@@ -188,6 +204,11 @@ def find_cliques(
     3 cliques of 4 variables
            2 of size 2
            1 of size 1
+    running intersection property: holds
+    clique tree (shared with parent):
+      x1 x2
+        x2 x3  (x2)
+      x4
     """
     n = problem.dimension
     if sparse:

@@ -25,7 +25,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
 
-__all__ = ["TightenedModel", "tighten_by_lp", "apply_steps"]
+__all__ = ["TightenedModel", "apply_steps", "tighten_by_lp"]
 
 _SWEEPS = 3  # of propagation after bounds have moved
 _GAINED = 0.8  # another round follows where a width fell below this share
