@@ -20,7 +20,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
-from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
+from sparsepop_py.relaxation.sparsepop.reduction import ReducedProgram, reduce_program
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
@@ -194,16 +194,20 @@ def bound_box(
 
 def _programs(
     relaxation: Relaxation, scaled: Scaled, minimised: Polynomial, switches: Switches | None
-) -> tuple[ConicProgram, Condensed | None]:
+) -> tuple[ConicProgram, ReducedProgram | None]:
     """Assemble the program, and under switches the reduced one that is solved instead."""
     if switches is None:
         return assemble(relaxation, minimised), None
-    small = condensed(relaxation, scaled, switches.perturbed(minimised, relaxation), switches)
+    small = reduce_program(relaxation, scaled, switches.perturbed(minimised, relaxation), switches)
     return small.whole, small
 
 
 def _solution(
-    context: SolveContext, program: ConicProgram, small: Condensed | None, solver: str, size: float
+    context: SolveContext,
+    program: ConicProgram,
+    small: ReducedProgram | None,
+    solver: str,
+    size: float,
 ) -> ConicSolution:
     solution = solve_conic(
         program if small is None else small.program,
