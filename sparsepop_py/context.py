@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.deadline import Deadline
+from sparsepop_py.budget import Deadline
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages

@@ -95,6 +95,14 @@ class Options:
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.
+    work_limit : float, optional
+        Units of work, each about a second of one core, counted by a fixed model
+        (:mod:`sparsepop_py.budget`). With it, and without ``time_limit``, no decision rests on a
+        clock: runs are reproducible, and a run with a larger limit begins like one with a
+        smaller limit. The last step may exceed it.
+    memory_limit : float
+        Bytes that one relaxation may take in a solver, estimated; larger ones are replaced by
+        weaker ones, with a note.
     accuracy : float, optional
         Gap and residuals at which a conic solver may stop, in scaled units; chosen where
         left out.
@@ -139,6 +147,8 @@ class Options:
     executor: Executor | None = None
     skip: Sequence[str] = ()
     time_limit: float | None = None
+    work_limit: float | None = None
+    memory_limit: float = 5e9
     accuracy: float | None = None
     max_iterations: int | None = None
     switches: Switches | None = None
@@ -163,6 +173,7 @@ class Options:
             if not isinstance(value, numbers.Real) or not float(value) >= 0:
                 raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
         self._check_kinds()
+        self._check_skip()
         self._check_solver()
 
     def _check_solver(self) -> None:
@@ -195,10 +206,23 @@ class Options:
 
             require_solver(self.solver)
 
+    def _check_skip(self) -> None:
+        object.__setattr__(self, "skip", _renamed(self.skip))
+        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
+        if not named or any(name not in SKIPPED for name in self.skip):
+            raise ProblemError(
+                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
+            )
+
     def _check_kinds(self) -> None:
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
             raise ProblemError(f"Options.time_limit: found {limit!r}, expected seconds > 0")
+        for name in ("work_limit", "memory_limit"):
+            value = getattr(self, name)
+            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (name == "work_limit" and value is None) and not (number and float(value) > 0):
+                raise ProblemError(f"Options.{name}: found {value!r}, expected a number > 0")
         nodes = self.node_limit
         if nodes is not None and (not isinstance(nodes, numbers.Integral) or int(nodes) < 0):
             raise ProblemError(f"Options.node_limit: found {nodes!r}, expected an integer >= 0")
@@ -208,12 +232,6 @@ class Options:
         ):
             raise ProblemError(
                 f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
-            )
-        object.__setattr__(self, "skip", _renamed(self.skip))
-        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
-        if not named or any(name not in SKIPPED for name in self.skip):
-            raise ProblemError(
-                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
             )
         if self.executor is not None and not isinstance(self.executor, Executor):
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")

@@ -22,8 +22,8 @@ from sparsepop_py.bounding.relaxation_bound import (
     build_relaxations,
     lower_bound,
 )
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
 from sparsepop_py.options import Options
@@ -90,7 +90,9 @@ def solve(
         raise ProblemError(
             "Options.gap_kind: found 'width', which needs pairs of objectives (solve_each)"
         )
-    context = SolveContext(problem, options, Stages(options.progress), Deadline(options.time_limit))
+    context = SolveContext(
+        problem, options, Stages(options.progress), Deadline(options.time_limit, options.work_limit)
+    )
     return _result(_solve_one(context, _start_vectors(problem, start), None))
 
 
@@ -163,7 +165,7 @@ def solve_each(
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
     report = _ProgressReporter(on_progress)
-    deadline = Deadline(options.time_limit)
+    deadline = Deadline(options.time_limit, options.work_limit)
     first = Model(BoxProof(), Interval(problem.lower, problem.upper))
     try:
         with stages.stage("presolve"):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import bound_box, short_if
+from sparsepop_py.budget import spend, spent
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec
@@ -33,6 +34,7 @@ from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 __all__ = ["NodeSettings", "ProcessedNode", "process_node"]
 
 _SWEEPS = 6  # of propagation over a node
+_NODE_WORK = 5e-3  # units of work of a node beside its programs
 _ROUNDS = 6  # of OBBT by a semidefinite relaxation on one node
 _AGAIN = 0.7  # another round of OBBT follows where one left less of the widths
 _HALF = 0.5  # share of the error that a bound may have, aimed at: the rest is a margin
@@ -89,6 +91,8 @@ class ProcessedNode:
         Violation of the products of each variable at that point.
     left : float
         Mean share of the widths that the first round of tightening left; NaN without a round.
+    work : float
+        Units of work that it took, see :mod:`sparsepop_py.budget`.
     """
 
     steps: tuple[Step, ...]
@@ -99,6 +103,7 @@ class ProcessedNode:
     point: NDArray[np.float64] | None = None
     error: NDArray[np.float64] | None = None
     left: float = np.nan
+    work: float = 0.0
 
 
 def process_node(
@@ -121,6 +126,15 @@ def process_node(
     -------
     ProcessedNode
     """
+    before = spent()
+    found = _processed(context, settings, box, cutoff)
+    spend(_NODE_WORK + 1e-6 * context.problem.rows.words.shape[0])
+    return replace(found, work=spent() - before)
+
+
+def _processed(
+    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
+) -> ProcessedNode:
     replay = Replay(context.problem, cutoff)
     steps: tuple[Step, ...] = ()
     with context.stages.stage("branch"):

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
+from sparsepop_py.budget import spend
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -172,7 +173,9 @@ class Search:
         jobs = [
             executor.submit(process_node, lone, self.settings, p.box, self.cutoff) for p in nodes
         ]
-        return [job.result() for job in jobs]
+        found = [job.result() for job in jobs]
+        spend(sum(each.work for each in found))  # counted by the workers, who are not here
+        return found
 
     def _take(self, node: _OpenNode, found: ProcessedNode) -> None:
         """Record a processed node, search the incumbent from its point, branch if it is open."""

@@ -211,7 +211,8 @@ def _simple(kind: type) -> Codec:
         return [plain(v) for v in value] if isinstance(value, (list, tuple)) else _scalar(value)
 
     def read(found: Any, place: str) -> Any:
-        values = {name: codecs.field_of(found, name, place) for name in names}
+        given = codecs.fields_of(found, place)
+        values = {name: given[name] for name in names if name in given}  # others: as by default
         made = {k: tuple(v) if isinstance(v, list) else _special(v) for k, v in values.items()}
         if found.get("switches") is not None:
             made["switches"] = _switches().read(found["switches"], place)

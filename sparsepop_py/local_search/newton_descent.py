@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import spend
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["newton_polish", "zeros_of_squares"]
@@ -87,6 +88,7 @@ def _descended(
     """
     reached, shift, fails = value(x), 0.0, 0
     for _ in range(_STEPS):
+        spend(1e-4 + 1e-6 * problem.dimension)
         if time.monotonic() >= end:
             break
         inner = np.flatnonzero((x > problem.lower) & (x < problem.upper))

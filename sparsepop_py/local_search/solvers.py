@@ -17,6 +17,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
+from sparsepop_py.budget import spend
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.local_search.newton_descent import newton_polish, zeros_of_squares
 from sparsepop_py.local_search.slp import sequential_search
@@ -88,9 +89,10 @@ class _OutOfTime(Exception):
 
 
 def _value(problem: Problem, end: float) -> Any:
-    row = problem.objective_row
+    row, terms = problem.objective_row, problem.objective.words.shape[0]
 
     def value(x: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+        spend(1e-5 + 1e-7 * terms)
         if time.monotonic() >= end:
             raise _OutOfTime(x)
         return float(row.values(x)[0]), row.gradient(x)

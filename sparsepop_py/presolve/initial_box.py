@@ -192,7 +192,7 @@ def _sublevel_on(
         if not worth_building(cliques, order):
             break
         relaxation = relax(scaled.problem, order, cliques=cliques)
-        if not affordable(relaxation):
+        if not affordable(relaxation, options.memory_limit):
             break
         if order > least and max(relaxation.block_sizes) > _LARGEST_BLOCK:
             break

@@ -26,7 +26,6 @@ __all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"
 
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form takes no time
-_BYTES = 5e9  # of memory for the blocks; above, a relaxation is not tried
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
 
 
@@ -44,9 +43,9 @@ def worth_building(cliques: Cliques, order: int) -> bool:
     return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
 
 
-def affordable(relaxation: Relaxation) -> bool:
+def affordable(relaxation: Relaxation, memory: float) -> bool:
     """Check that a solver has memory for a relaxation and time for a step."""
-    return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= _BYTES
+    return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= memory
 
 
 def _entries(size: int) -> float:
@@ -93,11 +92,11 @@ def fitting_relaxations(
     notes : tuple of str
     """
     least = least_order(problem, objectives)
-    asked = options.order or least
+    asked, memory = options.order or least, options.memory_limit
     if options.switches is not None:
         whole = plain_relaxation(problem, cliques, objectives, options.switches)
-        fits = solver_bytes(whole) <= _BYTES
-        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order))
+        fits = solver_bytes(whole) <= memory
+        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order, memory))
     notes: tuple[str, ...] = ()
     if asked < least:
         notes = (f"order {asked} raised to {least}, the least for these degrees",)
@@ -112,27 +111,27 @@ def fitting_relaxations(
     )
     largest, top = max(len(c) for c in cliques.members), max(asked, least)
     if plain:
-        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > _BYTES:
-            return (), _too_large(asked)
+        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > memory:
+            return (), _too_large(asked, memory)
         return (full,), notes
-    fitting, order = _fitting(build, largest, top), top
+    fitting, order = _fitting(build, largest, memory, top), top
     if not fitting[0] and options.effort != "auto":  # "auto" has solved lower orders before
-        fitting, order = _largest_that_fits(partial(_fitting, build, largest), least, top)
+        fitting, order = _largest_that_fits(partial(_fitting, build, largest, memory), least, top)
     if not fitting[0]:
-        return (), _too_large(asked)
+        return (), _too_large(asked, memory)
     if order < top:
         notes += (f"order {asked} lowered to {order}: it would be too large",)
     return fitting[0], notes + fitting[1]
 
 
-def _fitting(build: Callable[..., Relaxation], largest: int, order: int) -> Fitting:
+def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, order: int) -> Fitting:
     """Build the forms of an order that fit; its largest clique may exclude all before."""
     basis = comb(largest + order, order)
     blocks = 2**largest  # as many as sign symmetry makes of a basis, at most
     least = blocks * _entries(basis // blocks) ** 3 / 3.0
     if basis > _BASIS or least > _OPERATIONS:
         return _NOTHING
-    return _worthwhile(build(order), build(order, lean=True))
+    return _worthwhile(build(order), build(order, lean=True), memory)
 
 
 def _largest_that_fits(
@@ -150,18 +149,18 @@ def _largest_that_fits(
     return fitting, low
 
 
-def _worthwhile(full: Relaxation, lean: Relaxation) -> Fitting:
+def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
     """Choose the lean form where much cheaper, the full one where affordable."""
     cheap, costly = _operations(lean), _operations(full)
-    if affordable(full):
+    if affordable(full, memory):
         return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()
-    if not affordable(lean):
+    if not affordable(lean, memory):
         return _NOTHING
     return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
 
 
-def _too_large(order: int) -> tuple[str, ...]:
+def _too_large(order: int, memory: float) -> tuple[str, ...]:
     return (
-        f"the relaxation of order {order} needs more than {_BYTES / 1e9:.0f} GB; "
+        f"the relaxation of order {order} needs more than {memory / 1e9:.3g} GB; "
         "lower the order or exploit more sparsity",
     )

@@ -49,7 +49,6 @@ _TIGHTER = 0.02  # share that a tightened box adds
 _SELDOM = 4  # a relaxation of expected progress s closes the gap about s**4 of the time
 _PRIOR = 0.77  # worth of an untried relaxation: it closes 2/3 of gaps on benchmark families
 _ITERATIONS = 25  # of an interior-point solve, about
-_MOST_BYTES = 5e9  # of memory for the blocks
 _MOST_BASIS = 1500  # monomials of one clique
 _WORTH_SPLITTING = 30  # monomials of a clique from which chordal term sparsity is tried
 _CHORDAL = 0.1  # usual share of the time with blocks from chordal terms
@@ -78,6 +77,8 @@ class RelaxationSpec:
     plain : RelaxationSpec or None
         The relaxation itself, if this one stands for it on a box that linear programs with the
         cutoff have tightened.
+    memory : float
+        Bytes that a solver may take; larger relaxations are left out.
     """
 
     name: str
@@ -89,6 +90,7 @@ class RelaxationSpec:
     terms: Terms = "none"
     joined: Joined = "constraints"
     plain: RelaxationSpec | None = None
+    memory: float = np.inf
 
     @property
     def tightened(self) -> RelaxationSpec:
@@ -113,9 +115,12 @@ class RelaxationSpec:
         if self.shape == "full":
             sizes = _full_sizes(self, scaled.problem, cliques[self.joined])
             rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
-            return (_CHORDAL if self.terms == "chordal" else 1.0) * expected_seconds(sizes, rows)
+            return (_CHORDAL if self.terms == "chordal" else 1.0) * self._expected(sizes, rows)
         relaxation = self.build(scaled, cliques)
-        return expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        return self._expected(dict(relaxation.block_sizes), relaxation.rows)
+
+    def _expected(self, sizes: dict[int, float], rows: float) -> float:
+        return expected_seconds(sizes, rows, self.memory)
 
     def fits(self, cliques: Families) -> bool:
         """Check that the relaxation is small enough to be built."""
@@ -124,7 +129,7 @@ class RelaxationSpec:
             return comb(max(members, default=0) + self.order, self.order) <= _MOST_BASIS
         if self.shape == "mixed":  # 1, the variables, and products that are not counted here
             sizes = Counter(1 + count for count in members)
-            return bool(np.isfinite(expected_seconds(dict(sizes), 0.0)))
+            return bool(np.isfinite(self._expected(dict(sizes), 0.0)))
         return True
 
 
@@ -292,7 +297,7 @@ def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list
     return specs
 
 
-def expected_seconds(sizes: dict[int, float], rows: float) -> float:
+def expected_seconds(sizes: dict[int, float], rows: float, memory: float = np.inf) -> float:
     """Estimate the seconds of a solve, +inf where the memory would not do.
 
     Parameters
@@ -301,6 +306,8 @@ def expected_seconds(sizes: dict[int, float], rows: float) -> float:
         Number of semidefinite blocks of each size (1: linear rows).
     rows : float
         Number of conic rows.
+    memory : float
+        Bytes that a solver may take.
 
     Returns
     -------
@@ -308,7 +315,7 @@ def expected_seconds(sizes: dict[int, float], rows: float) -> float:
     """
     entries = np.array([s * (s + 1) / 2.0 for s in sizes])
     counts = np.array(list(sizes.values()), float)
-    if np.sum(12.0 * counts * entries**2) > _MOST_BYTES:
+    if np.sum(12.0 * counts * entries**2) > memory:
         return np.inf
     if entries.size == 0 or entries.max() <= 1:
         return 2e-3 + 1.5e-6 * rows**1.4

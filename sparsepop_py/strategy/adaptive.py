@@ -90,6 +90,7 @@ class AdaptiveSearch:
     candidates: list[NDArray[np.float64]]
     shared_state: SharedState
     history: list[HistoryEntry] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
     outcome: CertifiedBound = field(init=False)
     search: Search | None = None
     seen: int = 0
@@ -210,13 +211,13 @@ class AdaptiveSearch:
         seen = self.shared_state.cost_model
         if _BRANCH in seen.progress:
             return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
-        node = max(1e-2, min(h.seconds for h in self.history))
+        node = max(1e-2, min(self.costs))
         return 1.0 / (node * _NODES * self.shared_state.effort)
 
     # ---- one step -----------------------------------------------------------------------------
 
     def _run(self, spec: RelaxationSpec | str) -> None:
-        start, before = time.process_time(), self._gap
+        start, before, seconds = self.context.deadline.now(), self._gap, time.process_time()
         if isinstance(spec, str):
             name, relaxation = spec, None
             self._branch(start)
@@ -226,12 +227,13 @@ class AdaptiveSearch:
             self.queue.state(spec)
             if relaxation is None:
                 return
-        seconds = time.process_time() - start
+        cost = self.context.deadline.now() - start
         share = 1.0 if self.over else progress(before, self._gap, self.context.allowed)
-        self.shared_state.cost_model.learn(name, share, seconds)
+        self.shared_state.cost_model.learn(name, share, cost)
         if name == _BRANCH:
-            self.rate = max(share, 1e-3) / max(seconds, 1e-3)
-        self.history.append(self._record(name, relaxation, seconds))
+            self.rate = max(share, 1e-3) / max(cost, 1e-3)
+        self.costs.append(cost)
+        self.history.append(self._record(name, relaxation, time.process_time() - seconds))
 
     @property
     def _gap(self) -> float:
@@ -264,10 +266,10 @@ class AdaptiveSearch:
         if same in self.solved:
             return None
         self.solved.add(same)
-        start = time.process_time()
+        start = self.context.deadline.now()
         expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
         box_bound = bound_box(self.context, self.model.box, scaled, relaxation)
-        spent = time.process_time() - start
+        spent = self.context.deadline.now() - start
         if spent > 0.05:
             self.shared_state.cost_model.pace = float(np.clip(spent / expected, 0.2, 5.0))
         self.tried.append((spec, box_bound.proved.bound, spent))
@@ -347,10 +349,10 @@ class AdaptiveSearch:
 
     def _bound_linear(self, mccormick: LinearRelaxation) -> LinearSolution | None:
         """Accept the bound of the linear relaxation; return its solution, None without one."""
-        start = time.process_time()
+        start = self.context.deadline.now()
         with self.context.stages.stage("presolve"):
             solution = mccormick.minimise(self.context.deadline.left)
-            self.shared_state.cost_model.learn(PROGRAM, 0.0, time.process_time() - start)
+            self.shared_state.cost_model.learn(PROGRAM, 0.0, self.context.deadline.now() - start)
             if solution.status not in ("solved", "infeasible"):
                 return None
             empty = solution.status == "infeasible"
@@ -376,7 +378,7 @@ class AdaptiveSearch:
 
     def _tighten(self) -> Relaxation:
         """Run OBBT rounds before a relaxation, with a cutoff a little below the attained value."""
-        start = time.process_time()
+        start = self.context.deadline.now()
         self.context = replace(self.context, below=True)
         self._shrink()
         mccormick = self._mccormick()
@@ -384,7 +386,7 @@ class AdaptiveSearch:
             if not self._obbt_lp(mccormick) or self.over:
                 break
             mccormick = self._mccormick(mccormick)
-        self.shared_state.cost_model.learn(TIGHTENING, 0.0, time.process_time() - start)
+        self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.context.deadline.now() - start)
         return mccormick.relaxation
 
     # ---- branch and bound ---------------------------------------------------------------------
@@ -402,7 +404,7 @@ class AdaptiveSearch:
         search, limit = self.search, self.context.options.node_limit
 
         def stop() -> bool:
-            late = time.process_time() - start > slice_
+            late = self.context.deadline.now() - start > slice_
             return late or search.context.deadline.over or search.context.closed(search.bound)
 
         nodes = 10**9 if limit is None else limit - search.seen

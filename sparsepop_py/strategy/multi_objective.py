@@ -10,7 +10,6 @@ point is tried on all objectives. Cutoffs stay with their objective.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
 from sparsepop_py.local_search.slp import violated_rows
 from sparsepop_py.options import Options
@@ -170,13 +169,13 @@ class MultiObjectiveSearch:
         """Tighten the shared box by linear programs, once."""
         if self.obbt_done or self.deadline.over or not self.shared_state.obbt_lp:
             return
-        self.obbt_done, start = True, time.process_time()
+        self.obbt_done, start = True, self.deadline.now()
         with self.stages.stage("presolve"):
             self.model, self.shared_state.active = tighten_for_all(
                 self.problem, self.objectives, self.model, self.options, self.deadline
             )
         self.base = self.model
-        self.shared_state.cost_model.learn(TIGHTENING, 0.0, time.process_time() - start)
+        self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.deadline.now() - start)
 
     def _run(self, index: int, most: int) -> None:
         """Give one objective a turn of a few steps on the current shared box.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,8 @@ class SharedState:
         products = Products.of(problem, objectives)
         cliques = families(problem, objectives, options.sparse, options.chordal)
         specs = relaxation_specs(problem, cliques, tuple(objectives), options.order, options.skip)
+        specs = tuple(replace(spec, memory=options.memory_limit) for spec in specs)
+        specs = tuple(spec for spec in specs if spec.fits(cliques))
         variables = branching(products, options)
         branches = "branch" not in options.skip and options.node_limit != 0
         may = branches and "obbt_sdp" not in options.skip and len(variables) <= _FEW

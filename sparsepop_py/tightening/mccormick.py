@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import Deadline
 from sparsepop_py.conic.program import ConicProgram
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem

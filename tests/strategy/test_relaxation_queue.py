@@ -13,8 +13,8 @@ from benchmarks.identification import THETA
 from benchmarks.identification import task as identification_context
 from sparsepop_py import Options, Problem
 from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages

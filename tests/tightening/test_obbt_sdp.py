@@ -21,8 +21,8 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.branch_and_bound.node import NodeSettings, process_node
 from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages

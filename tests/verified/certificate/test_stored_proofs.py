@@ -12,8 +12,8 @@ import pytest
 
 import sparsepop_py as sp
 from benchmarks.identification import task as identification_context
+from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.recover_multipliers import identity_of, shortened
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
