@@ -18,28 +18,28 @@ Examples
 -0.52326
 """
 
-from . import estimators
-from .assembly import Rows
-from .bands import FrequencyBand, StepBand, frequency_band, step_band
-from .block_bands import SignalBand, StaticBand, signal_band, static_band
-from .boxes import ParameterBox, parameter_box
-from .centre import Central, central, worst_case_error
-from .completion import Witness
-from .consistency import Consistency, consistency
-from .data import IOData
-from .directions import DirectionBox
-from .discretisation import discretisation_error, estimate_delta
-from .equivalence import convert, convert_intervals, equivalent, unidentifiable
-from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
-from .estimators import Estimate, l1, least_squares, linf, recursive_least_squares
-from .exchange import ControlModels, to_control
-from .formulation import Formulation, formulate
-from .identify import identify
-from .indirect import ContinuousEstimate, to_continuous
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .layout import Layout
-from .members import feasible, members, projection_estimate
-from .models.block import (
+from setid import estimators
+from setid.assembly import Rows
+from setid.bands import FrequencyBand, StepBand, frequency_band, step_band
+from setid.block_bands import SignalBand, StaticBand, signal_band, static_band
+from setid.boxes import ParameterBox, parameter_box
+from setid.centre import Central, central, worst_case_error
+from setid.completion import Witness
+from setid.consistency import Consistency, consistency
+from setid.data import IOData
+from setid.directions import DirectionBox
+from setid.discretisation import discretisation_error, estimate_delta
+from setid.equivalence import convert, convert_intervals, equivalent, unidentifiable
+from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
+from setid.estimators import Estimate, l1, least_squares, linf, recursive_least_squares
+from setid.exchange import ControlModels, to_control
+from setid.formulation import Formulation, formulate
+from setid.identify import identify
+from setid.indirect import ContinuousEstimate, to_continuous
+from setid.intervals import Identification, IntervalStatus, ParameterInterval
+from setid.layout import Layout
+from setid.members import feasible, members, projection_estimate
+from setid.models.block import (
     BlockStructured,
     Hammerstein,
     HammersteinWiener,
@@ -47,12 +47,12 @@ from .models.block import (
     StaticMap,
     Wiener,
 )
-from .models.continuous import ContinuousTransferFunction
-from .models.lti import TransferFunction
-from .models.narx import PolynomialNARX
-from .noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
-from .options import Options
-from .priors import (
+from setid.models.continuous import ContinuousTransferFunction
+from setid.models.lti import TransferFunction
+from setid.models.narx import PolynomialNARX
+from setid.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
+from setid.options import Options
+from setid.priors import (
     Box,
     DCGain,
     Known,
@@ -63,13 +63,13 @@ from .priors import (
     ZeroIn,
     parameters,
 )
-from .projections import Projection, project
-from .regression import Regression
-from .residuals import Residuals, residuals
-from .select import Selection, SelectionStep, select
-from .simulate import Simulated, simulate, simulate_record
-from .validation import Comparison, OutputBand, compare, predict, simulate_band
-from .verification import Verification
+from setid.projections import Projection, project
+from setid.regression import Regression
+from setid.residuals import Residuals, residuals
+from setid.select import Selection, SelectionStep, select
+from setid.simulate import Simulated, simulate, simulate_record
+from setid.validation import Comparison, OutputBand, compare, predict, simulate_band
+from setid.verification import Verification
 
 __all__ = [
     "BlockStructured",

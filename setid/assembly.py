@@ -11,21 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen
-from .compiler import Planned, assemble, bands, equalities, plan, used_samples
-from .data import IOData
-from .errors import ModelError, NoiseError, PriorError
-from .layout import Layout, LayoutBuilder
-from .missing import missing_ranges
-from .models.block import BlockStructured
-from .models.equations import Equation, Structure
-from .monomials import MonomialRows, build_products
-from .noise import Noise
-from .priors.base import Facts, Prior
-from .regression import Regression, build_regression, driven_signals, usable_samples
-from .signals import Signal, internal_range, measured, unknown
-from .smoothing import smoothed
+from setid.checks import frozen
+from setid.compiler import Planned, assemble, bands, equalities, plan, used_samples
+from setid.data import IOData
+from setid.errors import ModelError, NoiseError, PriorError
+from setid.layout import Layout, LayoutBuilder
+from setid.missing import missing_ranges
+from setid.models.block import BlockStructured
+from setid.models.equations import Equation, Structure
+from setid.monomials import MonomialRows, build_products
+from setid.noise import Noise
+from setid.priors.base import Facts, Prior
+from setid.regression import Regression, build_regression, driven_signals, usable_samples
+from setid.signals import Signal, internal_range, measured, unknown
+from setid.smoothing import smoothed
 
 __all__ = ["Built", "Rows", "build"]
 

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import frozen, natural
-from .data import IOData
-from .enclosures import enclose
-from .errors import ModelError, SetidError
-from .members import members, nominal
-from .responses import frequency_response, frequency_weights, grid, transfer_of
-from .simulate import simulate
-from .supports import Cover, cover_of, supports
+from setid.checks import frozen, natural
+from setid.data import IOData
+from setid.enclosures import enclose
+from setid.errors import ModelError, SetidError
+from setid.members import members, nominal
+from setid.responses import frequency_response, frequency_weights, grid, transfer_of
+from setid.simulate import simulate
+from setid.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "step_band"]
 
@@ -74,7 +74,7 @@ class FrequencyBand:
 
     def plot(self, kind: str = "bode") -> NDArray | Axes:
         """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes."""
-        from .plots import plot_frequency_band
+        from setid.plots import plot_frequency_band
 
         return plot_frequency_band(self, kind)
 
@@ -103,7 +103,7 @@ class StepBand:
 
     def plot(self) -> Axes:
         """Draw it; returns the axes."""
-        from .plots import plot_step_band
+        from setid.plots import plot_step_band
 
         return plot_step_band(self)
 

@@ -16,20 +16,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .bands import Kind
-from .checks import frozen, real_array
-from .errors import ModelError, SetidError
-from .members import members, nominal
-from .models.block import BlockStructured
-from .models.maps import StaticMap
-from .supports import Cover, cover_of, supports
-from .units import in_units
+from setid.bands import Kind
+from setid.checks import frozen, real_array
+from setid.errors import ModelError, SetidError
+from setid.members import members, nominal
+from setid.models.block import BlockStructured
+from setid.models.maps import StaticMap
+from setid.supports import Cover, cover_of, supports
+from setid.units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 
@@ -61,7 +60,7 @@ class StaticBand:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it; see :func:`setid.block_plots.plot_static_band`."""
-        from .block_plots import plot_static_band
+        from setid.block_plots import plot_static_band
 
         return plot_static_band(self, ax)
 
@@ -87,7 +86,7 @@ class SignalBand:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw it; see :func:`setid.block_plots.plot_signal_band`."""
-        from .block_plots import plot_signal_band
+        from setid.block_plots import plot_signal_band
 
         return plot_signal_band(self, ax)
 

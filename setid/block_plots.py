@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import ModelError
-from .models.block import BlockStructured
-from .plots import new_axes, require_matplotlib
+from setid.errors import ModelError
+from setid.models.block import BlockStructured
+from setid.plots import new_axes, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .block_bands import SignalBand, StaticBand
-    from .intervals import Identification
+    from setid.block_bands import SignalBand, StaticBand
+    from setid.intervals import Identification
 
 __all__ = ["plot_diagram", "plot_signal_band", "plot_static_band"]
 

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .boxes import ParameterBox, parameter_box
-from .cells import CellBox, cell_box
-from .directions import DirectionBox, direction_box
-from .formulation import Formulation
-from .lifted import LiftedBox, completed, lifted_box, lifted_rows
+from setid.boxes import ParameterBox, parameter_box
+from setid.cells import CellBox, cell_box
+from setid.directions import DirectionBox, direction_box
+from setid.formulation import Formulation
+from setid.lifted import LiftedBox, completed, lifted_box, lifted_rows
 
 __all__ = ["ProvedBox", "box_follows", "boxed", "objectives", "proved_box", "start_of"]
 

@@ -22,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .bounds import Bounds, Box, gained
-from .checks import frozen
-from .linear import left_inverse
-from .regression import Regression
+from setid.bounds import Bounds, Box, gained
+from setid.checks import frozen
+from setid.linear import left_inverse
+from setid.regression import Regression
 
 __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows", "parameter_box"]
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .formulation import Formulation
-from .models.block import BlockStructured
-from .models.equations import Equation, Lagged, channel_of
+from setid.formulation import Formulation
+from setid.models.block import BlockStructured
+from setid.models.equations import Equation, Lagged, channel_of
 
 __all__ = ["Parts", "parts_of"]
 

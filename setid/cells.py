@@ -21,14 +21,14 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from .bounds import Bounds
-from .cell_arithmetic import Enclosed, Fitted, enclosed, fitted
-from .cell_structure import Parts, parts_of
-from .checks import frozen
-from .formulation import Formulation
-from .interval_arithmetic import Ends
-from .models.block import BlockStructured
-from .monomials import Total, contracted
+from setid.bounds import Bounds
+from setid.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
+from setid.cell_structure import Parts, parts_of
+from setid.checks import frozen
+from setid.formulation import Formulation
+from setid.interval_arithmetic import Ends
+from setid.models.block import BlockStructured
+from setid.monomials import Total, contracted
 
 __all__ = ["CellBox", "cell_box"]
 

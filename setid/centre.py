@@ -10,17 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen
-from .errors import SetidError
-from .existence import consistent
-from .formulation import Formulation
-from .members import ROUNDING, noise_level
-from .supports import middle, outer_box, require_members
-from .units import in_units
+from setid.checks import frozen
+from setid.errors import SetidError
+from setid.existence import consistent
+from setid.formulation import Formulation
+from setid.members import ROUNDING, noise_level
+from setid.supports import middle, outer_box, require_members
+from setid.units import in_units
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["Central", "central", "is_consistent", "worst_case_error"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import DataError, SetidError
+from setid.errors import DataError, SetidError
 
 __all__ = [
     "channels_of",

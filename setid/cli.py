@@ -12,20 +12,19 @@ from pathlib import Path
 from typing import Any
 
 import sparsepop_py as sp
-
-from .cli_structure import add_structure, structure_from
-from .consistency import Consistency, consistency
-from .data import IOData
-from .errors import DataError, NoiseError, SetidError
-from .identify import identify
-from .intervals import Identification, IntervalStatus
-from .models.equations import Structure
-from .noise import Noise
-from .options import Options
-from .plots import plot_intervals, require_matplotlib
-from .priors import DCGain, Stable
-from .reading import text_lines
-from .verification import Verification
+from setid.cli_structure import add_structure, structure_from
+from setid.consistency import Consistency, consistency
+from setid.data import IOData
+from setid.errors import DataError, NoiseError, SetidError
+from setid.identify import identify
+from setid.intervals import Identification, IntervalStatus
+from setid.models.equations import Structure
+from setid.noise import Noise
+from setid.options import Options
+from setid.plots import plot_intervals, require_matplotlib
+from setid.priors import DCGain, Stable
+from setid.reading import text_lines
+from setid.verification import Verification
 
 __all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from typing import Literal, get_args
 
-from .data import IOData
-from .errors import ModelError
-from .models.continuous import ContinuousTransferFunction, Hold, Method
-from .models.equations import Initial, Structure
-from .models.lti import TransferFunction
+from setid.data import IOData
+from setid.errors import ModelError
+from setid.models.continuous import ContinuousTransferFunction, Hold, Method
+from setid.models.equations import Initial, Structure
+from setid.models.lti import TransferFunction
 
 __all__ = ["add_structure", "structure_from"]
 

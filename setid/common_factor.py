@@ -23,15 +23,15 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import frozen
-from .errors import ModelError
-from .estimators import least_squares, linf
-from .existence import consistent
-from .formulation import Formulation, formulate
-from .models.lti import TransferFunction
-from .noise import Noise
-from .noise_factor import nearby, scaled_noise
-from .starts import first_point
+from setid.checks import frozen
+from setid.errors import ModelError
+from setid.estimators import least_squares, linf
+from setid.existence import consistent
+from setid.formulation import Formulation, formulate
+from setid.models.lti import TransferFunction
+from setid.noise import Noise
+from setid.noise_factor import nearby, scaled_noise
+from setid.starts import first_point
 
 __all__ = ["Endless", "endless_by"]
 

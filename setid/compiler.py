@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .data import IOData
-from .models.equations import Equation, Initial, Term
-from .signals import Integers, Reals, Signal
+from setid.data import IOData
+from setid.models.equations import Equation, Initial, Term
+from setid.signals import Integers, Reals, Signal
 
 __all__ = ["Assembled", "Planned", "assemble", "bands", "equalities", "plan", "used_samples"]
 

@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import lsqr
 
 import sparsepop_py as sp
-
-from .errors import ModelError, SetidError
-from .linear import minimise
-from .models.equations import channel_of
+from setid.errors import ModelError, SetidError
+from setid.linear import minimise
+from setid.models.equations import channel_of
 
 if TYPE_CHECKING:
-    from .formulation import Formulation
+    from setid.formulation import Formulation
 
 __all__ = [
     "Affine",

@@ -16,19 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .boxed import ProvedBox, box_follows, start_of
-from .boxes import ParameterBox, parameter_box
-from .data import IOData
-from .driving import driving_rows
-from .errors import ModelError, NoiseError, SetidError
-from .estimators import least_squares, linf
-from .existence import consistent
-from .formulation import Formulation, formulate, settled
-from .models.continuous import without_delta
-from .models.equations import Structure
-from .noise import Noise
-from .noise_factor import (
+from setid.boxed import ProvedBox, box_follows, start_of
+from setid.boxes import ParameterBox, parameter_box
+from setid.data import IOData
+from setid.driving import driving_rows
+from setid.errors import ModelError, NoiseError, SetidError
+from setid.estimators import least_squares, linf
+from setid.existence import consistent
+from setid.formulation import Formulation, formulate, settled
+from setid.models.continuous import without_delta
+from setid.models.equations import Structure
+from setid.noise import Noise
+from setid.noise_factor import (
     attained_factor,
     last_variable,
     least_factor,
@@ -39,12 +38,12 @@ from .noise_factor import (
     rounding_factor,
     scaled_noise,
 )
-from .options import Options
-from .printing import rounded
-from .priors.base import Prior
-from .regression import check_channels
-from .units import in_units
-from .verification import Verification
+from setid.options import Options
+from setid.printing import rounded
+from setid.priors.base import Prior
+from setid.regression import check_channels
+from setid.units import in_units
+from setid.verification import Verification
 
 __all__ = ["Consistency", "consistency"]
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .checks import channels_of, entries_of, natural, number, range_of, starts_of
-from .errors import DataError, SetidWarning
-from .reading import Column, listed, read_csv_columns, read_mat_columns, stacked
+from setid.checks import channels_of, entries_of, natural, number, range_of, starts_of
+from setid.errors import DataError, SetidWarning
+from setid.reading import Column, listed, read_csv_columns, read_mat_columns, stacked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -318,7 +318,7 @@ class IOData:
 
     def plot(self) -> NDArray[Any] | Axes:
         """Draw outputs above inputs over time; returns the axes (needs matplotlib)."""
-        from .record_plots import plot_record
+        from setid.record_plots import plot_record
 
         return plot_record(self)
 

@@ -24,13 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .bounds import Bounds
-from .boxes import ParameterBox, parameter_box
-from .checks import frozen
-from .formulation import Formulation
-from .regression import Regression
-from .units import InUnits, in_units
+from setid.bounds import Bounds
+from setid.boxes import ParameterBox, parameter_box
+from setid.checks import frozen
+from setid.formulation import Formulation
+from setid.regression import Regression
+from setid.units import InUnits, in_units
 
 __all__ = ["DirectionBox", "direction_box", "units_of_rows"]
 

@@ -18,22 +18,21 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import cont2discrete, lfilter
 
 import sparsepop_py as sp
-
-from .boxed import start_of
-from .boxes import parameter_box
-from .checks import frozen, number
-from .data import IOData
-from .errors import ModelError
-from .formulation import Formulation, formulate
-from .indirect import INDIRECT_WARNING
-from .models.continuous import ContinuousTransferFunction, without_delta
-from .models.equations import Structure
-from .noise import EstimatedBound, Noise
-from .noise_factor import on_box, problem_with_factor
-from .options import Options
-from .priors.base import Prior, listed
-from .simulate import simulate
-from .starts import candidates
+from setid.boxed import start_of
+from setid.boxes import parameter_box
+from setid.checks import frozen, number
+from setid.data import IOData
+from setid.errors import ModelError
+from setid.formulation import Formulation, formulate
+from setid.indirect import INDIRECT_WARNING
+from setid.models.continuous import ContinuousTransferFunction, without_delta
+from setid.models.equations import Structure
+from setid.noise import EstimatedBound, Noise
+from setid.noise_factor import on_box, problem_with_factor
+from setid.options import Options
+from setid.priors.base import Prior, listed
+from setid.simulate import simulate
+from setid.starts import candidates
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 

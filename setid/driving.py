@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .boxed import ProvedBox, boxed, start_of
-from .boxes import ParameterBox, parameter_box
-from .cells import CellBox
-from .checks import frozen
-from .formulation import Formulation
-from .lifted import LiftedBox, lifted_box, lifted_rows
-from .monomials import MonomialRows
-from .regression import Regression
-from .units import in_units
+from setid.boxed import ProvedBox, boxed, start_of
+from setid.boxes import ParameterBox, parameter_box
+from setid.cells import CellBox
+from setid.checks import frozen
+from setid.formulation import Formulation
+from setid.lifted import LiftedBox, lifted_box, lifted_rows
+from setid.monomials import MonomialRows
+from setid.regression import Regression
+from setid.units import in_units
 
 __all__ = ["driving_rows", "driving_samples"]
 

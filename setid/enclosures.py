@@ -21,12 +21,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import frozen
-from .data import IOData
-from .errors import ModelError, SetidError
-from .models.equations import Equation, Lagged, Structure, channel_of
-from .responses import run
-from .supports import Cover, supports
+from setid.checks import frozen
+from setid.data import IOData
+from setid.errors import ModelError, SetidError
+from setid.models.equations import Equation, Lagged, Structure, channel_of
+from setid.responses import run
+from setid.supports import Cover, supports
 
 __all__ = ["Enclosure", "enclose"]
 

@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import ModelError
-from .interval_arithmetic import (
+from setid.errors import ModelError
+from setid.interval_arithmetic import (
     Ends,
     odd_root,
     plus,
@@ -38,11 +38,11 @@ from .interval_arithmetic import (
     sum_of,
     times,
 )
-from .models.block import BlockStructured, Lure, Normalise
-from .simulate import simulate
+from setid.models.block import BlockStructured, Lure, Normalise
+from setid.simulate import simulate
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["convert", "convert_intervals", "equivalent", "unidentifiable"]
 

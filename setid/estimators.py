@@ -13,12 +13,12 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
-from .checks import frozen, number
-from .data import IOData
-from .errors import DataError, SetidError
-from .linear import left_inverse, minimise
-from .models.equations import Structure
-from .regression import Regression, regression_of_data
+from setid.checks import frozen, number
+from setid.data import IOData
+from setid.errors import DataError, SetidError
+from setid.linear import left_inverse, minimise
+from setid.models.equations import Structure
+from setid.regression import Regression, regression_of_data
 
 __all__ = ["Estimate", "l1", "least_squares", "linf", "recursive_least_squares"]
 

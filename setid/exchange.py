@@ -15,16 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .bands import frequency_band
-from .checks import frozen
-from .errors import ModelError, SetidError
-from .members import attained_members, members, nominal
-from .models.equations import Structure
-from .responses import frequency_response, grid
+from setid.bands import frequency_band
+from setid.checks import frozen
+from setid.errors import ModelError, SetidError
+from setid.members import attained_members, members, nominal
+from setid.models.equations import Structure
+from setid.responses import frequency_response, grid
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
 

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .errors import ModelError
-from .formulation import Formulation
+from setid.errors import ModelError
+from setid.formulation import Formulation
 
 __all__ = ["consistent", "proved_point"]
 

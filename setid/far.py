@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .formulation import Formulation
-from .monomials import MonomialRows, Total, contracted
+from setid.formulation import Formulation
+from setid.monomials import MonomialRows, Total, contracted
 
 __all__ = ["Far", "nothing_far"]
 

@@ -12,22 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .assembly import Rows, build
-from .completion import Witness, complete_point, least_noise
-from .data import IOData
-from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
-from .layout import Layout
-from .models.block import BlockStructured
-from .models.continuous import ContinuousTransferFunction, at_rate
-from .models.equations import Equation, Structure
-from .monomials import MonomialRows
-from .noise import Noise
-from .printing import equation_text
-from .priors.base import Prior, listed
-from .priors.coefficients import Given
-from .priors.normalisation import UnitGain
-from .regression import Regression, check_channels
+from setid.assembly import Rows, build
+from setid.completion import Witness, complete_point, least_noise
+from setid.data import IOData
+from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
+from setid.layout import Layout
+from setid.models.block import BlockStructured
+from setid.models.continuous import ContinuousTransferFunction, at_rate
+from setid.models.equations import Equation, Structure
+from setid.monomials import MonomialRows
+from setid.noise import Noise
+from setid.printing import equation_text
+from setid.priors.base import Prior, listed
+from setid.priors.coefficients import Given
+from setid.priors.normalisation import UnitGain
+from setid.regression import Regression, check_channels
 
 __all__ = ["Formulation", "formulate", "settled"]
 

@@ -21,32 +21,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .attained import inner_ends
-from .boxed import ProvedBox, boxed, objectives, proved_box
-from .checks import frozen
-from .common_factor import Endless, endless_by
-from .data import IOData
-from .discretisation import remark, with_estimate
-from .driving import driving_rows, driving_samples
-from .equivalence import unidentifiable
-from .errors import SetidError
-from .existence import proved_point
-from .formulation import Formulation, formulate
-from .idle import idle_parameters
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .models.block import BlockStructured
-from .models.equations import Structure
-from .models.lti import TransferFunction
-from .noise import Noise
-from .options import Options
-from .priors.base import Prior
-from .progress import Progress
-from .results import empty_result, endless_text, free_text, result_of, unbounded_text
-from .search import attained_ends, checked, coupled
-from .starts import first_point, repair
-from .units import InUnits, in_units
-from .unnormalised import reference_model, refuse
+from setid.attained import inner_ends
+from setid.boxed import ProvedBox, boxed, objectives, proved_box
+from setid.checks import frozen
+from setid.common_factor import Endless, endless_by
+from setid.data import IOData
+from setid.discretisation import remark, with_estimate
+from setid.driving import driving_rows, driving_samples
+from setid.equivalence import unidentifiable
+from setid.errors import SetidError
+from setid.existence import proved_point
+from setid.formulation import Formulation, formulate
+from setid.idle import idle_parameters
+from setid.intervals import Identification, IntervalStatus, ParameterInterval
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
+from setid.noise import Noise
+from setid.options import Options
+from setid.priors.base import Prior
+from setid.progress import Progress
+from setid.results import empty_result, endless_text, free_text, result_of, unbounded_text
+from setid.search import attained_ends, checked, coupled
+from setid.starts import first_point, repair
+from setid.units import InUnits, in_units
+from setid.unnormalised import reference_model, refuse
 
 __all__ = ["identify"]
 

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .formulation import Formulation
+from setid.formulation import Formulation
 
 __all__ = ["idle_parameters"]
 

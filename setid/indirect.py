@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import logm
 
-from .checks import frozen
-from .errors import ModelError, SetidError
-from .exchange import coefficients
-from .members import members, nominal
+from setid.checks import frozen
+from setid.errors import ModelError, SetidError
+from setid.exchange import coefficients
+from setid.members import members, nominal
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["INDIRECT_WARNING", "ContinuousEstimate", "to_continuous"]
 

@@ -17,22 +17,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .bands import Kind, frequency_band, step_band
-from .boxed import ProvedBox
-from .centre import Central, central, worst_case_error
-from .common_factor import Endless
-from .data import IOData
-from .exchange import ControlModels, to_control
-from .existence import consistent
-from .formulation import Formulation
-from .members import feasible, projection_estimate
-from .noise import Noise
-from .options import Options
-from .projections import Projection, project
-from .reports import binding, summary, table
-from .validation import Comparison, Mode, OutputBand, compare, predict, simulate_band
-from .verification import Verification, verify
+from setid.bands import Kind, frequency_band, step_band
+from setid.boxed import ProvedBox
+from setid.centre import Central, central, worst_case_error
+from setid.common_factor import Endless
+from setid.data import IOData
+from setid.exchange import ControlModels, to_control
+from setid.existence import consistent
+from setid.formulation import Formulation
+from setid.members import feasible, projection_estimate
+from setid.noise import Noise
+from setid.options import Options
+from setid.projections import Projection, project
+from setid.reports import binding, summary, table
+from setid.validation import Comparison, Mode, OutputBand, compare, predict, simulate_band
+from setid.verification import Verification, verify
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -292,7 +291,7 @@ class Identification:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the intervals, outer and inner; see :func:`setid.plots.plot_intervals`."""
-        from .plots import plot_intervals
+        from setid.plots import plot_intervals
 
         return plot_intervals(self, ax)
 

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen
-from .data import IOData
-from .errors import SetidError
+from setid.checks import frozen
+from setid.data import IOData
+from setid.errors import SetidError
 
 __all__ = ["Layout", "LayoutBuilder"]
 

@@ -20,14 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .bounds import Bounds, gained
-from .boxes import ParameterBox, linear_rows, parameter_box
-from .checks import frozen
-from .far import Far, nothing_far
-from .formulation import Formulation
-from .monomials import Monomial, MonomialRows, merged
-from .regression import Regression
+from setid.bounds import Bounds, gained
+from setid.boxes import ParameterBox, linear_rows, parameter_box
+from setid.checks import frozen
+from setid.far import Far, nothing_far
+from setid.formulation import Formulation
+from setid.monomials import Monomial, MonomialRows, merged
+from setid.regression import Regression
 
 __all__ = ["LiftedBox", "completed", "lifted_box", "lifted_rows"]
 

@@ -7,7 +7,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from .errors import SetidError
+from setid.errors import SetidError
 
 __all__ = ["left_inverse", "minimise"]
 

@@ -13,16 +13,15 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen, natural
-from .completion import Witness
-from .errors import ModelError, SetidError
-from .linear import minimise
-from .supports import middle, outer_box, require_members
+from setid.checks import frozen, natural
+from setid.completion import Witness
+from setid.errors import ModelError, SetidError
+from setid.linear import minimise
+from setid.supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:
-    from .formulation import Formulation
-    from .intervals import Identification
+    from setid.formulation import Formulation
+    from setid.intervals import Identification
 
 __all__ = [
     "ROUNDING",

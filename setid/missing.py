@@ -13,8 +13,8 @@ from math import inf, isfinite, nextafter
 import numpy as np
 from numpy.typing import NDArray
 
-from .data import IOData
-from .models.equations import Equation, Lagged, Structure, Term, channel_of
+from setid.data import IOData
+from setid.models.equations import Equation, Lagged, Structure, Term, channel_of
 
 __all__ = ["missing_ranges"]
 

@@ -18,15 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen
-from .compiler import plan
-from .data import IOData
-from .interval_arithmetic import Ends, meet, plus, product, quotient, sum_of, times
-from .models.block import BlockStructured
-from .models.equations import Structure
-from .regression import Regression, rows_of
-from .signals import Signal
+from setid.checks import frozen
+from setid.compiler import plan
+from setid.data import IOData
+from setid.interval_arithmetic import Ends, meet, plus, product, quotient, sum_of, times
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure
+from setid.regression import Regression, rows_of
+from setid.signals import Signal
 
 __all__ = ["Gain", "Monomial", "MonomialRows", "Total", "build_products", "contracted", "merged"]
 

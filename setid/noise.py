@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-
-from .checks import entries_of, frozen, number, real_array, switch
-from .data import IOData
-from .errors import NoiseError
+from setid.checks import entries_of, frozen, number, real_array, switch
+from setid.data import IOData
+from setid.errors import NoiseError
 
 if TYPE_CHECKING:
-    from .layout import Layout
+    from setid.layout import Layout
 
 __all__ = ["EnergyBound", "EstimatedBound", "Noise", "RateLimit", "estimate_noise_bound"]
 

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .boxed import ProvedBox, proved_box, start_of
-from .boxes import ParameterBox, parameter_box
-from .data import IOData
-from .directions import units_of_rows
-from .formulation import Formulation
-from .noise import Noise
-from .options import Options
-from .units import in_units
+from setid.boxed import ProvedBox, proved_box, start_of
+from setid.boxes import ParameterBox, parameter_box
+from setid.data import IOData
+from setid.directions import units_of_rows
+from setid.formulation import Formulation
+from setid.noise import Noise
+from setid.options import Options
+from setid.units import in_units
 
 __all__ = [
     "last_variable",

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SetidError
-from .record_plots import over_time, require_matplotlib
+from setid.errors import SetidError
+from setid.record_plots import over_time, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .bands import FrequencyBand, StepBand
-    from .intervals import Identification
-    from .projections import Projection
-    from .residuals import Residuals
-    from .validation import Comparison, OutputBand
+    from setid.bands import FrequencyBand, StepBand
+    from setid.intervals import Identification
+    from setid.projections import Projection
+    from setid.residuals import Residuals
+    from setid.validation import Comparison, OutputBand
 
 __all__ = [
     "new_axes",

@@ -16,18 +16,17 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 import sparsepop_py as sp
-
-from .checks import frozen, natural
-from .errors import SetidError
-from .linear import minimise
-from .members import attained_members
-from .supports import Cover, cover_of, supports
-from .units import in_units
+from setid.checks import frozen, natural
+from setid.errors import SetidError
+from setid.linear import minimise
+from setid.members import attained_members
+from setid.supports import Cover, cover_of, supports
+from setid.units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["Projection", "project"]
 
@@ -69,7 +68,7 @@ class Projection:
 
     def plot(self) -> Axes:
         """Draw outline and attained points; returns the axes."""
-        from .plots import plot_projection
+        from setid.plots import plot_projection
 
         return plot_projection(self)
 

@@ -13,8 +13,8 @@ import numpy as np
 import scipy.io
 from numpy.typing import NDArray
 
-from .checks import real_array
-from .errors import DataError
+from setid.checks import real_array
+from setid.errors import DataError
 
 __all__ = ["Column", "listed", "read_csv_columns", "read_mat_columns", "stacked", "text_lines"]
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import frozen
-from .compiler import Planned, plan
-from .data import IOData
-from .errors import DataError, ModelError
-from .models.block import BlockStructured
-from .models.continuous import ContinuousTransferFunction, at_rate
-from .models.equations import Structure
-from .signals import Integers, Reals, Signal, measured, product
+from setid.checks import frozen
+from setid.compiler import Planned, plan
+from setid.data import IOData
+from setid.errors import DataError, ModelError
+from setid.models.block import BlockStructured
+from setid.models.continuous import ContinuousTransferFunction, at_rate
+from setid.models.equations import Structure
+from setid.signals import Integers, Reals, Signal, measured, product
 
 __all__ = [
     "Regression",

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .completion import noise_shares
-from .formulation import Formulation
-from .printing import rounded
+from setid.completion import noise_shares
+from setid.formulation import Formulation
+from setid.printing import rounded
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["active_priors", "binding", "binding_kinds", "summary", "table"]
 

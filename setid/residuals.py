@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import frozen
-from .errors import SetidError
-from .members import nominal
+from setid.checks import frozen
+from setid.errors import SetidError
+from setid.members import nominal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["Residuals", "residuals"]
 
@@ -50,7 +50,7 @@ class Residuals:
 
     def plot(self) -> Axes:
         """Draw residuals and bounds; returns the axes."""
-        from .plots import plot_residuals
+        from setid.plots import plot_residuals
 
         return plot_residuals(self)
 

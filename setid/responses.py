@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .data import IOData
-from .errors import ModelError, SetidError
-from .models.equations import Structure, Transfer
-from .simulate import leading, simulate, weight
+from setid.data import IOData
+from setid.errors import ModelError, SetidError
+from setid.models.equations import Structure, Transfer
+from setid.simulate import leading, simulate, weight
 
 __all__ = ["frequency_response", "frequency_weights", "grid", "run", "transfer_of"]
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .bounds import Bounds
-from .common_factor import Endless
-from .formulation import Formulation
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .models.block import BlockStructured, HammersteinWiener, Wiener
-from .options import Options
-from .reports import active_priors
+from setid.bounds import Bounds
+from setid.common_factor import Endless
+from setid.formulation import Formulation
+from setid.intervals import Identification, IntervalStatus, ParameterInterval
+from setid.models.block import BlockStructured, HammersteinWiener, Wiener
+from setid.options import Options
+from setid.reports import active_priors
 
 __all__ = ["empty_result", "endless_text", "free_text", "result_of", "unbounded_text"]
 

@@ -26,12 +26,11 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .completion import affine, defined_unknowns, held_unknowns, polished, redefined
-from .errors import SetidError
-from .existence import proved_point
-from .formulation import Formulation
-from .linear import minimise
+from setid.completion import affine, defined_unknowns, held_unknowns, polished, redefined
+from setid.errors import SetidError
+from setid.existence import proved_point
+from setid.formulation import Formulation
+from setid.linear import minimise
 
 __all__ = ["attained_ends", "checked", "coupled"]
 

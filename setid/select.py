@@ -18,18 +18,17 @@ from typing import Any
 import numpy as np
 
 import sparsepop_py as sp
-
-from .checks import entries_of, natural
-from .data import IOData
-from .errors import ModelError, SetidError
-from .identify import identify
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .models.equations import Structure
-from .models.lti import TransferFunction
-from .models.narx import PolynomialNARX
-from .noise import Noise
-from .options import Options
-from .priors.base import Prior
+from setid.checks import entries_of, natural
+from setid.data import IOData
+from setid.errors import ModelError, SetidError
+from setid.identify import identify
+from setid.intervals import Identification, IntervalStatus, ParameterInterval
+from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
+from setid.models.narx import PolynomialNARX
+from setid.noise import Noise
+from setid.options import Options
+from setid.priors.base import Prior
 
 __all__ = ["Selection", "SelectionStep", "select"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .models.equations import Equation, Lagged
+from setid.models.equations import Equation, Lagged
 
 __all__ = ["Ball", "Signal", "internal_range", "measured", "product", "unknown"]
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .checks import frozen
-from .data import IOData
-from .models.equations import Equation, Structure
-from .regression import Regression
-from .signals import Integers, Reals
+from setid.checks import frozen
+from setid.data import IOData
+from setid.models.equations import Equation, Structure
+from setid.regression import Regression
+from setid.signals import Integers, Reals
 
 __all__ = ["smoothed"]
 

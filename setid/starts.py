@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .errors import ModelError
-from .formulation import Formulation
-from .linear import left_inverse
+from setid.errors import ModelError
+from setid.formulation import Formulation
+from setid.linear import left_inverse
 
 __all__ = ["candidates", "first_point", "repair"]
 

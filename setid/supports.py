@@ -16,14 +16,13 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen
-from .errors import SetidError
-from .linear import minimise
+from setid.checks import frozen
+from setid.errors import SetidError
+from setid.linear import minimise
 
 if TYPE_CHECKING:
-    from .formulation import Formulation
-    from .intervals import Identification
+    from setid.formulation import Formulation
+    from setid.intervals import Identification
 
 __all__ = ["Cover", "box_ranges", "cover_of", "middle", "outer_box", "require_members", "supports"]
 

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .checks import frozen
-from .errors import SetidError
-from .formulation import Formulation
+from setid.checks import frozen
+from setid.errors import SetidError
+from setid.formulation import Formulation
 
 __all__ = ["InUnits", "in_units"]
 

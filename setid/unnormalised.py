@@ -9,16 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .boxed import start_of
-from .boxes import parameter_box
-from .cells import cell_box
-from .data import IOData
-from .equivalence import unidentifiable
-from .errors import ModelError
-from .formulation import formulate
-from .models.block import BlockStructured, Lure, Normalise
-from .noise import Noise
-from .priors.base import Prior
+from setid.boxed import start_of
+from setid.boxes import parameter_box
+from setid.cells import cell_box
+from setid.data import IOData
+from setid.equivalence import unidentifiable
+from setid.errors import ModelError
+from setid.formulation import formulate
+from setid.models.block import BlockStructured, Lure, Normalise
+from setid.noise import Noise
+from setid.priors.base import Prior
 
 __all__ = ["reference_model", "refuse"]
 

@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .bands import Kind
-from .checks import frozen
-from .data import IOData
-from .enclosures import enclose
-from .errors import DataError, SetidError
-from .formulation import formulate
-from .members import members, nominal
-from .noise import Noise
-from .regression import check_channels
-from .responses import run
-from .supports import Cover, cover_of, supports
+from setid.bands import Kind
+from setid.checks import frozen
+from setid.data import IOData
+from setid.enclosures import enclose
+from setid.errors import DataError, SetidError
+from setid.formulation import formulate
+from setid.members import members, nominal
+from setid.noise import Noise
+from setid.regression import check_channels
+from setid.responses import run
+from setid.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
 
@@ -75,7 +75,7 @@ class OutputBand:
 
     def plot(self) -> NDArray:
         """Draw the readings and the band, one axis an output; returns the axes."""
-        from .plots import plot_output_band
+        from setid.plots import plot_output_band
 
         return plot_output_band(self)
 
@@ -121,7 +121,7 @@ class Comparison:
 
     def plot(self) -> NDArray:
         """Draw the band with the fit in the title; returns the axes."""
-        from .plots import plot_comparison
+        from setid.plots import plot_comparison
 
         return plot_comparison(self)
 

@@ -9,18 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import sparsepop_py as sp
-
-from .boxed import box_follows, boxed, objectives
-from .data import IOData
-from .equivalence import unidentifiable
-from .formulation import Formulation, formulate
-from .idle import idle_parameters
-from .models.block import BlockStructured
-from .units import InUnits, in_units
-from .unnormalised import reference_model
+from setid.boxed import box_follows, boxed, objectives
+from setid.data import IOData
+from setid.equivalence import unidentifiable
+from setid.formulation import Formulation, formulate
+from setid.idle import idle_parameters
+from setid.models.block import BlockStructured
+from setid.units import InUnits, in_units
+from setid.unnormalised import reference_model
 
 if TYPE_CHECKING:
-    from .intervals import Identification
+    from setid.intervals import Identification
 
 __all__ = ["Verification", "verify"]
 

@@ -36,10 +36,10 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import natural, number, switch
-from ..errors import ModelError
-from .equations import Equation, Initial, Lagged, Structure, Term, Transfer
-from .lti import TransferFunction
+from setid.checks import natural, number, switch
+from setid.errors import ModelError
+from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
+from setid.models.lti import TransferFunction
 
 __all__ = ["ContinuousTransferFunction", "Hold", "Method", "at_rate", "without_delta"]
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import entries_of, natural, number
-from ..errors import ModelError
-from .equations import channel_of
-from .lti import TransferFunction
-from .maps import StaticMap
-from .wiring import Block, Maps, Wiring
+from setid.checks import entries_of, natural, number
+from setid.errors import ModelError
+from setid.models.equations import channel_of
+from setid.models.lti import TransferFunction
+from setid.models.maps import StaticMap
+from setid.models.wiring import Block, Maps, Wiring
 
 __all__ = ["read_blocks", "read_maps", "read_normalisation"]
 

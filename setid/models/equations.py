@@ -12,7 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
-from ..errors import ModelError
+from setid.errors import ModelError
 
 __all__ = [
     "Equation",

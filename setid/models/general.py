@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError
-from .declared import read_blocks, read_maps, read_normalisation
-from .equations import Equation, Initial, Transfer, channel_of
-from .lti import Form, TransferFunction
-from .maps import StaticMap
-from .wiring import Block, Wiring
+from setid.errors import ModelError
+from setid.models.declared import read_blocks, read_maps, read_normalisation
+from setid.models.equations import Equation, Initial, Transfer, channel_of
+from setid.models.lti import Form, TransferFunction
+from setid.models.maps import StaticMap
+from setid.models.wiring import Block, Wiring
 
 __all__ = ["BlockStructured", "Normalise"]
 

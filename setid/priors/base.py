@@ -11,11 +11,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 import sparsepop_py as sp
-
-from ..checks import entries_of, number
-from ..errors import PriorError
-from ..models.block import BlockStructured
-from ..models.equations import Structure
+from setid.checks import entries_of, number
+from setid.errors import PriorError
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure
 
 __all__ = [
     "Facts",

@@ -9,10 +9,9 @@ from types import MappingProxyType
 from typing import Any
 
 import sparsepop_py as sp
-
-from ..errors import PriorError
-from ..models.equations import Structure
-from .base import Facts, Interval, Plain, Symbols, finite, interval_of, items_of, stored
+from setid.errors import PriorError
+from setid.models.equations import Structure
+from setid.priors.base import Facts, Interval, Plain, Symbols, finite, interval_of, items_of, stored
 
 __all__ = ["Box", "Given", "Known", "Sign", "parameters"]
 

@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 import sparsepop_py as sp
-
-from ..checks import number
-from ..errors import PriorError
-from ..models.block import BlockStructured
-from ..models.equations import Structure, Transfer
-from .base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
-from .hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
-from .stability import disc_rows, disc_unknowns, unknown_values
+from setid.checks import number
+from setid.errors import PriorError
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure, Transfer
+from setid.priors.base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
+from setid.priors.hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
+from setid.priors.stability import disc_rows, disc_unknowns, unknown_values
 
 __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
