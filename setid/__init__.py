@@ -26,7 +26,8 @@ from setid.boxes import ParameterBox, parameter_box
 from setid.centre import Central, central, worst_case_error
 from setid.completion import Witness
 from setid.consistency import Consistency, consistency
-from setid.data import IOData
+from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
+from setid.data.record import IOData
 from setid.directions import DirectionBox
 from setid.discretisation import discretisation_error, estimate_delta
 from setid.equivalence import convert, convert_intervals, equivalent, unidentifiable
@@ -50,7 +51,6 @@ from setid.models.block import (
 from setid.models.continuous import ContinuousTransferFunction
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
-from setid.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.options import Options
 from setid.priors import (
     Box,

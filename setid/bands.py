@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.checks import frozen, natural
-from setid.data import IOData
+from setid.data.checks import frozen, natural
+from setid.data.record import IOData
 from setid.enclosures import enclose
 from setid.errors import ModelError, SetidError
 from setid.members import members, nominal

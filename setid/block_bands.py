@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands import Kind
-from setid.checks import frozen, real_array
+from setid.data.checks import frozen, real_array
 from setid.errors import ModelError, SetidError
 from setid.members import members, nominal
 from setid.models.block import BlockStructured

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.bounds import Bounds, Box, gained
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.linear import left_inverse
 from setid.regression import Regression
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from setid.bounds import Bounds
 from setid.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
 from setid.cell_structure import Parts, parts_of
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.formulation import Formulation
 from setid.interval_arithmetic import Ends
 from setid.models.block import BlockStructured

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.existence import consistent
 from setid.formulation import Formulation

@@ -14,16 +14,16 @@ from typing import Any
 import sparsepop_py as sp
 from setid.cli_structure import add_structure, structure_from
 from setid.consistency import Consistency, consistency
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.readers import text_lines
+from setid.data.record import IOData
 from setid.errors import DataError, NoiseError, SetidError
 from setid.identify import identify
 from setid.intervals import Identification, IntervalStatus
 from setid.models.equations import Structure
-from setid.noise import Noise
 from setid.options import Options
 from setid.plots import plot_intervals, require_matplotlib
 from setid.priors import DCGain, Stable
-from setid.reading import text_lines
 from setid.verification import Verification
 
 __all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Literal, get_args
 
-from setid.data import IOData
+from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method
 from setid.models.equations import Initial, Structure

@@ -23,13 +23,13 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import frozen
+from setid.data.checks import frozen
+from setid.data.noise import Noise
 from setid.errors import ModelError
 from setid.estimators import least_squares, linf
 from setid.existence import consistent
 from setid.formulation import Formulation, formulate
 from setid.models.lti import TransferFunction
-from setid.noise import Noise
 from setid.noise_factor import nearby, scaled_noise
 from setid.starts import first_point
 

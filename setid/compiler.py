@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data import IOData
+from setid.data.record import IOData
 from setid.models.equations import Equation, Initial, Term
 from setid.signals import Integers, Reals, Signal
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.boxed import ProvedBox, box_follows, start_of
 from setid.boxes import ParameterBox, parameter_box
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.driving import driving_rows
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.estimators import least_squares, linf
@@ -26,7 +27,6 @@ from setid.existence import consistent
 from setid.formulation import Formulation, formulate, settled
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
-from setid.noise import Noise
 from setid.noise_factor import (
     attained_factor,
     last_variable,

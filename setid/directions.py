@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.bounds import Bounds
 from setid.boxes import ParameterBox, parameter_box
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.formulation import Formulation
 from setid.regression import Regression
 from setid.units import InUnits, in_units

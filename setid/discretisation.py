@@ -20,14 +20,14 @@ from scipy.signal import cont2discrete, lfilter
 import sparsepop_py as sp
 from setid.boxed import start_of
 from setid.boxes import parameter_box
-from setid.checks import frozen, number
-from setid.data import IOData
+from setid.data.checks import frozen, number
+from setid.data.noise import EstimatedBound, Noise
+from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.formulation import Formulation, formulate
 from setid.indirect import INDIRECT_WARNING
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
-from setid.noise import EstimatedBound, Noise
 from setid.noise_factor import on_box, problem_with_factor
 from setid.options import Options
 from setid.priors.base import Prior, listed

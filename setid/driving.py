@@ -18,7 +18,7 @@ import sparsepop_py as sp
 from setid.boxed import ProvedBox, boxed, start_of
 from setid.boxes import ParameterBox, parameter_box
 from setid.cells import CellBox
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.formulation import Formulation
 from setid.lifted import LiftedBox, lifted_box, lifted_rows
 from setid.monomials import MonomialRows

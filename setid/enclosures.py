@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import frozen
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Lagged, Structure, channel_of
 from setid.responses import run

@@ -13,8 +13,8 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
-from setid.checks import frozen, number
-from setid.data import IOData
+from setid.data.checks import frozen, number
+from setid.data.record import IOData
 from setid.errors import DataError, SetidError
 from setid.linear import left_inverse, minimise
 from setid.models.equations import Structure

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands import frequency_band
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.members import attained_members, members, nominal
 from setid.models.equations import Structure

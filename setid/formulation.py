@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.assembly import Rows, build
 from setid.completion import Witness, complete_point, least_noise
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from setid.layout import Layout
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Structure
 from setid.monomials import MonomialRows
-from setid.noise import Noise
 from setid.printing import equation_text
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given

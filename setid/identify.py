@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.attained import inner_ends
 from setid.boxed import ProvedBox, boxed, objectives, proved_box
-from setid.checks import frozen
 from setid.common_factor import Endless, endless_by
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.discretisation import remark, with_estimate
 from setid.driving import driving_rows, driving_samples
 from setid.equivalence import unidentifiable
@@ -37,7 +38,6 @@ from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.noise import Noise
 from setid.options import Options
 from setid.priors.base import Prior
 from setid.progress import Progress

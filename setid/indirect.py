@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import logm
 
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.exchange import coefficients
 from setid.members import members, nominal

@@ -21,12 +21,12 @@ from setid.bands import Kind, frequency_band, step_band
 from setid.boxed import ProvedBox
 from setid.centre import Central, central, worst_case_error
 from setid.common_factor import Endless
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.exchange import ControlModels, to_control
 from setid.existence import consistent
 from setid.formulation import Formulation
 from setid.members import feasible, projection_estimate
-from setid.noise import Noise
 from setid.options import Options
 from setid.projections import Projection, project
 from setid.reports import binding, summary, table

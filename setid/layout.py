@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.checks import frozen
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.record import IOData
 from setid.errors import SetidError
 
 __all__ = ["Layout", "LayoutBuilder"]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.bounds import Bounds, gained
 from setid.boxes import ParameterBox, linear_rows, parameter_box
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.far import Far, nothing_far
 from setid.formulation import Formulation
 from setid.monomials import Monomial, MonomialRows, merged

@@ -13,8 +13,8 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.checks import frozen, natural
 from setid.completion import Witness
+from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
 from setid.linear import minimise
 from setid.supports import middle, outer_box, require_members

@@ -13,7 +13,7 @@ from math import inf, isfinite, nextafter
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.data import IOData
+from setid.data.record import IOData
 from setid.models.equations import Equation, Lagged, Structure, Term, channel_of
 
 __all__ = ["missing_ranges"]

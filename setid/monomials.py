@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.checks import frozen
 from setid.compiler import plan
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.record import IOData
 from setid.interval_arithmetic import Ends, meet, plus, product, quotient, sum_of, times
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.boxed import ProvedBox, proved_box, start_of
 from setid.boxes import ParameterBox, parameter_box
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.directions import units_of_rows
 from setid.formulation import Formulation
-from setid.noise import Noise
 from setid.options import Options
 from setid.units import in_units
 

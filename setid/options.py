@@ -8,7 +8,7 @@ from time import monotonic
 from typing import Literal
 
 import sparsepop_py as sp
-from setid.checks import number
+from setid.data.checks import number
 from setid.errors import SetidError
 
 __all__ = ["Options"]

@@ -6,10 +6,10 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 import numpy as np
 
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.layout import Layout
 from setid.models.equations import Equation, Lagged, channel_of
-from setid.noise import Noise
 
 __all__ = ["equation_text", "rounded"]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 import sparsepop_py as sp
-from setid.checks import frozen, natural
+from setid.data.checks import frozen, natural
 from setid.errors import SetidError
 from setid.linear import minimise
 from setid.members import attained_members

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data import IOData
+from setid.data.record import IOData
 
 __all__ = ["over_time", "plot_record", "require_matplotlib"]
 

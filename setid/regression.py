@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import frozen
 from setid.compiler import Planned, plan
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.record import IOData
 from setid.errors import DataError, ModelError
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate

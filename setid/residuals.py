@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.members import nominal
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data import IOData
+from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Structure, Transfer
 from setid.simulate import leading, simulate, weight

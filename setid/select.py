@@ -18,15 +18,15 @@ from typing import Any
 import numpy as np
 
 import sparsepop_py as sp
-from setid.checks import entries_of, natural
-from setid.data import IOData
+from setid.data.checks import entries_of, natural
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.identify import identify
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
-from setid.noise import Noise
 from setid.options import Options
 from setid.priors.base import Prior
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.checks import frozen, real_array
-from setid.data import IOData
+from setid.data.checks import frozen, real_array
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure, Term, channel_of
-from setid.noise import Noise
 
 __all__ = ["Simulated", "leading", "simulate", "simulate_record", "weight"]
 

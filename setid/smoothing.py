@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import frozen
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.record import IOData
 from setid.models.equations import Equation, Structure
 from setid.regression import Regression
 from setid.signals import Integers, Reals

@@ -16,7 +16,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.linear import minimise
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.checks import frozen
+from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.formulation import Formulation
 

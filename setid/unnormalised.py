@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from setid.boxed import start_of
 from setid.boxes import parameter_box
 from setid.cells import cell_box
-from setid.data import IOData
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.equivalence import unidentifiable
 from setid.errors import ModelError
 from setid.formulation import formulate
 from setid.models.block import BlockStructured, Lure, Normalise
-from setid.noise import Noise
 from setid.priors.base import Prior
 
 __all__ = ["reference_model", "refuse"]

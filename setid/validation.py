@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.bands import Kind
-from setid.checks import frozen
-from setid.data import IOData
+from setid.data.checks import frozen
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.enclosures import enclose
 from setid.errors import DataError, SetidError
 from setid.formulation import formulate
 from setid.members import members, nominal
-from setid.noise import Noise
 from setid.regression import check_channels
 from setid.responses import run
 from setid.supports import Cover, cover_of, supports

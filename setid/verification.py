@@ -10,7 +10,7 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.boxed import box_follows, boxed, objectives
-from setid.data import IOData
+from setid.data.record import IOData
 from setid.equivalence import unidentifiable
 from setid.formulation import Formulation, formulate
 from setid.idle import idle_parameters

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from setid.checks import natural, number, switch
+from setid.data.checks import natural, number, switch
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
 from setid.models.lti import TransferFunction

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from setid.checks import entries_of, natural, number
+from setid.data.checks import entries_of, natural, number
 from setid.errors import ModelError
 from setid.models.equations import channel_of
 from setid.models.lti import TransferFunction

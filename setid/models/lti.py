@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import natural, switch
+from setid.data.checks import natural, switch
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Term, Transfer, term
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.checks import natural, real_array
+from setid.data.checks import natural, real_array
 from setid.errors import ModelError
 
 __all__ = ["Function", "StaticMap"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from setid.checks import natural
+from setid.data.checks import natural
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Transfer, term
 from setid.models.products import cut_products

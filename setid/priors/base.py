@@ -11,7 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 import sparsepop_py as sp
-from setid.checks import entries_of, number
+from setid.data.checks import entries_of, number
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure

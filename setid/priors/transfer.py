@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 import sparsepop_py as sp
-from setid.checks import number
+from setid.data.checks import number
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure, Transfer

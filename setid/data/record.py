@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.checks import channels_of, entries_of, natural, number, range_of, starts_of
+from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of
+from setid.data.readers import Column, listed, read_csv_columns, read_mat_columns, stacked
 from setid.errors import DataError, SetidWarning
-from setid.reading import Column, listed, read_csv_columns, read_mat_columns, stacked
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

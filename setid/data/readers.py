@@ -13,7 +13,7 @@ import numpy as np
 import scipy.io
 from numpy.typing import NDArray
 
-from setid.checks import real_array
+from setid.data.checks import real_array
 from setid.errors import DataError
 
 __all__ = ["Column", "listed", "read_csv_columns", "read_mat_columns", "stacked", "text_lines"]

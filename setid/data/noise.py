@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.checks import entries_of, frozen, number, real_array, switch
-from setid.data import IOData
+from setid.data.checks import entries_of, frozen, number, real_array, switch
+from setid.data.record import IOData
 from setid.errors import NoiseError
 
 if TYPE_CHECKING:
