@@ -27,7 +27,7 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 from setid.boxed import ProvedBox, boxed, objectives, proved_box
-from setid.units import in_units
+from setid.formulation.units import in_units
 
 from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row

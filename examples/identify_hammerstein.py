@@ -14,7 +14,7 @@ import numpy as np
 
 import setid
 from setid.block_plots import plot_diagram
-from setid.printing import rounded
+from setid.formulation.printing import rounded
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 NOISE = 0.36  # V, an assumption: about the largest residual of a least-squares fit

@@ -19,12 +19,10 @@ Examples
 """
 
 from setid import estimators
-from setid.assembly import Rows
 from setid.bands import FrequencyBand, StepBand, frequency_band, step_band
 from setid.block_bands import SignalBand, StaticBand, signal_band, static_band
 from setid.boxes import ParameterBox, parameter_box
 from setid.centre import Central, central, worst_case_error
-from setid.completion import Witness
 from setid.consistency import Consistency, consistency
 from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.data.record import IOData
@@ -34,11 +32,14 @@ from setid.equivalence import convert, convert_intervals, equivalent, unidentifi
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from setid.estimators import Estimate, l1, least_squares, linf, recursive_least_squares
 from setid.exchange import ControlModels, to_control
-from setid.formulation import Formulation, formulate
+from setid.formulation.assembly import Rows
+from setid.formulation.completion import Witness
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.layout import Layout
+from setid.formulation.regression import Regression
 from setid.identify import identify
 from setid.indirect import ContinuousEstimate, to_continuous
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
-from setid.layout import Layout
 from setid.members import feasible, members, projection_estimate
 from setid.models.block import (
     BlockStructured,
@@ -64,7 +65,6 @@ from setid.priors import (
     parameters,
 )
 from setid.projections import Projection, project
-from setid.regression import Regression
 from setid.residuals import Residuals, residuals
 from setid.select import Selection, SelectionStep, select
 from setid.simulate import Simulated, simulate, simulate_record

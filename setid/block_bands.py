@@ -19,11 +19,11 @@ import sparsepop_py as sp
 from setid.bands import Kind
 from setid.data.checks import frozen, real_array
 from setid.errors import ModelError, SetidError
+from setid.formulation.units import in_units
 from setid.members import members, nominal
 from setid.models.block import BlockStructured
 from setid.models.maps import StaticMap
 from setid.supports import Cover, cover_of, supports
-from setid.units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.printing import rounded
+from setid.formulation.printing import rounded
 
 __all__ = ["Bounds", "Box", "gained"]
 

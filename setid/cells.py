@@ -25,10 +25,10 @@ from setid.bounds import Bounds
 from setid.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
 from setid.cell_structure import Parts, parts_of
 from setid.data.checks import frozen
-from setid.formulation import Formulation
-from setid.interval_arithmetic import Ends
+from setid.formulation.formulation import Formulation
+from setid.formulation.interval_arithmetic import Ends
+from setid.formulation.products import Total, contracted
 from setid.models.block import BlockStructured
-from setid.monomials import Total, contracted
 
 __all__ = ["CellBox", "cell_box"]
 

@@ -13,10 +13,10 @@ import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.existence import consistent
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
+from setid.formulation.units import in_units
 from setid.members import ROUNDING, noise_level
 from setid.supports import middle, outer_box, require_members
-from setid.units import in_units
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -28,7 +28,7 @@ from setid.data.noise import Noise
 from setid.errors import ModelError
 from setid.estimators import least_squares, linf
 from setid.existence import consistent
-from setid.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, formulate
 from setid.models.lti import TransferFunction
 from setid.noise_factor import nearby, scaled_noise
 from setid.starts import first_point

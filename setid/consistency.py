@@ -24,7 +24,10 @@ from setid.driving import driving_rows
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.estimators import least_squares, linf
 from setid.existence import consistent
-from setid.formulation import Formulation, formulate, settled
+from setid.formulation.formulation import Formulation, formulate, settled
+from setid.formulation.printing import rounded
+from setid.formulation.regression import check_channels
+from setid.formulation.units import in_units
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.noise_factor import (
@@ -39,10 +42,7 @@ from setid.noise_factor import (
     scaled_noise,
 )
 from setid.options import Options
-from setid.printing import rounded
 from setid.priors.base import Prior
-from setid.regression import check_channels
-from setid.units import in_units
 from setid.verification import Verification
 
 __all__ = ["Consistency", "consistency"]

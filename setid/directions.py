@@ -27,9 +27,9 @@ import sparsepop_py as sp
 from setid.bounds import Bounds
 from setid.boxes import ParameterBox, parameter_box
 from setid.data.checks import frozen
-from setid.formulation import Formulation
-from setid.regression import Regression
-from setid.units import InUnits, in_units
+from setid.formulation.formulation import Formulation
+from setid.formulation.regression import Regression
+from setid.formulation.units import InUnits, in_units
 
 __all__ = ["DirectionBox", "direction_box", "units_of_rows"]
 

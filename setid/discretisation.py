@@ -24,7 +24,7 @@ from setid.data.checks import frozen, number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
-from setid.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, formulate
 from setid.indirect import INDIRECT_WARNING
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure

@@ -19,11 +19,11 @@ from setid.boxed import ProvedBox, boxed, start_of
 from setid.boxes import ParameterBox, parameter_box
 from setid.cells import CellBox
 from setid.data.checks import frozen
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
+from setid.formulation.products import MonomialRows
+from setid.formulation.regression import Regression
+from setid.formulation.units import in_units
 from setid.lifted import LiftedBox, lifted_box, lifted_rows
-from setid.monomials import MonomialRows
-from setid.regression import Regression
-from setid.units import in_units
 
 __all__ = ["driving_rows", "driving_samples"]
 

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid.errors import ModelError
-from setid.interval_arithmetic import (
+from setid.formulation.interval_arithmetic import (
     Ends,
     odd_root,
     plus,

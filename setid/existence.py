@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.errors import ModelError
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 
 __all__ = ["consistent", "proved_point"]
 

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.formulation import Formulation
-from setid.monomials import MonomialRows, Total, contracted
+from setid.formulation.formulation import Formulation
+from setid.formulation.products import MonomialRows, Total, contracted
 
 __all__ = ["Far", "nothing_far"]
 

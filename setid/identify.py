@@ -32,7 +32,8 @@ from setid.driving import driving_rows, driving_samples
 from setid.equivalence import unidentifiable
 from setid.errors import SetidError
 from setid.existence import proved_point
-from setid.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import InUnits, in_units
 from setid.idle import idle_parameters
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured
@@ -44,7 +45,6 @@ from setid.progress import Progress
 from setid.results import empty_result, endless_text, free_text, result_of, unbounded_text
 from setid.search import attained_ends, checked, coupled
 from setid.starts import first_point, repair
-from setid.units import InUnits, in_units
 from setid.unnormalised import reference_model, refuse
 
 __all__ = ["identify"]

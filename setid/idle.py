@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 
 __all__ = ["idle_parameters"]
 

@@ -25,7 +25,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.exchange import ControlModels, to_control
 from setid.existence import consistent
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 from setid.members import feasible, projection_estimate
 from setid.options import Options
 from setid.projections import Projection, project
@@ -161,7 +161,7 @@ class Identification:
         For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
     results : tuple of sparsepop_py.Result
         Otherwise: what the engine proved and attained of theta_1, -theta_1, theta_2, ..., in
-        the units of :func:`setid.units.in_units`, powers of two.
+        the units of :func:`setid.formulation.formulation.units.in_units`, powers of two.
     active : mapping of str to bool
         For each prior (as it describes itself), whether it holds with equality at some
         attained end of an interval.

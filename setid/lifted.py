@@ -24,9 +24,9 @@ from setid.bounds import Bounds, gained
 from setid.boxes import ParameterBox, linear_rows, parameter_box
 from setid.data.checks import frozen
 from setid.far import Far, nothing_far
-from setid.formulation import Formulation
-from setid.monomials import Monomial, MonomialRows, merged
-from setid.regression import Regression
+from setid.formulation.formulation import Formulation
+from setid.formulation.products import Monomial, MonomialRows, merged
+from setid.formulation.regression import Regression
 
 __all__ = ["LiftedBox", "completed", "lifted_box", "lifted_rows"]
 

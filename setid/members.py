@@ -13,14 +13,14 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.completion import Witness
 from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
+from setid.formulation.completion import Witness
 from setid.linear import minimise
 from setid.supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:
-    from setid.formulation import Formulation
+    from setid.formulation.formulation import Formulation
     from setid.intervals import Identification
 
 __all__ = [

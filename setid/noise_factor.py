@@ -16,9 +16,9 @@ from setid.boxes import ParameterBox, parameter_box
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.directions import units_of_rows
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
+from setid.formulation.units import in_units
 from setid.options import Options
-from setid.units import in_units
 
 __all__ = [
     "last_variable",

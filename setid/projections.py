@@ -18,10 +18,10 @@ from scipy.spatial import ConvexHull, QhullError
 import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import SetidError
+from setid.formulation.units import in_units
 from setid.linear import minimise
 from setid.members import attained_members
 from setid.supports import Cover, cover_of, supports
-from setid.units import in_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

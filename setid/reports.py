@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.completion import noise_shares
-from setid.formulation import Formulation
-from setid.printing import rounded
+from setid.formulation.completion import noise_shares
+from setid.formulation.formulation import Formulation
+from setid.formulation.printing import rounded
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from setid.bounds import Bounds
 from setid.common_factor import Endless
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options

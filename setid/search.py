@@ -26,10 +26,16 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.completion import affine, defined_unknowns, held_unknowns, polished, redefined
 from setid.errors import SetidError
 from setid.existence import proved_point
-from setid.formulation import Formulation
+from setid.formulation.completion import (
+    affine,
+    defined_unknowns,
+    held_unknowns,
+    polished,
+    redefined,
+)
+from setid.formulation.formulation import Formulation
 from setid.linear import minimise
 
 __all__ = ["attained_ends", "checked", "coupled"]

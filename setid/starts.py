@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.errors import ModelError
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 from setid.linear import left_inverse
 
 __all__ = ["candidates", "first_point", "repair"]

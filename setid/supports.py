@@ -21,7 +21,7 @@ from setid.errors import SetidError
 from setid.linear import minimise
 
 if TYPE_CHECKING:
-    from setid.formulation import Formulation
+    from setid.formulation.formulation import Formulation
     from setid.intervals import Identification
 
 __all__ = ["Cover", "box_ranges", "cover_of", "middle", "outer_box", "require_members", "supports"]

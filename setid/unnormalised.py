@@ -16,7 +16,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.equivalence import unidentifiable
 from setid.errors import ModelError
-from setid.formulation import formulate
+from setid.formulation.formulation import formulate
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.priors.base import Prior
 

@@ -19,9 +19,9 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.enclosures import enclose
 from setid.errors import DataError, SetidError
-from setid.formulation import formulate
+from setid.formulation.formulation import formulate
+from setid.formulation.regression import check_channels
 from setid.members import members, nominal
-from setid.regression import check_channels
 from setid.responses import run
 from setid.supports import Cover, cover_of, supports
 

@@ -12,10 +12,10 @@ import sparsepop_py as sp
 from setid.boxed import box_follows, boxed, objectives
 from setid.data.record import IOData
 from setid.equivalence import unidentifiable
-from setid.formulation import Formulation, formulate
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import InUnits, in_units
 from setid.idle import idle_parameters
 from setid.models.block import BlockStructured
-from setid.units import InUnits, in_units
 from setid.unnormalised import reference_model
 
 if TYPE_CHECKING:

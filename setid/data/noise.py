@@ -17,7 +17,7 @@ from setid.data.record import IOData
 from setid.errors import NoiseError
 
 if TYPE_CHECKING:
-    from setid.layout import Layout
+    from setid.formulation.layout import Layout
 
 __all__ = ["EnergyBound", "EstimatedBound", "Noise", "RateLimit", "estimate_noise_bound"]
 

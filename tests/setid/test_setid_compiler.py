@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.compiler import plan
+from setid.formulation.compiler import plan
 from setid.models.equations import Equation, Lagged, Transfer, term
 
 

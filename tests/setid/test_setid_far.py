@@ -14,7 +14,7 @@ import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, proved_box
 from setid.far import _Faces, nothing_far
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 from setid.lifted import LiftedBox
 
 MODEL, THETA, PRIORS = KINDS["two inputs 2"]

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import setid
-from setid.units import in_units
+from setid.formulation.units import in_units
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 FIRST, SECOND = setid.TransferFunction(1, 1), setid.TransferFunction(2, 2, 1)

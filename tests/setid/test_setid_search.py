@@ -13,7 +13,7 @@ from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, boxed, objectives, proved_box
 from setid.cells import CellBox
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 from setid.search import attained_ends, checked, coupled
 from setid.starts import first_point
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.record import IOData
+from setid.formulation.signals import Integers, Reals, Signal
 from setid.models.equations import Equation, Initial, Term
-from setid.signals import Integers, Reals, Signal
 
 __all__ = ["Assembled", "Planned", "assemble", "bands", "equalities", "plan", "used_samples"]
 
@@ -165,7 +165,7 @@ def assemble(
     """Multiply out the rows of one equation.
 
     Known samples that multiply the same parameters are added up in the order of terms, as
-    in :mod:`setid.regression`: both speak of the same doubles.
+    in :mod:`setid.formulation.formulation.regression`: both speak of the same doubles.
 
     Parameters
     ----------

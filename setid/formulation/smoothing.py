@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.data.record import IOData
+from setid.formulation.regression import Regression
+from setid.formulation.signals import Integers, Reals
 from setid.models.equations import Equation, Structure
-from setid.regression import Regression
-from setid.signals import Integers, Reals
 
 __all__ = ["smoothed"]
 

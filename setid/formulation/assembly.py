@@ -11,20 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
-from setid.layout import Layout, LayoutBuilder
-from setid.missing import missing_ranges
+from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
+from setid.formulation.layout import Layout, LayoutBuilder
+from setid.formulation.missing import missing_ranges
+from setid.formulation.products import MonomialRows, build_products
+from setid.formulation.regression import (
+    Regression,
+    build_regression,
+    driven_signals,
+    usable_samples,
+)
+from setid.formulation.signals import Signal, internal_range, measured, unknown
+from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
-from setid.monomials import MonomialRows, build_products
 from setid.priors.base import Facts, Prior
-from setid.regression import Regression, build_regression, driven_signals, usable_samples
-from setid.signals import Signal, internal_range, measured, unknown
-from setid.smoothing import smoothed
 
 __all__ = ["Built", "Rows", "build"]
 

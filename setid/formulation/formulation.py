@@ -12,21 +12,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.assembly import Rows, build
-from setid.completion import Witness, complete_point, least_noise
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
-from setid.layout import Layout
+from setid.formulation.assembly import Rows, build
+from setid.formulation.completion import Witness, complete_point, least_noise
+from setid.formulation.layout import Layout
+from setid.formulation.printing import equation_text
+from setid.formulation.products import MonomialRows
+from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Equation, Structure
-from setid.monomials import MonomialRows
-from setid.printing import equation_text
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
-from setid.regression import Regression, check_channels
 
 __all__ = ["Formulation", "formulate", "settled"]
 
@@ -49,7 +49,7 @@ class Formulation:
         structure is not linear in its parameters.
     smoothed : Regression or None
         The same rows, and where they are differences over time also their sums through
-        low-pass filters (:mod:`setid.smoothing`): what boxes of the parameters rest on.
+        low-pass filters (:mod:`setid.formulation.formulation.smoothing`): what boxes of the parameters rest on.
     products : MonomialRows or None
         The same in products of parameters, for block structures whose internal signals can
         be eliminated.

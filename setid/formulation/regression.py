@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.compiler import Planned, plan
 from setid.data.checks import frozen
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError
+from setid.formulation.compiler import Planned, plan
+from setid.formulation.signals import Integers, Reals, Signal, measured, product
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Structure
-from setid.signals import Integers, Reals, Signal, measured, product
 
 __all__ = [
     "Regression",

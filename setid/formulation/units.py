@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
-from setid.formulation import Formulation
+from setid.formulation.formulation import Formulation
 
 __all__ = ["InUnits", "in_units"]
 

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.compiler import plan
 from setid.data.checks import frozen
 from setid.data.record import IOData
-from setid.interval_arithmetic import Ends, meet, plus, product, quotient, sum_of, times
+from setid.formulation.compiler import plan
+from setid.formulation.interval_arithmetic import Ends, meet, plus, product, quotient, sum_of, times
+from setid.formulation.regression import Regression, rows_of
+from setid.formulation.signals import Signal
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
-from setid.regression import Regression, rows_of
-from setid.signals import Signal
 
 __all__ = ["Gain", "Monomial", "MonomialRows", "Total", "build_products", "contracted", "merged"]
 
@@ -176,7 +176,7 @@ def build_products(
     Parameters
     ----------
     data, model, signals, usable, equation_bound
-        As for :func:`setid.regression.build_regression`.
+        As for :func:`setid.formulation.formulation.regression.build_regression`.
     """
     if not isinstance(model, BlockStructured):
         return None

@@ -18,7 +18,7 @@ from setid.linear import minimise
 from setid.models.equations import channel_of
 
 if TYPE_CHECKING:
-    from setid.formulation import Formulation
+    from setid.formulation.formulation import Formulation
 
 __all__ = [
     "Affine",

@@ -8,7 +8,7 @@ import numpy as np
 
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.layout import Layout
+from setid.formulation.layout import Layout
 from setid.models.equations import Equation, Lagged, channel_of
 
 __all__ = ["equation_text", "rounded"]
