@@ -67,7 +67,7 @@ from setid.priors import (
 from setid.projections import Projection, project
 from setid.residuals import Residuals, residuals
 from setid.select import Selection, SelectionStep, select
-from setid.simulate import Simulated, simulate, simulate_record
+from setid.simulation.simulate import Simulated, simulate, simulate_record
 from setid.validation import Comparison, OutputBand, compare, predict, simulate_band
 from setid.verification import Verification
 

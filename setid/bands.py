@@ -17,8 +17,8 @@ from setid.data.record import IOData
 from setid.enclosures import enclose
 from setid.errors import ModelError, SetidError
 from setid.members import members, nominal
-from setid.responses import frequency_response, frequency_weights, grid, transfer_of
-from setid.simulate import simulate
+from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
+from setid.simulation.simulate import simulate
 from setid.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:

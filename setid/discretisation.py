@@ -31,7 +31,7 @@ from setid.models.equations import Structure
 from setid.noise_factor import on_box, problem_with_factor
 from setid.options import Options
 from setid.priors.base import Prior, listed
-from setid.simulate import simulate
+from setid.simulation.simulate import simulate
 from setid.starts import candidates
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]

@@ -25,7 +25,7 @@ from setid.data.checks import frozen
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Lagged, Structure, channel_of
-from setid.responses import run
+from setid.simulation.responses import run
 from setid.supports import Cover, supports
 
 __all__ = ["Enclosure", "enclose"]

@@ -39,7 +39,7 @@ from setid.formulation.interval_arithmetic import (
     times,
 )
 from setid.models.block import BlockStructured, Lure, Normalise
-from setid.simulate import simulate
+from setid.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -20,7 +20,7 @@ from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.members import attained_members, members, nominal
 from setid.models.equations import Structure
-from setid.responses import frequency_response, grid
+from setid.simulation.responses import frequency_response, grid
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -22,7 +22,7 @@ from setid.errors import DataError, SetidError
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
 from setid.members import members, nominal
-from setid.responses import run
+from setid.simulation.responses import run
 from setid.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:

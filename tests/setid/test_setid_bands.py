@@ -10,7 +10,7 @@ from identified_cases import empty, first_order, identified, result_of, second_o
 import setid
 from setid.bands import frequency_band, step_band
 from setid.members import members
-from setid.responses import frequency_response, grid
+from setid.simulation.responses import frequency_response, grid
 
 
 @pytest.fixture(scope="module")

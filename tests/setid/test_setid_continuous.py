@@ -150,7 +150,7 @@ def test_simulation_solves_for_the_sample(method: str) -> None:
     expected = lfilter(numerator, denominator, u)
     np.testing.assert_allclose(setid.simulate(model, theta, u)[:, 0], expected, atol=1e-12)
     data = setid.IOData(u, expected, Ts=0.2)
-    from setid.responses import run
+    from setid.simulation.responses import run
 
     np.testing.assert_allclose(run(model, theta, data)[:, 0], expected, atol=1e-12)
 

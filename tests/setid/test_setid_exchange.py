@@ -14,7 +14,7 @@ import setid
 import sparsepop_py as sp
 from setid.exchange import coefficients, to_control
 from setid.members import members, nominal
-from setid.responses import frequency_response
+from setid.simulation.responses import frequency_response
 
 
 @pytest.fixture(scope="module")

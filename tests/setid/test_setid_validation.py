@@ -11,7 +11,7 @@ from identified_cases import empty, identified, second_order
 
 import setid
 from setid.residuals import residuals
-from setid.responses import run
+from setid.simulation.responses import run
 from setid.validation import compare, fit, predict, simulate_band
 
 

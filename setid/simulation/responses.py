@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Structure, Transfer
-from setid.simulate import leading, simulate, weight
+from setid.simulation.simulate import leading, simulate, weight
 
 __all__ = ["frequency_response", "frequency_weights", "grid", "run", "transfer_of"]
 
@@ -112,7 +112,7 @@ def frequency_response(
     Examples
     --------
     >>> import numpy as np, setid
-    >>> from setid.responses import frequency_response
+    >>> from setid.simulation.responses import frequency_response
     >>> model = setid.TransferFunction(na=1, nb=1)
     >>> frequency_response(model, [-0.5, 1.0], np.array([np.pi]), 1.0).real.round(4)
     array([0.6667])
