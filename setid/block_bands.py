@@ -59,8 +59,8 @@ class StaticBand:
     kind: Kind
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it; see :func:`setid.block_plots.plot_static_band`."""
-        from setid.block_plots import plot_static_band
+        """Draw it; see :func:`setid.plots.blocks.plot_static_band`."""
+        from setid.plots.blocks import plot_static_band
 
         return plot_static_band(self, ax)
 
@@ -85,8 +85,8 @@ class SignalBand:
     sampled_high: Reals
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it; see :func:`setid.block_plots.plot_signal_band`."""
-        from setid.block_plots import plot_signal_band
+        """Draw it; see :func:`setid.plots.blocks.plot_signal_band`."""
+        from setid.plots.blocks import plot_signal_band
 
         return plot_signal_band(self, ax)
 

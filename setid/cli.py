@@ -22,7 +22,7 @@ from setid.identify import identify
 from setid.intervals import Identification, IntervalStatus
 from setid.models.equations import Structure
 from setid.options import Options
-from setid.plots import plot_intervals, require_matplotlib
+from setid.plots.results import plot_intervals, require_matplotlib
 from setid.priors import DCGain, Stable
 from setid.verification import Verification
 

@@ -290,8 +290,8 @@ class Identification:
     # ---- one-line delegations -----------------------------------------------------------
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the intervals, outer and inner; see :func:`setid.plots.plot_intervals`."""
-        from setid.plots import plot_intervals
+        """Draw the intervals, outer and inner; see :func:`setid.plots.results.plot_intervals`."""
+        from setid.plots.results import plot_intervals
 
         return plot_intervals(self, ax)
 

@@ -318,7 +318,7 @@ class IOData:
 
     def plot(self) -> NDArray[Any] | Axes:
         """Draw outputs above inputs over time; returns the axes (needs matplotlib)."""
-        from setid.record_plots import plot_record
+        from setid.plots.records import plot_record
 
         return plot_record(self)
 

@@ -358,7 +358,7 @@ class TestBands:
             setid.static_band(result, "v")
 
     def test_of_signals_and_pictures(self) -> None:
-        from setid.block_plots import plot_diagram
+        from setid.plots.blocks import plot_diagram
 
         truth, result = self.result()
         u = truth.u[:, 0]

@@ -8,7 +8,7 @@ import numpy as np
 
 from setid.errors import ModelError
 from setid.models.block import BlockStructured
-from setid.plots import new_axes, require_matplotlib
+from setid.plots.results import new_axes, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.errors import SetidError
-from setid.record_plots import over_time, require_matplotlib
+from setid.plots.records import over_time, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
