@@ -65,11 +65,11 @@ from setid.priors import (
     parameters,
 )
 from setid.projections import Projection, project
+from setid.proofs.verification import Verification
 from setid.residuals import Residuals, residuals
 from setid.select import Selection, SelectionStep, select
 from setid.simulation.simulate import Simulated, simulate, simulate_record
 from setid.validation import Comparison, OutputBand, compare, predict, simulate_band
-from setid.verification import Verification
 
 __all__ = [
     "BlockStructured",

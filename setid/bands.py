@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid.data.checks import frozen, natural
 from setid.data.record import IOData
-from setid.enclosures import enclose
 from setid.errors import ModelError, SetidError
 from setid.members import members, nominal
+from setid.proofs.enclosures import enclose
+from setid.proofs.supports import Cover, cover_of, supports
 from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
 from setid.simulation.simulate import simulate
-from setid.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,7 +23,7 @@ from setid.formulation.units import in_units
 from setid.members import members, nominal
 from setid.models.block import BlockStructured
 from setid.models.maps import StaticMap
-from setid.supports import Cover, cover_of, supports
+from setid.proofs.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.bounds import Bounds, Box, gained
 from setid.data.checks import frozen
 from setid.formulation.regression import Regression
 from setid.linear import left_inverse
+from setid.proofs.base import Bounds, Box, gained
 
 __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows", "parameter_box"]
 
@@ -132,7 +132,7 @@ class ParameterBox(Bounds):
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.bounds.Bounds`.
+        As of :class:`setid.proofs.base.Bounds`.
     start : (2, p) float
         The box that the priors give.
     steps : tuple of LeftInverse and SignTree

@@ -24,7 +24,7 @@ from setid.models.equations import Structure
 from setid.options import Options
 from setid.plots.results import plot_intervals, require_matplotlib
 from setid.priors import DCGain, Stable
-from setid.verification import Verification
+from setid.proofs.verification import Verification
 
 __all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 

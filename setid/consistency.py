@@ -23,7 +23,6 @@ from setid.data.record import IOData
 from setid.driving import driving_rows
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.estimators import least_squares, linf
-from setid.existence import consistent
 from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
@@ -43,7 +42,8 @@ from setid.noise_factor import (
 )
 from setid.options import Options
 from setid.priors.base import Prior
-from setid.verification import Verification
+from setid.proofs.existence import consistent
+from setid.proofs.verification import Verification
 
 __all__ = ["Consistency", "consistency"]
 

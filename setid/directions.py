@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.bounds import Bounds
 from setid.boxes import ParameterBox, parameter_box
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.formulation.regression import Regression
 from setid.formulation.units import InUnits, in_units
+from setid.proofs.base import Bounds
 
 __all__ = ["DirectionBox", "direction_box", "units_of_rows"]
 
@@ -52,7 +52,7 @@ class DirectionBox(Bounds):
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.bounds.Bounds`.
+        As of :class:`setid.proofs.base.Bounds`.
     first : ParameterBox
         What rows one by one give, infinite somewhere.
     scale : (p,) float

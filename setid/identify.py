@@ -31,10 +31,8 @@ from setid.discretisation import remark, with_estimate
 from setid.driving import driving_rows, driving_samples
 from setid.equivalence import unidentifiable
 from setid.errors import SetidError
-from setid.existence import proved_point
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
-from setid.idle import idle_parameters
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
@@ -42,6 +40,8 @@ from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.priors.base import Prior
 from setid.progress import Progress
+from setid.proofs.existence import proved_point
+from setid.proofs.free_parameters import idle_parameters
 from setid.results import empty_result, endless_text, free_text, result_of, unbounded_text
 from setid.search import attained_ends, checked, coupled
 from setid.starts import first_point, repair

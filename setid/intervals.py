@@ -24,14 +24,14 @@ from setid.common_factor import Endless
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.exchange import ControlModels, to_control
-from setid.existence import consistent
 from setid.formulation.formulation import Formulation
 from setid.members import feasible, projection_estimate
 from setid.options import Options
 from setid.projections import Projection, project
+from setid.proofs.existence import consistent
+from setid.proofs.verification import Verification, verify
 from setid.reports import binding, summary, table
 from setid.validation import Comparison, Mode, OutputBand, compare, predict, simulate_band
-from setid.verification import Verification, verify
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

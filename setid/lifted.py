@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.bounds import Bounds, gained
 from setid.boxes import ParameterBox, linear_rows, parameter_box
 from setid.data.checks import frozen
 from setid.far import Far, nothing_far
 from setid.formulation.formulation import Formulation
 from setid.formulation.products import Monomial, MonomialRows, merged
 from setid.formulation.regression import Regression
+from setid.proofs.base import Bounds, gained
 
 __all__ = ["LiftedBox", "completed", "lifted_box", "lifted_rows"]
 

@@ -17,7 +17,7 @@ from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
 from setid.formulation.completion import Witness
 from setid.linear import minimise
-from setid.supports import middle, outer_box, require_members
+from setid.proofs.supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:
     from setid.formulation.formulation import Formulation

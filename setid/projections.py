@@ -21,7 +21,7 @@ from setid.errors import SetidError
 from setid.formulation.units import in_units
 from setid.linear import minimise
 from setid.members import attained_members
-from setid.supports import Cover, cover_of, supports
+from setid.proofs.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bounds import Bounds
 from setid.common_factor import Endless
 from setid.formulation.formulation import Formulation
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options
+from setid.proofs.base import Bounds
 from setid.reports import active_priors
 
 __all__ = ["empty_result", "endless_text", "free_text", "result_of", "unbounded_text"]

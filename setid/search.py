@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.errors import SetidError
-from setid.existence import proved_point
 from setid.formulation.completion import (
     affine,
     defined_unknowns,
@@ -37,6 +36,7 @@ from setid.formulation.completion import (
 )
 from setid.formulation.formulation import Formulation
 from setid.linear import minimise
+from setid.proofs.existence import proved_point
 
 __all__ = ["attained_ends", "checked", "coupled"]
 

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 from setid.boxed import start_of
 from setid.boxes import parameter_box
-from setid.cells import cell_box
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.equivalence import unidentifiable
@@ -19,6 +18,7 @@ from setid.errors import ModelError
 from setid.formulation.formulation import formulate
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.priors.base import Prior
+from setid.proofs.output_cells import cell_box
 
 __all__ = ["reference_model", "refuse"]
 

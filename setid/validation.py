@@ -17,13 +17,13 @@ from setid.bands import Kind
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.enclosures import enclose
 from setid.errors import DataError, SetidError
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
 from setid.members import members, nominal
+from setid.proofs.enclosures import enclose
+from setid.proofs.supports import Cover, cover_of, supports
 from setid.simulation.responses import run
-from setid.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -9,7 +9,7 @@ import setid
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.linear import minimise
 from setid.options import Options
-from setid.supports import cover_of, supports
+from setid.proofs.supports import cover_of, supports
 
 
 def result_of(

@@ -72,7 +72,7 @@ def test_the_exact_outline_is_the_limit_of_many_directions() -> None:
     shadow = project(result, "a1", "a2")
     angles = np.linspace(0, 2 * np.pi, 50)
     width = np.array([result.intervals[n].width for n in ("a1", "a2")])
-    from setid.supports import cover_of, supports
+    from setid.proofs.supports import cover_of, supports
 
     for angle in angles:
         normal = np.array([np.cos(angle), np.sin(angle)]) / width

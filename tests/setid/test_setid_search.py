@@ -12,8 +12,8 @@ import sparsepop_py as sp
 from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
 from setid.boxed import box_follows, boxed, objectives, proved_box
-from setid.cells import CellBox
 from setid.formulation.formulation import Formulation
+from setid.proofs.output_cells import CellBox
 from setid.search import attained_ends, checked, coupled
 from setid.starts import first_point
 

@@ -17,7 +17,7 @@ from setid.members import (
     nominal,
     projection_estimate,
 )
-from setid.supports import cover_of, supports
+from setid.proofs.supports import cover_of, supports
 
 RNG = np.random.default_rng(1)
 

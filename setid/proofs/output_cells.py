@@ -21,14 +21,14 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bounds import Bounds
-from setid.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
-from setid.cell_structure import Parts, parts_of
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.formulation.interval_arithmetic import Ends
 from setid.formulation.products import Total, contracted
 from setid.models.block import BlockStructured
+from setid.proofs.base import Bounds
+from setid.proofs.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
+from setid.proofs.cell_structure import Parts, parts_of
 
 __all__ = ["CellBox", "cell_box"]
 
@@ -46,7 +46,7 @@ class CellBox(Bounds):
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.bounds.Bounds`.
+        As of :class:`setid.proofs.base.Bounds`.
     unknowns : (K,) int
         Numbers of the samples of the internal signal.
     low, high : (K,) float

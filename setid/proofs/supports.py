@@ -114,7 +114,7 @@ def cover_of(result: Identification) -> Cover:
     Examples
     --------
     >>> import setid
-    >>> from setid.supports import cover_of, supports
+    >>> from setid.proofs.supports import cover_of, supports
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> supports(cover_of(result), [[1.0, 0.0]]).round(5)

@@ -25,8 +25,8 @@ from setid.data.checks import frozen
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Lagged, Structure, channel_of
+from setid.proofs.supports import Cover, supports
 from setid.simulation.responses import run
-from setid.supports import Cover, supports
 
 __all__ = ["Enclosure", "enclose"]
 

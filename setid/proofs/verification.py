@@ -14,8 +14,8 @@ from setid.data.record import IOData
 from setid.equivalence import unidentifiable
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
-from setid.idle import idle_parameters
 from setid.models.block import BlockStructured
+from setid.proofs.free_parameters import idle_parameters
 from setid.unnormalised import reference_model
 
 if TYPE_CHECKING:
