@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 import setid
-from setid.boxed import proved_box
+from setid.feasible_set.start import proved_box
 
 from .errors import BenchmarkError
 from .intervals import RecordTask

@@ -26,7 +26,7 @@ import numpy as np
 
 import setid
 import sparsepop_py as sp
-from setid.boxed import ProvedBox, boxed, objectives, proved_box
+from setid.feasible_set.start import ProvedBox, boxed, objectives, proved_box
 from setid.formulation.units import in_units
 
 from .measure import Setting, own_rows, peer_rows, settings_of

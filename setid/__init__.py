@@ -21,17 +21,18 @@ Examples
 from setid import estimators
 from setid.bands import FrequencyBand, StepBand, frequency_band, step_band
 from setid.block_bands import SignalBand, StaticBand, signal_band, static_band
-from setid.boxes import ParameterBox, parameter_box
 from setid.centre import Central, central, worst_case_error
 from setid.consistency import Consistency, consistency
 from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.data.record import IOData
-from setid.directions import DirectionBox
 from setid.discretisation import discretisation_error, estimate_delta
 from setid.equivalence import convert, convert_intervals, equivalent, unidentifiable
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from setid.estimators import Estimate, l1, least_squares, linf, recursive_least_squares
 from setid.exchange import ControlModels, to_control
+from setid.feasible_set.directions import DirectionBox
+from setid.feasible_set.projections import Projection, project
+from setid.feasible_set.sign_tree import ParameterBox, parameter_box
 from setid.formulation.assembly import Rows
 from setid.formulation.completion import Witness
 from setid.formulation.formulation import Formulation, formulate
@@ -64,7 +65,6 @@ from setid.priors import (
     ZeroIn,
     parameters,
 )
-from setid.projections import Projection, project
 from setid.proofs.verification import Verification
 from setid.residuals import Residuals, residuals
 from setid.select import Selection, SelectionStep, select

@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.signal import cont2discrete, lfilter
 
 import sparsepop_py as sp
-from setid.boxed import start_of
-from setid.boxes import parameter_box
 from setid.data.checks import frozen, number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
+from setid.feasible_set.sign_tree import parameter_box
+from setid.feasible_set.start import start_of
 from setid.formulation.formulation import Formulation, formulate
 from setid.indirect import INDIRECT_WARNING
 from setid.models.continuous import ContinuousTransferFunction, without_delta

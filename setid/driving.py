@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.boxed import ProvedBox, boxed, start_of
-from setid.boxes import ParameterBox, parameter_box
 from setid.data.checks import frozen
+from setid.feasible_set.lifted_products import LiftedBox, lifted_box, lifted_rows
+from setid.feasible_set.sign_tree import ParameterBox, parameter_box
+from setid.feasible_set.start import ProvedBox, boxed, start_of
 from setid.formulation.formulation import Formulation
 from setid.formulation.products import MonomialRows
 from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
-from setid.lifted import LiftedBox, lifted_box, lifted_rows
 from setid.proofs.output_cells import CellBox
 
 __all__ = ["driving_rows", "driving_samples"]

@@ -16,8 +16,8 @@ from scipy.linalg import solve_triangular
 from setid.data.checks import frozen, number
 from setid.data.record import IOData
 from setid.errors import DataError, SetidError
+from setid.feasible_set.linear_programs import left_inverse, minimise
 from setid.formulation.regression import Regression, regression_of_data
-from setid.linear import left_inverse, minimise
 from setid.models.equations import Structure
 
 __all__ = ["Estimate", "l1", "least_squares", "linf", "recursive_least_squares"]

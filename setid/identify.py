@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.attained import inner_ends
-from setid.boxed import ProvedBox, boxed, objectives, proved_box
 from setid.common_factor import Endless, endless_by
 from setid.data.checks import frozen
 from setid.data.noise import Noise
@@ -31,6 +30,7 @@ from setid.discretisation import remark, with_estimate
 from setid.driving import driving_rows, driving_samples
 from setid.equivalence import unidentifiable
 from setid.errors import SetidError
+from setid.feasible_set.start import ProvedBox, boxed, objectives, proved_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.intervals import Identification, IntervalStatus, ParameterInterval

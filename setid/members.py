@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
+from setid.feasible_set.linear_programs import minimise
 from setid.formulation.completion import Witness
-from setid.linear import minimise
 from setid.proofs.supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.boxed import ProvedBox, proved_box, start_of
-from setid.boxes import ParameterBox, parameter_box
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.directions import units_of_rows
+from setid.feasible_set.directions import units_of_rows
+from setid.feasible_set.sign_tree import ParameterBox, parameter_box
+from setid.feasible_set.start import ProvedBox, proved_box, start_of
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.options import Options

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.errors import SetidError
+from setid.feasible_set.linear_programs import minimise
 from setid.formulation.completion import (
     affine,
     defined_unknowns,
@@ -35,7 +36,6 @@ from setid.formulation.completion import (
     redefined,
 )
 from setid.formulation.formulation import Formulation
-from setid.linear import minimise
 from setid.proofs.existence import proved_point
 
 __all__ = ["attained_ends", "checked", "coupled"]

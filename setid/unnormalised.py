@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from setid.boxed import start_of
-from setid.boxes import parameter_box
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.equivalence import unidentifiable
 from setid.errors import ModelError
+from setid.feasible_set.sign_tree import parameter_box
+from setid.feasible_set.start import start_of
 from setid.formulation.formulation import formulate
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.priors.base import Prior

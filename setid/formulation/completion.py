@@ -14,7 +14,7 @@ from scipy.sparse.linalg import lsqr
 
 import sparsepop_py as sp
 from setid.errors import ModelError, SetidError
-from setid.linear import minimise
+from setid.feasible_set.linear_programs import minimise
 from setid.models.equations import channel_of
 
 if TYPE_CHECKING:

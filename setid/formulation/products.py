@@ -2,7 +2,7 @@
 
 Where internal signals can be eliminated, a row is linear in monomials of theta (a1, b1,
 b1*gamma2, ...). Bounds of all monomials follow from the rows as for parameters (see
-:mod:`setid.boxes`). Then each factor is bounded by the quotient: gamma2 lies in
+:mod:`setid.feasible_set.sign_tree`). Then each factor is bounded by the quotient: gamma2 lies in
 (b1*gamma2) / b1 where b1 excludes zero; with static gain 1 the sum of all b_j*gamma2 is
 gamma2 (1 + sum a). Products that multiply the same signal everywhere (with two denominators a1
 and a'1, both at y(k-1)) are one column, their sum, which bounds each where the others are bounded.

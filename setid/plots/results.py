@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from setid.bands import FrequencyBand, StepBand
+    from setid.feasible_set.projections import Projection
     from setid.intervals import Identification
-    from setid.projections import Projection
     from setid.residuals import Residuals
     from setid.validation import Comparison, OutputBand
 

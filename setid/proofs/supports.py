@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
-from setid.linear import minimise
+from setid.feasible_set.linear_programs import minimise
 
 if TYPE_CHECKING:
     from setid.formulation.formulation import Formulation

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import sparsepop_py as sp
-from setid.boxed import box_follows, boxed, objectives
 from setid.data.record import IOData
 from setid.equivalence import unidentifiable
+from setid.feasible_set.start import box_follows, boxed, objectives
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sps
 
 import setid
+from setid.feasible_set.linear_programs import minimise
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
-from setid.linear import minimise
 from setid.options import Options
 from setid.proofs.supports import cover_of, supports
 

@@ -9,8 +9,8 @@ import pytest
 from identification_cases import PLANT
 
 import setid
-from setid.boxes import LeftInverse, SignTree, linear_rows, parameter_box
-from setid.lifted import lifted_box, lifted_rows
+from setid.feasible_set.lifted_products import lifted_box, lifted_rows
+from setid.feasible_set.sign_tree import LeftInverse, SignTree, linear_rows, parameter_box
 
 
 def rows_of(samples: int, output: float, input: float, seed: int, claimed=None):

@@ -146,7 +146,7 @@ def test_an_interrupt_claims_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*given: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("setid.directions._least", stopped)
+    monkeypatch.setattr("setid.feasible_set.directions._least", stopped)
     assert directions.direction_box(known, first) is None
 
 

@@ -12,10 +12,10 @@ import pytest
 import setid
 import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
-from setid.boxed import box_follows, proved_box
-from setid.far import _Faces, nothing_far
+from setid.feasible_set.lifted_products import LiftedBox
+from setid.feasible_set.start import box_follows, proved_box
+from setid.feasible_set.unbounded_coefficients import _Faces, nothing_far
 from setid.formulation.formulation import Formulation
-from setid.lifted import LiftedBox
 
 MODEL, THETA, PRIORS = KINDS["two inputs 2"]
 

@@ -93,7 +93,7 @@ def test_a_parameter_of_no_row_is_not_said_to_be_zero() -> None:
 
 
 def test_box_and_engine_share_one_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = sys.modules["setid.boxed"]
+    module = sys.modules["setid.feasible_set.start"]
     box, solve, given = module.parameter_box, sp.solve_each, []
 
     def slow(*arguments: Any) -> setid.ParameterBox:

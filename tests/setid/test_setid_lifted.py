@@ -9,9 +9,9 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
-from setid.boxed import box_follows, proved_box
+from setid.feasible_set.lifted_products import LiftedBox, _joined, lifted_box, lifted_rows
+from setid.feasible_set.start import box_follows, proved_box
 from setid.formulation.products import contracted
-from setid.lifted import LiftedBox, _joined, lifted_box, lifted_rows
 
 
 def test_sums_over_shared_samples_bound_slow_poles() -> None:

@@ -8,7 +8,7 @@ import scipy.sparse as sps
 from scipy.optimize import linprog
 
 import setid
-from setid.linear import minimise
+from setid.feasible_set.linear_programs import minimise
 
 
 def test_solutions_infeasible_and_unbounded_programs() -> None:
@@ -31,7 +31,7 @@ def test_numerical_difficulties_are_met_by_another_method(monkeypatch: pytest.Mo
             found.status, found.message = 4, "model_status is Unknown"
         return found
 
-    monkeypatch.setattr("setid.linear.linprog", difficult)
+    monkeypatch.setattr("setid.feasible_set.linear_programs.linprog", difficult)
     rows = sps.csr_array(-np.eye(2))
     found = minimise(np.ones(2), (rows, -np.ones(2)))
     assert found is not None and asked == ["highs", "highs-ipm"]
@@ -44,7 +44,7 @@ def test_a_witness_is_not_found_where_the_solver_gives_up(monkeypatch: pytest.Mo
         found.status = 4
         return found
 
-    monkeypatch.setattr("setid.linear.linprog", lost)
+    monkeypatch.setattr("setid.feasible_set.linear_programs.linprog", lost)
     data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
     assert known.witness([-0.5, 2.0]).level == np.inf

@@ -11,7 +11,7 @@ import setid
 import sparsepop_py as sp
 from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
-from setid.boxed import box_follows, boxed, objectives, proved_box
+from setid.feasible_set.start import box_follows, boxed, objectives, proved_box
 from setid.formulation.formulation import Formulation
 from setid.proofs.output_cells import CellBox
 from setid.search import attained_ends, checked, coupled

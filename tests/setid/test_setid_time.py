@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.boxed import proved_box
+from setid.feasible_set.start import proved_box
 
 MODEL = setid.TransferFunction(3, 3, 1)
 THETA = (-1.4, 0.93, -0.36, 1.0, -0.5, 0.8)

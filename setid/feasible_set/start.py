@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.boxes import ParameterBox, parameter_box
-from setid.directions import DirectionBox, direction_box
+from setid.feasible_set.directions import DirectionBox, direction_box
+from setid.feasible_set.lifted_products import LiftedBox, completed, lifted_box, lifted_rows
+from setid.feasible_set.sign_tree import ParameterBox, parameter_box
 from setid.formulation.formulation import Formulation
-from setid.lifted import LiftedBox, completed, lifted_box, lifted_rows
 from setid.proofs.output_cells import CellBox, cell_box
 
 __all__ = ["ProvedBox", "box_follows", "boxed", "objectives", "proved_box", "start_of"]

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.boxes import ParameterBox, parameter_box
 from setid.data.checks import frozen
+from setid.feasible_set.sign_tree import ParameterBox, parameter_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.regression import Regression
 from setid.formulation.units import InUnits, in_units

@@ -1,7 +1,7 @@
 """Boxes where rows hold products of parameters: each product is an unknown of its own first.
 
 With several denominators multiplied out, a row is linear in the monomials of theta (a1, b1,
-a1*b1, ...). The rows in these monomials bound them as :mod:`setid.boxes` does, those of
+a1*b1, ...). The rows in these monomials bound them as :mod:`setid.feasible_set.sign_tree` does, those of
 degree one are parameters, and the products of their bounds bound the rest of the next round.
 
 These rows forget that neighbouring ones share noise samples. Where static gains of 1 then leave
@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.boxes import ParameterBox, linear_rows, parameter_box
 from setid.data.checks import frozen
-from setid.far import Far, nothing_far
+from setid.feasible_set.sign_tree import ParameterBox, linear_rows, parameter_box
+from setid.feasible_set.unbounded_coefficients import Far, nothing_far
 from setid.formulation.formulation import Formulation
 from setid.formulation.products import Monomial, MonomialRows, merged
 from setid.formulation.regression import Regression

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
+from setid.feasible_set.linear_programs import left_inverse
 from setid.formulation.regression import Regression
-from setid.linear import left_inverse
 from setid.proofs.base import Bounds, Box, gained
 
 __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows", "parameter_box"]
