@@ -18,18 +18,25 @@ Examples
 -0.52326
 """
 
-from setid import estimators
 from setid.bands import FrequencyBand, StepBand, frequency_band, step_band
 from setid.block_bands import SignalBand, StaticBand, signal_band, static_band
-from setid.centre import Central, central, worst_case_error
 from setid.consistency import Consistency, consistency
 from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.data.record import IOData
 from setid.discretisation import discretisation_error, estimate_delta
 from setid.equivalence import convert, convert_intervals, equivalent, unidentifiable
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
-from setid.estimators import Estimate, l1, least_squares, linf, recursive_least_squares
 from setid.exchange import ControlModels, to_control
+from setid.feasible_points import estimators
+from setid.feasible_points.centre import Central, central, worst_case_error
+from setid.feasible_points.estimators import (
+    Estimate,
+    l1,
+    least_squares,
+    linf,
+    recursive_least_squares,
+)
+from setid.feasible_points.members import feasible, members, projection_estimate
 from setid.feasible_set.directions import DirectionBox
 from setid.feasible_set.projections import Projection, project
 from setid.feasible_set.sign_tree import ParameterBox, parameter_box
@@ -41,7 +48,6 @@ from setid.formulation.regression import Regression
 from setid.identify import identify
 from setid.indirect import ContinuousEstimate, to_continuous
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
-from setid.members import feasible, members, projection_estimate
 from setid.models.block import (
     BlockStructured,
     Hammerstein,

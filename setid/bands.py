@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.checks import frozen, natural
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
-from setid.members import members, nominal
+from setid.feasible_points.members import members, nominal
 from setid.proofs.enclosures import enclose
 from setid.proofs.supports import Cover, cover_of, supports
 from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of

@@ -19,8 +19,8 @@ import sparsepop_py as sp
 from setid.bands import Kind
 from setid.data.checks import frozen, real_array
 from setid.errors import ModelError, SetidError
+from setid.feasible_points.members import members, nominal
 from setid.formulation.units import in_units
-from setid.members import members, nominal
 from setid.models.block import BlockStructured
 from setid.models.maps import StaticMap
 from setid.proofs.supports import Cover, cover_of, supports

@@ -26,12 +26,12 @@ from numpy.typing import NDArray
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.errors import ModelError
-from setid.estimators import least_squares, linf
+from setid.feasible_points.estimators import least_squares, linf
+from setid.feasible_points.start import first_point
 from setid.formulation.formulation import Formulation, formulate
 from setid.models.lti import TransferFunction
 from setid.noise_factor import nearby, scaled_noise
 from setid.proofs.existence import consistent
-from setid.starts import first_point
 
 __all__ = ["Endless", "endless_by"]
 

@@ -20,7 +20,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.driving import driving_rows
 from setid.errors import ModelError, NoiseError, SetidError
-from setid.estimators import least_squares, linf
+from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_set.sign_tree import ParameterBox, parameter_box
 from setid.feasible_set.start import ProvedBox, box_follows, start_of
 from setid.formulation.formulation import Formulation, formulate, settled

@@ -22,6 +22,7 @@ from setid.data.checks import frozen, number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
+from setid.feasible_points.start import candidates
 from setid.feasible_set.sign_tree import parameter_box
 from setid.feasible_set.start import start_of
 from setid.formulation.formulation import Formulation, formulate
@@ -32,7 +33,6 @@ from setid.noise_factor import on_box, problem_with_factor
 from setid.options import Options
 from setid.priors.base import Prior, listed
 from setid.simulation.simulate import simulate
-from setid.starts import candidates
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 

@@ -18,7 +18,7 @@ import sparsepop_py as sp
 from setid.bands import frequency_band
 from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
-from setid.members import attained_members, members, nominal
+from setid.feasible_points.members import attained_members, members, nominal
 from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid
 

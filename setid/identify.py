@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.attained import inner_ends
 from setid.common_factor import Endless, endless_by
 from setid.data.checks import frozen
 from setid.data.noise import Noise
@@ -30,6 +29,9 @@ from setid.discretisation import remark, with_estimate
 from setid.driving import driving_rows, driving_samples
 from setid.equivalence import unidentifiable
 from setid.errors import SetidError
+from setid.feasible_points.inner_ends import inner_ends
+from setid.feasible_points.search import attained_ends, checked, coupled
+from setid.feasible_points.start import first_point, repair
 from setid.feasible_set.start import ProvedBox, boxed, objectives, proved_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
@@ -43,8 +45,6 @@ from setid.progress import Progress
 from setid.proofs.existence import proved_point
 from setid.proofs.free_parameters import idle_parameters
 from setid.results import empty_result, endless_text, free_text, result_of, unbounded_text
-from setid.search import attained_ends, checked, coupled
-from setid.starts import first_point, repair
 from setid.unnormalised import reference_model, refuse
 
 __all__ = ["identify"]

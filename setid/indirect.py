@@ -17,7 +17,7 @@ from scipy.linalg import logm
 from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.exchange import coefficients
-from setid.members import members, nominal
+from setid.feasible_points.members import members, nominal
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -18,15 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands import Kind, frequency_band, step_band
-from setid.centre import Central, central, worst_case_error
 from setid.common_factor import Endless
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.exchange import ControlModels, to_control
+from setid.feasible_points.centre import Central, central, worst_case_error
+from setid.feasible_points.members import feasible, projection_estimate
 from setid.feasible_set.projections import Projection, project
 from setid.feasible_set.start import ProvedBox
 from setid.formulation.formulation import Formulation
-from setid.members import feasible, projection_estimate
 from setid.options import Options
 from setid.proofs.existence import consistent
 from setid.proofs.verification import Verification, verify

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.errors import SetidError
-from setid.members import nominal
+from setid.feasible_points.members import nominal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,9 +18,9 @@ from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, SetidError
+from setid.feasible_points.members import members, nominal
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
-from setid.members import members, nominal
 from setid.proofs.enclosures import enclose
 from setid.proofs.supports import Cover, cover_of, supports
 from setid.simulation.responses import run

@@ -1,1 +1,1 @@
-"""The set of all parameter vectors that are consistent with a record: boxes, supports, projections."""
+"""All parameter vectors that are consistent with a record: boxes, supports, projections."""

@@ -1,8 +1,9 @@
 """Boxes where rows hold products of parameters: each product is an unknown of its own first.
 
 With several denominators multiplied out, a row is linear in the monomials of theta (a1, b1,
-a1*b1, ...). The rows in these monomials bound them as :mod:`setid.feasible_set.sign_tree` does, those of
-degree one are parameters, and the products of their bounds bound the rest of the next round.
+a1*b1, ...). The rows in these monomials bound them as :mod:`setid.feasible_set.sign_tree` does,
+those of degree one are parameters, and the products of their bounds bound the rest of the next
+round.
 
 These rows forget that neighbouring ones share noise samples. Where static gains of 1 then leave
 parameters without bounds, since 1 + a1 + ... may be zero, the engine bounds the sums over all

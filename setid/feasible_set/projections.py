@@ -18,9 +18,9 @@ from scipy.spatial import ConvexHull, QhullError
 import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import SetidError
+from setid.feasible_points.members import attained_members
 from setid.feasible_set.linear_programs import minimise
 from setid.formulation.units import in_units
-from setid.members import attained_members
 from setid.proofs.supports import Cover, cover_of, supports
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Boxes of the parameters from the data alone, by linear programs over a pruned sign tree.
 
 Every consistent theta obeys |Y + R theta| <= w0 + W |theta| (see
-:class:`setid.formulation.formulation.regression.Regression`). Where the signs of theta are known this is linear.
+:class:`setid.formulation.regression.Regression`). Where the signs of theta are known this is linear.
 Where a sign is open, |theta_i| is at most its secant over the bounds known so far, which is
 linear as well; where no bounds are known, the rows in which it occurs are left out. So a
 linear program on a part of the tree bounds all its leaves, and a part that is empty is cut

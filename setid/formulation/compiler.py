@@ -165,7 +165,7 @@ def assemble(
     """Multiply out the rows of one equation.
 
     Known samples that multiply the same parameters are added up in the order of terms, as
-    in :mod:`setid.formulation.formulation.regression`: both speak of the same doubles.
+    in :mod:`setid.formulation.regression`: both speak of the same doubles.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ class Formulation:
         structure is not linear in its parameters.
     smoothed : Regression or None
         The same rows, and where they are differences over time also their sums through
-        low-pass filters (:mod:`setid.formulation.formulation.smoothing`): what boxes of the parameters rest on.
+        low-pass filters (:mod:`setid.formulation.smoothing`): what boxes of the parameters rest on.
     products : MonomialRows or None
         The same in products of parameters, for block structures whose internal signals can
         be eliminated.

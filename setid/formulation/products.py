@@ -176,7 +176,7 @@ def build_products(
     Parameters
     ----------
     data, model, signals, usable, equation_bound
-        As for :func:`setid.formulation.formulation.regression.build_regression`.
+        As for :func:`setid.formulation.regression.build_regression`.
     """
     if not isinstance(model, BlockStructured):
         return None

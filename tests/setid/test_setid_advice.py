@@ -7,7 +7,7 @@ import pytest
 from identification_cases import PLANT
 
 import setid
-from setid.centre import is_consistent
+from setid.feasible_points.centre import is_consistent
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 MODEL = setid.TransferFunction(1, 1, 1)

@@ -9,7 +9,7 @@ from identified_cases import empty, first_order, identified, result_of, second_o
 
 import setid
 from setid.bands import frequency_band, step_band
-from setid.members import members
+from setid.feasible_points.members import members
 from setid.simulation.responses import frequency_response, grid
 
 

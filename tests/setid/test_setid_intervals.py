@@ -10,8 +10,8 @@ import pytest
 from identified_cases import first_order, result_of
 
 import setid
+from setid.feasible_points.members import nominal
 from setid.formulation.printing import rounded
-from setid.members import nominal
 from setid.progress import Progress
 
 STATUS = setid.IntervalStatus

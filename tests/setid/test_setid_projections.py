@@ -8,8 +8,8 @@ from identification_cases import PLANT, laboratory_two_first
 from identified_cases import empty, first_order, identified, second_order
 
 import setid
+from setid.feasible_points.members import members
 from setid.feasible_set.projections import Projection, project
-from setid.members import members
 
 # Vertices of the polygon of the first laboratory: exact intersections of its half planes.
 VERTICES = [

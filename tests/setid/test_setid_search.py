@@ -11,11 +11,11 @@ import setid
 import sparsepop_py as sp
 from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
+from setid.feasible_points.search import attained_ends, checked, coupled
+from setid.feasible_points.start import first_point
 from setid.feasible_set.start import box_follows, boxed, objectives, proved_box
 from setid.formulation.formulation import Formulation
 from setid.proofs.output_cells import CellBox
-from setid.search import attained_ends, checked, coupled
-from setid.starts import first_point
 
 LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")
 THETA = [-0.6, 0.8, 0.3]

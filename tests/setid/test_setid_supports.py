@@ -8,8 +8,8 @@ from identification_cases import PLANT
 from identified_cases import empty, first_order, identified, second_order
 
 import setid
-from setid.centre import central
-from setid.members import (
+from setid.feasible_points.centre import central
+from setid.feasible_points.members import (
     attained_members,
     feasible,
     is_member,

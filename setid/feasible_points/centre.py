@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
+from setid.feasible_points.members import ROUNDING, noise_level
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
-from setid.members import ROUNDING, noise_level
 from setid.proofs.existence import consistent
 from setid.proofs.supports import middle, outer_box, require_members
 
