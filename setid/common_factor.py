@@ -29,8 +29,8 @@ from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.start import first_point
 from setid.formulation.formulation import Formulation, formulate
+from setid.minimum_noise.factor import nearby, scaled_noise
 from setid.models.lti import TransferFunction
-from setid.noise_factor import nearby, scaled_noise
 from setid.proofs.existence import consistent
 
 __all__ = ["Endless", "endless_by"]

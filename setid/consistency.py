@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.driving import driving_rows
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_set.sign_tree import ParameterBox, parameter_box
@@ -27,9 +26,8 @@ from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
-from setid.models.continuous import without_delta
-from setid.models.equations import Structure
-from setid.noise_factor import (
+from setid.minimum_noise.conflicting_samples import driving_rows
+from setid.minimum_noise.factor import (
     attained_factor,
     last_variable,
     least_factor,
@@ -40,6 +38,8 @@ from setid.noise_factor import (
     rounding_factor,
     scaled_noise,
 )
+from setid.models.continuous import without_delta
+from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.existence import consistent

@@ -25,8 +25,6 @@ from setid.common_factor import Endless, endless_by
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.discretisation import remark, with_estimate
-from setid.driving import driving_rows, driving_samples
 from setid.equivalence import unidentifiable
 from setid.errors import SetidError
 from setid.feasible_points.inner_ends import inner_ends
@@ -36,6 +34,8 @@ from setid.feasible_set.start import ProvedBox, boxed, objectives, proved_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
+from setid.minimum_noise.conflicting_samples import driving_rows, driving_samples
+from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction

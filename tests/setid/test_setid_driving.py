@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import linprog
 
 import setid
-from setid.driving import driving_samples
+from setid.minimum_noise.conflicting_samples import driving_samples
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -86,7 +86,7 @@ def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> N
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("setid.driving._proved_empty", interrupt)
+    monkeypatch.setattr("setid.minimum_noise.conflicting_samples._proved_empty", interrupt)
     u = np.random.default_rng(3).uniform(-1, 1, 16)
     truth = setid.simulate_record(TWO, [-0.6, 0.1, 1.0, 0.15], u, OUTPUT, 3)
     result = setid.identify(truth.data, ONE, OUTPUT, options=QUICK)

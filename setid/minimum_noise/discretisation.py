@@ -27,9 +27,9 @@ from setid.feasible_set.sign_tree import parameter_box
 from setid.feasible_set.start import start_of
 from setid.formulation.formulation import Formulation, formulate
 from setid.indirect import INDIRECT_WARNING
+from setid.minimum_noise.factor import on_box, problem_with_factor
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
-from setid.noise_factor import on_box, problem_with_factor
 from setid.options import Options
 from setid.priors.base import Prior, listed
 from setid.simulation.simulate import simulate
