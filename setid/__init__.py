@@ -23,7 +23,6 @@ from setid.block_bands import SignalBand, StaticBand, signal_band, static_band
 from setid.consistency import Consistency, consistency
 from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.data.record import IOData
-from setid.equivalence import convert, convert_intervals, equivalent, unidentifiable
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from setid.exchange import ControlModels, to_control
 from setid.feasible_points import estimators
@@ -44,6 +43,7 @@ from setid.formulation.completion import Witness
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.layout import Layout
 from setid.formulation.regression import Regression
+from setid.identifiability.equivalence import convert, convert_intervals, equivalent, unidentifiable
 from setid.identify import identify
 from setid.indirect import ContinuousEstimate, to_continuous
 from setid.intervals import Identification, IntervalStatus, ParameterInterval

@@ -21,11 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.common_factor import Endless, endless_by
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.equivalence import unidentifiable
 from setid.errors import SetidError
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import attained_ends, checked, coupled
@@ -33,6 +31,9 @@ from setid.feasible_points.start import first_point, repair
 from setid.feasible_set.start import ProvedBox, boxed, objectives, proved_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
+from setid.identifiability.common_factor import Endless, endless_by
+from setid.identifiability.equivalence import unidentifiable
+from setid.identifiability.unnormalised import reference_model, refuse
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.minimum_noise.conflicting_samples import driving_rows, driving_samples
 from setid.minimum_noise.discretisation import remark, with_estimate
@@ -45,7 +46,6 @@ from setid.progress import Progress
 from setid.proofs.existence import proved_point
 from setid.proofs.free_parameters import idle_parameters
 from setid.results import empty_result, endless_text, free_text, result_of, unbounded_text
-from setid.unnormalised import reference_model, refuse
 
 __all__ = ["identify"]
 

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.bands import Kind, frequency_band, step_band
-from setid.common_factor import Endless
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.exchange import ControlModels, to_control
@@ -27,6 +26,7 @@ from setid.feasible_points.members import feasible, projection_estimate
 from setid.feasible_set.projections import Projection, project
 from setid.feasible_set.start import ProvedBox
 from setid.formulation.formulation import Formulation
+from setid.identifiability.common_factor import Endless
 from setid.options import Options
 from setid.proofs.existence import consistent
 from setid.proofs.verification import Verification, verify

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.common_factor import Endless
 from setid.formulation.formulation import Formulation
+from setid.identifiability.common_factor import Endless
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options

@@ -10,13 +10,13 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.data.record import IOData
-from setid.equivalence import unidentifiable
 from setid.feasible_set.start import box_follows, boxed, objectives
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
+from setid.identifiability.equivalence import unidentifiable
+from setid.identifiability.unnormalised import reference_model
 from setid.models.block import BlockStructured
 from setid.proofs.free_parameters import idle_parameters
-from setid.unnormalised import reference_model
 
 if TYPE_CHECKING:
     from setid.intervals import Identification

@@ -9,7 +9,7 @@ import pytest
 
 import setid
 from benchmarks.intervals import PLANTS, Experiment
-from setid.common_factor import endless_by
+from setid.identifiability.common_factor import endless_by
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -39,8 +39,8 @@ def test_the_engine_finds_a_member_where_estimates_do_not(monkeypatch: pytest.Mo
     def wrong(data: setid.IOData, model: setid.TransferFunction) -> setid.Estimate:
         return setid.least_squares(setid.IOData(data.u, data.y[::-1]), model)
 
-    monkeypatch.setattr("setid.common_factor.linf", wrong)
-    monkeypatch.setattr("setid.common_factor.least_squares", wrong)
+    monkeypatch.setattr("setid.identifiability.common_factor.linf", wrong)
+    monkeypatch.setattr("setid.identifiability.common_factor.least_squares", wrong)
     known = setid.formulate(simulated(NOISES[0]).data, TWO, NOISES[0])
     found = endless_by(known)
     assert found is not None and found.verify(known)
