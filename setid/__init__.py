@@ -18,8 +18,10 @@ Examples
 -0.52326
 """
 
-from setid.bands import FrequencyBand, StepBand, frequency_band, step_band
-from setid.block_bands import SignalBand, StaticBand, signal_band, static_band
+from setid.bands.blocks import SignalBand, StaticBand, signal_band, static_band
+from setid.bands.outputs import Comparison, OutputBand, compare, predict, simulate_band
+from setid.bands.residuals import Residuals, residuals
+from setid.bands.responses import FrequencyBand, StepBand, frequency_band, step_band
 from setid.consistency import Consistency, consistency
 from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.data.record import IOData
@@ -72,10 +74,8 @@ from setid.priors import (
     parameters,
 )
 from setid.proofs.verification import Verification
-from setid.residuals import Residuals, residuals
 from setid.select import Selection, SelectionStep, select
 from setid.simulation.simulate import Simulated, simulate, simulate_record
-from setid.validation import Comparison, OutputBand, compare, predict, simulate_band
 
 __all__ = [
     "BlockStructured",

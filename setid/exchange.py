@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.bands import frequency_band
+from setid.bands.responses import frequency_band
 from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import attained_members, members, nominal

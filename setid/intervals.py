@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.bands import Kind, frequency_band, step_band
+from setid.bands.outputs import Comparison, Mode, OutputBand, compare, predict, simulate_band
+from setid.bands.responses import Kind, frequency_band, step_band
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.exchange import ControlModels, to_control
@@ -31,7 +32,6 @@ from setid.options import Options
 from setid.proofs.existence import consistent
 from setid.proofs.verification import Verification, verify
 from setid.reports import binding, summary, table
-from setid.validation import Comparison, Mode, OutputBand, compare, predict, simulate_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

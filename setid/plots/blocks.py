@@ -13,7 +13,7 @@ from setid.plots.results import new_axes, require_matplotlib
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.block_bands import SignalBand, StaticBand
+    from setid.bands.blocks import SignalBand, StaticBand
     from setid.intervals import Identification
 
 __all__ = ["plot_diagram", "plot_signal_band", "plot_static_band"]

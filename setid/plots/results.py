@@ -18,11 +18,11 @@ from setid.plots.records import over_time, require_matplotlib
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.bands import FrequencyBand, StepBand
+    from setid.bands.outputs import Comparison, OutputBand
+    from setid.bands.residuals import Residuals
+    from setid.bands.responses import FrequencyBand, StepBand
     from setid.feasible_set.projections import Projection
     from setid.intervals import Identification
-    from setid.residuals import Residuals
-    from setid.validation import Comparison, OutputBand
 
 __all__ = [
     "new_axes",

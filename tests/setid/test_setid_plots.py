@@ -12,11 +12,11 @@ from identified_cases import empty, first_order, identified, second_order
 
 import setid
 import sparsepop_py as sp
-from setid.bands import frequency_band, step_band
+from setid.bands.outputs import compare, simulate_band
+from setid.bands.residuals import residuals
+from setid.bands.responses import frequency_band, step_band
 from setid.feasible_set.projections import project
 from setid.plots.results import plot_frequency_band, plot_intervals, require_matplotlib
-from setid.residuals import residuals
-from setid.validation import compare, simulate_band
 
 
 @pytest.fixture(autouse=True)

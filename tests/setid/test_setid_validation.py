@@ -10,9 +10,9 @@ from identification_cases import PLANT, laboratory_two_second
 from identified_cases import empty, identified, second_order
 
 import setid
-from setid.residuals import residuals
+from setid.bands.outputs import compare, fit, predict, simulate_band
+from setid.bands.residuals import residuals
 from setid.simulation.responses import run
-from setid.validation import compare, fit, predict, simulate_band
 
 
 @pytest.fixture(scope="module")

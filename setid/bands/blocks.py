@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.bands import Kind
+from setid.bands.responses import Kind
 from setid.data.checks import frozen, real_array
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal

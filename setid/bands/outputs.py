@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands import Kind
+from setid.bands.responses import Kind
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -141,7 +141,7 @@ def fit(measured: Reals, modelled: Reals) -> Reals:
     Examples
     --------
     >>> import numpy as np
-    >>> from setid.validation import fit
+    >>> from setid.bands.outputs import fit
     >>> fit(np.array([[0.0], [1.0], [2.0]]), np.array([[0.0], [1.0], [1.0]])).round(2)
     array([29.29])
     """
