@@ -26,7 +26,8 @@ from setid.consistency import Consistency, consistency
 from setid.data.noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
-from setid.exchange import ControlModels, to_control
+from setid.export.continuous import ContinuousEstimate, to_continuous
+from setid.export.python_control import ControlModels, to_control
 from setid.feasible_points import estimators
 from setid.feasible_points.centre import Central, central, worst_case_error
 from setid.feasible_points.estimators import (
@@ -47,7 +48,6 @@ from setid.formulation.layout import Layout
 from setid.formulation.regression import Regression
 from setid.identifiability.equivalence import convert, convert_intervals, equivalent, unidentifiable
 from setid.identify import identify
-from setid.indirect import ContinuousEstimate, to_continuous
 from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.minimum_noise.discretisation import discretisation_error, estimate_delta
 from setid.models.block import (

@@ -21,7 +21,7 @@ from setid.bands.outputs import Comparison, Mode, OutputBand, compare, predict, 
 from setid.bands.responses import Kind, frequency_band, step_band
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.exchange import ControlModels, to_control
+from setid.export.python_control import ControlModels, to_control
 from setid.feasible_points.centre import Central, central, worst_case_error
 from setid.feasible_points.members import feasible, projection_estimate
 from setid.feasible_set.projections import Projection, project

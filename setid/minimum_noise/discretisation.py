@@ -22,11 +22,11 @@ from setid.data.checks import frozen, number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
+from setid.export.continuous import INDIRECT_WARNING
 from setid.feasible_points.start import candidates
 from setid.feasible_set.sign_tree import parameter_box
 from setid.feasible_set.start import start_of
 from setid.formulation.formulation import Formulation, formulate
-from setid.indirect import INDIRECT_WARNING
 from setid.minimum_noise.factor import on_box, problem_with_factor
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure

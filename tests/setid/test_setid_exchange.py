@@ -12,7 +12,7 @@ from identified_cases import empty, identified, second_order
 
 import setid
 import sparsepop_py as sp
-from setid.exchange import coefficients, to_control
+from setid.export.python_control import coefficients, to_control
 from setid.feasible_points.members import members, nominal
 from setid.simulation.responses import frequency_response
 

@@ -9,7 +9,7 @@ from identified_cases import result_of
 from scipy.signal import cont2discrete
 
 import setid
-from setid.indirect import _inverse_matched, _inverse_zoh
+from setid.export.continuous import _inverse_matched, _inverse_zoh
 from setid.intervals import IntervalStatus, ParameterInterval
 
 

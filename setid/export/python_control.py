@@ -161,7 +161,7 @@ def coefficients(
     Examples
     --------
     >>> import numpy as np, setid
-    >>> from setid.exchange import coefficients
+    >>> from setid.export.python_control import coefficients
     >>> coefficients(setid.TransferFunction(1, 1, nk=2), np.array([-0.5, 3.0]))
     ([0.0, 0.0, 3.0], [1.0, -0.5, 0.0])
     """

@@ -16,7 +16,7 @@ from scipy.linalg import logm
 
 from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
-from setid.exchange import coefficients
+from setid.export.python_control import coefficients
 from setid.feasible_points.members import members, nominal
 
 if TYPE_CHECKING:
