@@ -48,7 +48,6 @@ from setid.formulation.layout import Layout
 from setid.formulation.regression import Regression
 from setid.identifiability.equivalence import convert, convert_intervals, equivalent, unidentifiable
 from setid.identify import identify
-from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.minimum_noise.discretisation import discretisation_error, estimate_delta
 from setid.models.block import (
     BlockStructured,
@@ -74,6 +73,7 @@ from setid.priors import (
     parameters,
 )
 from setid.proofs.verification import Verification
+from setid.result.identification import Identification, IntervalStatus, ParameterInterval
 from setid.select import Selection, SelectionStep, select
 from setid.simulation.simulate import Simulated, simulate, simulate_record
 

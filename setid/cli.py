@@ -19,12 +19,12 @@ from setid.data.readers import text_lines
 from setid.data.record import IOData
 from setid.errors import DataError, NoiseError, SetidError
 from setid.identify import identify
-from setid.intervals import Identification, IntervalStatus
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.plots.results import plot_intervals, require_matplotlib
 from setid.priors import DCGain, Stable
 from setid.proofs.verification import Verification
+from setid.result.identification import Identification, IntervalStatus
 
 __all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 

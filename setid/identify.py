@@ -34,7 +34,6 @@ from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import Endless, endless_by
 from setid.identifiability.equivalence import unidentifiable
 from setid.identifiability.unnormalised import reference_model, refuse
-from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.minimum_noise.conflicting_samples import driving_rows, driving_samples
 from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
@@ -42,10 +41,11 @@ from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.priors.base import Prior
-from setid.progress import Progress
 from setid.proofs.existence import proved_point
 from setid.proofs.free_parameters import idle_parameters
-from setid.results import empty_result, endless_text, free_text, result_of, unbounded_text
+from setid.result.assembling import empty_result, endless_text, free_text, result_of, unbounded_text
+from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.result.progress import Progress
 
 __all__ = ["identify"]
 

@@ -23,12 +23,12 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.identify import identify
-from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
 from setid.options import Options
 from setid.priors.base import Prior
+from setid.result.identification import Identification, IntervalStatus, ParameterInterval
 
 __all__ = ["Selection", "SelectionStep", "select"]
 

@@ -26,7 +26,7 @@ from setid.proofs.supports import Cover, cover_of, supports
 from setid.simulation.responses import run
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
 

@@ -15,7 +15,7 @@ from setid.feasible_points.members import nominal
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["Residuals", "residuals"]
 

@@ -24,7 +24,7 @@ from setid.simulation.simulate import simulate
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "step_band"]
 

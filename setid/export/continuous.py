@@ -20,7 +20,7 @@ from setid.export.python_control import coefficients
 from setid.feasible_points.members import members, nominal
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["INDIRECT_WARNING", "ContinuousEstimate", "to_continuous"]
 

@@ -23,7 +23,7 @@ from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
 

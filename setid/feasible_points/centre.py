@@ -19,7 +19,7 @@ from setid.proofs.existence import consistent
 from setid.proofs.supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["Central", "central", "is_consistent", "worst_case_error"]
 

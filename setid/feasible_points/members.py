@@ -21,7 +21,7 @@ from setid.proofs.supports import middle, outer_box, require_members
 
 if TYPE_CHECKING:
     from setid.formulation.formulation import Formulation
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = [
     "ROUNDING",

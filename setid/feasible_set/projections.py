@@ -26,7 +26,7 @@ from setid.proofs.supports import Cover, cover_of, supports
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["Projection", "project"]
 

@@ -42,7 +42,7 @@ from setid.models.block import BlockStructured, Lure, Normalise
 from setid.simulation.simulate import simulate
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["convert", "convert_intervals", "equivalent", "unidentifiable"]
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from setid.bands.blocks import SignalBand, StaticBand
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["plot_diagram", "plot_signal_band", "plot_static_band"]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from setid.bands.residuals import Residuals
     from setid.bands.responses import FrequencyBand, StepBand
     from setid.feasible_set.projections import Projection
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = [
     "new_axes",

@@ -22,7 +22,7 @@ from setid.feasible_set.linear_programs import minimise
 
 if TYPE_CHECKING:
     from setid.formulation.formulation import Formulation
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["Cover", "box_ranges", "cover_of", "middle", "outer_box", "require_members", "supports"]
 

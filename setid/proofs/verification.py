@@ -19,7 +19,7 @@ from setid.models.block import BlockStructured
 from setid.proofs.free_parameters import idle_parameters
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["Verification", "verify"]
 

@@ -7,9 +7,9 @@ import scipy.sparse as sps
 
 import setid
 from setid.feasible_set.linear_programs import minimise
-from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.options import Options
 from setid.proofs.supports import cover_of, supports
+from setid.result.identification import Identification, IntervalStatus, ParameterInterval
 
 
 def result_of(

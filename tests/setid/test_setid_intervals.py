@@ -12,7 +12,7 @@ from identified_cases import first_order, result_of
 import setid
 from setid.feasible_points.members import nominal
 from setid.formulation.printing import rounded
-from setid.progress import Progress
+from setid.result.progress import Progress
 
 STATUS = setid.IntervalStatus
 

@@ -12,7 +12,7 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 
 if TYPE_CHECKING:
-    from setid.intervals import Identification
+    from setid.result.identification import Identification
 
 __all__ = ["active_priors", "binding", "binding_kinds", "summary", "table"]
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.identifiability.common_factor import Endless
-from setid.intervals import Identification, IntervalStatus, ParameterInterval
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options
 from setid.proofs.base import Bounds
-from setid.reports import active_priors
+from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.result.reports import active_priors
 
 __all__ = ["empty_result", "endless_text", "free_text", "result_of", "unbounded_text"]
 

@@ -31,7 +31,7 @@ from setid.identifiability.common_factor import Endless
 from setid.options import Options
 from setid.proofs.existence import consistent
 from setid.proofs.verification import Verification, verify
-from setid.reports import binding, summary, table
+from setid.result.reports import binding, summary, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
