@@ -1,11 +1,11 @@
 """Boxes of the parameters from the data alone, by linear programs over a pruned sign tree.
 
 Every consistent theta obeys |Y + R theta| <= w0 + W |theta| (see
-:class:`setid.formulation.regression.Regression`). Where the signs of theta are known this is linear.
-Where a sign is open, |theta_i| is at most its secant over the bounds known so far, which is
-linear as well; where no bounds are known, the rows in which it occurs are left out. So a
-linear program on a part of the tree bounds all its leaves, and a part that is empty is cut
-off with one proof.
+:class:`setid.formulation.regression.Regression`). Where the signs of theta are known this is
+linear. Where a sign is open, |theta_i| is at most its secant over the bounds known so far,
+which is linear as well; where no bounds are known, the rows in which it occurs are left out.
+So a linear program on a node of the tree bounds all its leaves, and a node that is empty is
+fathomed with one proof.
 
 A box starts from the priors, or from a left inverse M of R: theta - theta0 = M R (theta -
 theta0) + (I - M R)(theta - theta0) gives abs(theta - theta0) <= d + G abs(theta - theta0).

@@ -17,7 +17,6 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.formulation.layout import Layout, LayoutBuilder
-from setid.formulation.missing import missing_ranges
 from setid.formulation.products import MonomialRows, build_products
 from setid.formulation.regression import (
     Regression,
@@ -25,7 +24,7 @@ from setid.formulation.regression import (
     driven_signals,
     usable_samples,
 )
-from setid.formulation.signals import Signal, internal_range, measured, unknown
+from setid.formulation.signals import Signal, internal_range, measured, missing_ranges, unknown
 from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
