@@ -38,9 +38,8 @@ from setid.feasible_points.estimators import (
     recursive_least_squares,
 )
 from setid.feasible_points.members import feasible, members, projection_estimate
-from setid.feasible_set.directions import DirectionBox
 from setid.feasible_set.projections import Projection, project
-from setid.feasible_set.sign_tree import ParameterBox, parameter_box
+from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.assembly import Rows
 from setid.formulation.completion import Witness
 from setid.formulation.formulation import Formulation, formulate
@@ -72,8 +71,11 @@ from setid.priors import (
     ZeroIn,
     parameters,
 )
+from setid.proofs.directions import DirectionBox
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.sign_tree import ParameterBox
 from setid.proofs.verification import Verification
-from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 from setid.select import Selection, SelectionStep, select
 from setid.simulation.simulate import Simulated, simulate, simulate_record
 

@@ -20,8 +20,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.feasible_points.estimators import least_squares, linf
-from setid.feasible_set.sign_tree import ParameterBox, parameter_box
-from setid.feasible_set.start import ProvedBox, box_follows, start_of
+from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
@@ -43,6 +42,8 @@ from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.existence import consistent
+from setid.proofs.parameter_box import ProvedBox, box_follows, start_of
+from setid.proofs.sign_tree import ParameterBox
 from setid.proofs.verification import Verification
 
 __all__ = ["Consistency", "consistency"]

@@ -28,7 +28,7 @@ from setid.errors import SetidError
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import attained_ends, checked, coupled
 from setid.feasible_points.start import first_point, repair
-from setid.feasible_set.start import ProvedBox, boxed, objectives, proved_box
+from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.common_factor import Endless, endless_by
@@ -43,8 +43,10 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.existence import proved_point
 from setid.proofs.free_parameters import idle_parameters
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 from setid.result.assembling import empty_result, endless_text, free_text, result_of, unbounded_text
-from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 from setid.result.progress import Progress
 
 __all__ = ["identify"]
@@ -185,7 +187,7 @@ def _identify(
     notes: tuple[str, ...],
 ) -> Identification:
     """Box first, then the engine on it, in one time."""
-    box = _timed(timings, "box", lambda: proved_box(formulation, until))
+    box = _timed(timings, "box", lambda: find_box(formulation, until))
     if box is not None and box.empty:
         left = min(_SEARCH, until - time.monotonic())
         driving = driving_rows(formulation, box) or driving_samples(formulation, None, left)
@@ -256,7 +258,7 @@ def _engine(
     box: ProvedBox | None,
     notes: tuple[str, ...],
 ) -> Identification:
-    problem = boxed(formulation, box)
+    problem = problem_on_box(formulation, box)
     p = len(formulation.parameters)
     scaled = in_units(problem, formulation)
     idle = np.array([i for i in range(p) if not np.any(problem.rows.words == i + 1)], int)

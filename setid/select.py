@@ -28,7 +28,8 @@ from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
 from setid.options import Options
 from setid.priors.base import Prior
-from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 
 __all__ = ["Selection", "SelectionStep", "select"]
 

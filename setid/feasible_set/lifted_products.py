@@ -1,118 +1,36 @@
-"""Boxes where rows hold products of parameters: each product is an unknown of its own first.
+"""Search for boxes where rows hold products of parameters.
 
-With several denominators multiplied out, a row is linear in the monomials of theta (a1, b1,
-a1*b1, ...). The rows in these monomials bound them as :mod:`setid.feasible_set.sign_tree` does,
-those of degree one are parameters, and the products of their bounds bound the rest of the next
-round.
-
-These rows forget that neighbouring ones share noise samples. Where static gains of 1 then leave
-parameters without bounds, since 1 + a1 + ... may be zero, the engine bounds the sums over all
-rows with the samples that they share.
+Rows in the monomials of theta bound them round by round, as :mod:`setid.proofs.lifted_products`
+checks it. These rows forget that neighbouring ones share noise samples. Where static gains of 1
+then leave parameters without bounds, since 1 + a1 + ... may be zero, the engine bounds the sums
+over all rows with the samples that they share.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
-from setid.feasible_set.sign_tree import ParameterBox, linear_rows, parameter_box
-from setid.feasible_set.unbounded_coefficients import Far, nothing_far
+from setid.feasible_set.sign_tree import parameter_box
+from setid.feasible_set.unbounded_coefficients import limit_coefficients
 from setid.formulation.formulation import Formulation
-from setid.formulation.products import Monomial, MonomialRows, merged
-from setid.formulation.regression import Regression
-from setid.proofs.base import Bounds, gained
+from setid.formulation.products import MonomialRows
+from setid.proofs.base import gained
+from setid.proofs.lifted_products import LiftedBox, joined_equations, shrunk, sum_objectives
+from setid.proofs.sign_tree import ParameterBox, linear_rows
 
-__all__ = ["LiftedBox", "completed", "lifted_box", "lifted_rows"]
+__all__ = ["completed", "lifted_box"]
 
 Reals = NDArray[np.float64]
-Factor = tuple[int, Monomial, float]  # row, noise samples, value
 _ROUNDS = 3
 _ROUGH = 0.02  # of the width of a sum: a box needs no more
 _SECONDS = 60.0  # of wall time for all sums
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class LiftedBox(Bounds):
-    """A box of theta by rounds of boxes of its monomials; as :class:`ParameterBox` otherwise.
-
-    Parameters
-    ----------
-    names : tuple of str
-    lower, upper : (p,) float
-    rounds : tuple of ParameterBox
-    sums : tuple of tuple of sp.LinearBound
-        For each round, bounds of the sums of monomials that static gains of 1 speak of.
-    sharper : tuple of sp.Certificate or None
-        Of these sums and their negatives on the last round's box, over all rows at once.
-    far : Far or None
-        Bounds of what is then still endless.
-    """
-
-    rounds: tuple[ParameterBox, ...]
-    sums: tuple[tuple[sp.LinearBound, ...], ...]
-    sharper: tuple[sp.Certificate | None, ...] = ()
-    far: Far | None = None
-
-    def verify(
-        self, rows: MonomialRows, start: Reals, formulation: Formulation | None = None
-    ) -> bool:
-        """Replay all rounds from the rows of the data, without any solver."""
-        box = start
-        if len(self.rounds) != len(self.sums):
-            return False
-        for found, sums in zip(self.rounds, self.sums, strict=True):
-            if not found.verify(rows.regression, rows.start(box)):
-                return False
-            if sums and not _sums_hold(rows, found, sums):
-                return False
-            box = _shrunk(rows, box, found, sums)
-        if self.sharper:
-            joined = None if formulation is None else _joined(formulation, rows, self.rounds[-1])
-            if joined is None or not _sharper_hold(joined, rows, self.sharper):
-                return False
-            box = _shrunk(rows, box, self.rounds[-1], self.sums[-1], self.sharper)
-        if self.far is not None:
-            if not isinstance(self.far, Far) or not self.rounds:
-                return False
-            ends = np.array([self.rounds[-1].lower, self.rounds[-1].upper])
-            if formulation is None or not self.far.follows(formulation, rows, ends, box):
-                return False
-            box = _shrunk(rows, self.far.within(box), self.rounds[-1], self.sums[-1], self.sharper)
-        return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
-
-    @property
-    def cut_short(self) -> bool:
-        """Whether time ended before all parts had been looked at."""
-        return any(found.cut_short for found in self.rounds)
-
-    def driving(self, rows: MonomialRows) -> list[tuple[int, int]]:
-        """(record, sample) of the rows whose multipliers prove emptiness."""
-        return self.rounds[-1].driving(rows.regression)
-
-
-def _shrunk(
-    rows: MonomialRows,
-    box: Reals,
-    found: ParameterBox,
-    sums: tuple[sp.LinearBound, ...],
-    sharper: tuple[sp.Certificate | None, ...] = (),
-) -> Reals:
-    empty = np.array([np.full(box.shape[1], np.inf), np.full(box.shape[1], -np.inf)])
-    if found.empty or any(b.status is sp.Status.INFEASIBLE for b in sums):
-        return empty
-    lows = [bound.lower for bound in sums]
-    for number, proof in enumerate(sharper):
-        lows[number] = lows[number] if proof is None else max(lows[number], proof.bound)
-    ends = [(low, -high) for low, high in zip(lows[0::2], lows[1::2], strict=True)]
-    box = rows.shrunk(box, found.lower, found.upper, ends)
-    return empty if np.any(box[0] > box[1]) else box
 
 
 def _sum_bounds(rows: MonomialRows, found: ParameterBox) -> tuple[sp.LinearBound, ...]:
@@ -124,71 +42,10 @@ def _sum_bounds(rows: MonomialRows, found: ParameterBox) -> tuple[sp.LinearBound
     return tuple(sp.linear_bounds(problem, objectives))
 
 
-def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBound, ...]) -> bool:
-    problem = linear_rows(rows.regression, (found.lower, found.upper))
-    asked = rows.objectives()
-    return len(asked) == len(sums) and all(
-        bound.verify(problem, objective).ok for bound, objective in zip(sums, asked, strict=True)
-    )
-
-
-def _joined(formulation: Formulation, rows: MonomialRows, found: ParameterBox) -> sp.Problem | None:
-    """The equations with sums of monomials of theta as unknowns of their own, ahead of the others.
-
-    None where an equation holds other monomials, or multiplies those of a sum by different things.
-    """
-    problem, p, q = formulation.problem, len(formulation.parameters), len(rows.columns)
-    x = sp.variables(q + problem.dimension - p)
-    equations = []
-    for row, origin in zip(problem.constraints, formulation.rows.origin, strict=True):
-        if origin != "model" or row.kind is not sp.Kind.ZERO:
-            continue
-        factors = _factors([row.polynomial], p)
-        summands = [(0.0 * x[0] + 1.0, factor) for factor in factors.pop((), [])]
-        for number, column in enumerate(rows.columns):
-            shared = factors.pop(column[0], [])
-            if any(factors.pop(monomial, []) != shared for monomial in column[1:]):
-                return None
-            summands += [(x[number], factor) for factor in shared]
-        if factors:
-            return None
-        terms = [
-            math.prod([x[q + v - p] for v in noise], start=value * unknown)
-            for unknown, (_, noise, value) in summands
-        ]
-        equations.append(sp.total(terms) == 0)
-    lower = np.concatenate([found.lower, problem.lower[p:]])
-    upper = np.concatenate([found.upper, problem.upper[p:]])
-    if not equations or not np.all(np.isfinite(lower) & np.isfinite(upper)):
-        return None
-    return sp.Problem(x[0], equations, lower=lower, upper=upper)
-
-
-def _asked(joined: sp.Problem, rows: MonomialRows) -> list[sp.Polynomial]:
-    """The sums and their negatives in the unknowns of the joined equations."""
-    x = sp.variables(joined.dimension)
-    return [
-        sp.total(
-            [value * x[v] for v, value in zip(p.words[:, -1] - 1, p.coefficients, strict=True)]
-        )
-        for p in rows.objectives()
-    ]
-
-
-def _sharper_hold(
-    joined: sp.Problem, rows: MonomialRows, sharper: tuple[sp.Certificate | None, ...]
-) -> bool:
-    asked, known = _asked(joined, rows), dict[int, Any]()
-    return len(asked) == len(sharper) and all(
-        proof is None or proof.verify(joined.with_objective(objective), known).ok
-        for proof, objective in zip(sharper, asked, strict=True)
-    )
-
-
 def completed(
     box: LiftedBox, formulation: Formulation, rows: MonomialRows, until: float = math.inf
 ) -> LiftedBox:
-    """The box with bounds by the engine where rows one by one leave parameters endless.
+    """The box with bounds by the engine where rows one by one leave parameters unbounded.
 
     Parameters
     ----------
@@ -212,15 +69,15 @@ def _sharpened(
     left = min(_SECONDS, 0.5 * (until - time.monotonic()))
     if not rows.gains or not rows.sums or left <= 0:
         return box
-    joined = _joined(formulation, rows, box.rounds[-1])
+    joined = joined_equations(formulation, rows, box.rounds[-1])
     if joined is None:
         return box
     options = sp.Options(effort="auto", gap_kind="width", gap=_ROUGH, time_limit=left)
-    found = sp.solve_each(joined, _asked(joined, rows), options)
+    found = sp.solve_each(joined, sum_objectives(joined, rows), options)
     given = (result.certificate for result in found)  # emptiness is for the engine to report
     proofs = tuple(c if c is not None and np.isfinite(c.bound) else None for c in given)
     ends = np.array([box.lower, box.upper])
-    ends = _shrunk(rows, ends, box.rounds[-1], box.sums[-1], proofs)
+    ends = shrunk(rows, ends, box.rounds[-1], box.sums[-1], proofs)
     return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), sharper=proofs)
 
 
@@ -229,11 +86,11 @@ def _limited(
 ) -> LiftedBox:
     """With bounds of coefficients of maps: no consistent ones are far away."""
     ends, last = np.array([box.lower, box.upper]), box.rounds[-1]
-    far = nothing_far(formulation, rows, np.array([last.lower, last.upper]), ends, until)
-    if far is None:
+    limit = limit_coefficients(formulation, rows, np.array([last.lower, last.upper]), ends, until)
+    if limit is None:
         return box
-    ends = _shrunk(rows, far.within(ends), last, box.sums[-1], box.sharper)
-    return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), far=far)
+    ends = shrunk(rows, limit.within(ends), last, box.sums[-1], box.sharper)
+    return replace(box, lower=frozen(ends[0]), upper=frozen(ends[1]), limit=limit)
 
 
 def lifted_box(rows: MonomialRows, start: Reals, until: float = math.inf) -> LiftedBox:
@@ -252,79 +109,8 @@ def lifted_box(rows: MonomialRows, start: Reals, until: float = math.inf) -> Lif
         found = parameter_box(rows.regression, rows.start(box), until)
         rounds.append(found)
         sums.append(_sum_bounds(rows, found))
-        before, box = box, _shrunk(rows, box, found, sums[-1])
+        before, box = box, shrunk(rows, box, found, sums[-1])
         if found.empty or not gained(before, box) or time.monotonic() >= until:
             break
     ends = frozen(box[0].copy()), frozen(box[1].copy())
     return LiftedBox(rows.parameters, *ends, tuple(rounds), tuple(sums))
-
-
-def lifted_rows(formulation: Formulation) -> MonomialRows | None:
-    """The equations of a formulation as rows in monomials of theta.
-
-    Parameters
-    ----------
-    formulation : Formulation
-
-    Returns
-    -------
-    MonomialRows or None
-        None where an unknown other than theta has no finite bounds, or no row is left.
-    """
-    if formulation.products is not None:
-        return formulation.products
-    problem, p = formulation.problem, len(formulation.parameters)
-    kept = [
-        row
-        for row, origin in enumerate(formulation.rows.origin)
-        if origin == "model" and problem.constraints[row].kind is sp.Kind.ZERO
-    ]
-    reach = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
-    factors = _factors([problem.constraints[row].polynomial for row in kept], p)
-    constant = factors.pop((), [])
-    if not factors:
-        return None
-    monomials = sorted(factors, key=lambda m: (len(m), m))
-    measured = [_known([factors[m] for m in monomials], len(kept), reach)]
-    measured += [_known([constant], len(kept), reach)]
-    (regressors, radii), (target, radius) = measured
-    if not np.all(np.isfinite(radii)) or not np.all(np.isfinite(radius)):
-        return None
-    names = tuple("*".join(formulation.parameters[i] for i in m) for m in monomials)
-    rows = formulation.rows
-    channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
-    record, sample = rows.record[kept], rows.sample[kept]
-    where = formulation.data.starts[record - 1] + sample - 1
-    arrays = (target[:, 0], regressors, radius[:, 0], radii, where, record, sample, channel)
-    regression = Regression(names, *(frozen(np.array(array)) for array in arrays))
-    found = MonomialRows(regression, tuple((m,) for m in monomials), formulation.parameters)
-    return merged(found, [tuple(factors[m]) for m in monomials])
-
-
-def _factors(rows: list[sp.Polynomial], p: int) -> dict[Monomial, list[Factor]]:
-    """What each monomial of theta multiplies: row, noise samples and value of each term."""
-    found: dict[Monomial, list[Factor]] = {}
-    for number, row in enumerate(rows):
-        terms = zip(row.words.tolist(), row.coefficients.tolist(), strict=True)
-        for word, value in terms:
-            used = [letter - 1 for letter in word if letter]
-            monomial = tuple(v for v in used if v < p)
-            noise = tuple(v for v in used if v >= p)
-            found.setdefault(monomial, []).append((number, noise, value))
-    return {monomial: sorted(terms) for monomial, terms in found.items()}
-
-
-def _known(columns: list[list[Factor]], count: int, reach: Reals) -> tuple[Reals, Reals]:
-    """Values of these factors and widths of the noise in them, (count, columns) each."""
-    values, widths = np.zeros((count, len(columns))), np.zeros((count, len(columns)))
-    for place, factors in enumerate(columns):
-        for row, noise, value in factors:
-            if not noise:
-                values[row, place] = value  # monomials of a polynomial are distinct
-                continue
-            width = abs(value)
-            for v in noise:
-                width = float(np.nextafter(width * reach[v], np.inf))
-            before = widths[row, place]
-            widths[row, place] = np.nextafter(before + width, np.inf) if before else width
-    return values, widths

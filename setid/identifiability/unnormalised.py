@@ -13,12 +13,12 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_set.sign_tree import parameter_box
-from setid.feasible_set.start import start_of
 from setid.formulation.formulation import formulate
 from setid.identifiability.equivalence import unidentifiable
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.priors.base import Prior
 from setid.proofs.output_cells import cell_box
+from setid.proofs.parameter_box import start_of
 
 __all__ = ["reference_model", "refuse"]
 

@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
-from setid.feasible_set.lifted_products import LiftedBox, lifted_box, lifted_rows
-from setid.feasible_set.sign_tree import ParameterBox, parameter_box
-from setid.feasible_set.start import ProvedBox, boxed, start_of
+from setid.feasible_set.lifted_products import lifted_box
+from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.products import MonomialRows
 from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
+from setid.proofs.lifted_products import LiftedBox, lifted_rows
 from setid.proofs.output_cells import CellBox
+from setid.proofs.parameter_box import ProvedBox, problem_on_box, start_of
+from setid.proofs.sign_tree import ParameterBox
 
 __all__ = ["driving_rows", "driving_samples"]
 
@@ -121,7 +123,7 @@ def _proved_empty(
     keys = zip(formulation.rows.record.tolist(), formulation.rows.sample.tolist(), strict=True)
     rows = [row for row, key in zip(problem.constraints, keys, strict=True) if key in stays]
     part = sp.Problem(0.0 * problem.objective, rows, problem.lower, problem.upper, problem.names)
-    about = in_units(boxed(replace(formulation, problem=part), box), formulation).problem
+    about = in_units(problem_on_box(replace(formulation, problem=part), box), formulation).problem
     return sp.solve(about, replace(options, time_limit=seconds)).status is sp.Status.INFEASIBLE
 
 

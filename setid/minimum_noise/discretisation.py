@@ -25,13 +25,13 @@ from setid.errors import ModelError
 from setid.export.continuous import INDIRECT_WARNING
 from setid.feasible_points.start import candidates
 from setid.feasible_set.sign_tree import parameter_box
-from setid.feasible_set.start import start_of
 from setid.formulation.formulation import Formulation, formulate
 from setid.minimum_noise.factor import on_box, problem_with_factor
 from setid.models.continuous import ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior, listed
+from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]

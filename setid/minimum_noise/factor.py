@@ -14,11 +14,13 @@ import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.feasible_set.directions import units_of_rows
-from setid.feasible_set.sign_tree import ParameterBox, parameter_box
-from setid.feasible_set.start import ProvedBox, proved_box, start_of
+from setid.feasible_set.sign_tree import parameter_box
+from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.options import Options
+from setid.proofs.parameter_box import ProvedBox, start_of
+from setid.proofs.sign_tree import ParameterBox
 
 __all__ = [
     "last_variable",
@@ -224,7 +226,7 @@ def least_factor(
     low, limit = ends
     formulation, kept = stated(limit), None
     for _ in range(_TRIES):
-        box = proved_box(formulation, until)
+        box = find_box(formulation, until)
         options = settings.for_engine("absolute", until)
         result = on_box(formulation, problem_with_factor(formulation, box), options, x)
         if result is not None:

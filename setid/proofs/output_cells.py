@@ -131,7 +131,6 @@ def _samples(
     return late, wide
 
 
-Reals = NDArray[np.float64]
 _MOST = 20000  # cells at a time
 _ROUNDS = 60
 _PRUNING = (20, 40)  # samples that decide about cells, at first and once cells are fine

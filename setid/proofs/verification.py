@@ -10,13 +10,13 @@ import numpy as np
 
 import sparsepop_py as sp
 from setid.data.record import IOData
-from setid.feasible_set.start import box_follows, boxed, objectives
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.identifiability.equivalence import unidentifiable
 from setid.identifiability.unnormalised import reference_model
 from setid.models.block import BlockStructured
 from setid.proofs.free_parameters import idle_parameters
+from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 
 if TYPE_CHECKING:
     from setid.result.identification import Identification
@@ -57,7 +57,7 @@ def verify(result: Identification, data: IOData | None = None) -> Verification:
             return Verification(True)
     if result.bounds:
         return _verify_linear(result, again)
-    problem = boxed(again, result.box)
+    problem = problem_on_box(again, result.box)
     if problem.fingerprint != result.problem.fingerprint:
         return Verification(False, "the problem is not that of the box")
     return _verify_results(result, again, in_units(problem, again))

@@ -15,7 +15,8 @@ from setid.identifiability.common_factor import Endless
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options
 from setid.proofs.base import Bounds
-from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 from setid.result.reports import active_priors
 
 __all__ = ["empty_result", "endless_text", "free_text", "result_of", "unbounded_text"]

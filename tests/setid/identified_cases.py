@@ -8,8 +8,9 @@ import scipy.sparse as sps
 import setid
 from setid.feasible_set.linear_programs import minimise
 from setid.options import Options
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.supports import cover_of, supports
-from setid.result.identification import Identification, IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 
 
 def result_of(

@@ -9,8 +9,10 @@ import pytest
 from identification_cases import PLANT
 
 import setid
-from setid.feasible_set.lifted_products import lifted_box, lifted_rows
-from setid.feasible_set.sign_tree import LeftInverse, SignTree, linear_rows, parameter_box
+from setid.feasible_set.lifted_products import lifted_box
+from setid.feasible_set.sign_tree import parameter_box
+from setid.proofs.lifted_products import lifted_rows
+from setid.proofs.sign_tree import LeftInverse, SignTree, linear_rows
 
 
 def rows_of(samples: int, output: float, input: float, seed: int, claimed=None):

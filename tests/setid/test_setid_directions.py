@@ -13,7 +13,8 @@ from scipy.optimize import linprog
 
 import setid
 import sparsepop_py as sp
-from setid import directions
+from setid.feasible_set import directions
+from setid.proofs.directions import cubes
 
 MODEL, NOISE = setid.TransferFunction(2, 1, 1), setid.Noise(output=0.35)
 QUICK = setid.Options(time_limit=60.0, progress=False)
@@ -123,7 +124,7 @@ def test_negative_units_do_not_turn_a_box_into_an_empty_one() -> None:
     _, known, _ = case(28)
     box, start = bounded(), np.array([np.full(3, -np.inf), np.full(3, np.inf)])
     scale, empty = -box.scale, (np.full(3, 1e-3), np.full(3, -1e-3))
-    cube = directions._cubes(known, box.first, scale)(box.rows[0])
+    cube = cubes(known, box.first, scale)(box.rows[0])
     sides = [directions._least(cube.side(number), np.inf) for number in range(6)]
     proofs = tuple(proof for proof in sides if proof is not None)
     assert len(proofs) == 6  # all that a box asks for

@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete
 
 import setid
 from setid.export.continuous import _inverse_matched, _inverse_zoh
-from setid.result.identification import IntervalStatus, ParameterInterval
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -9,9 +9,11 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
-from setid.feasible_set.lifted_products import LiftedBox, _joined, lifted_box, lifted_rows
-from setid.feasible_set.start import box_follows, proved_box
+from setid.feasible_set.lifted_products import lifted_box
+from setid.feasible_set.start import find_box
 from setid.formulation.products import contracted
+from setid.proofs.lifted_products import LiftedBox, joined_equations, lifted_rows
+from setid.proofs.parameter_box import box_follows
 
 
 def test_sums_over_shared_samples_bound_slow_poles() -> None:
@@ -19,7 +21,7 @@ def test_sums_over_shared_samples_bound_slow_poles() -> None:
     truth, noise = record("hammerstein 2", 20, 5.0)
     model, theta, _ = KINDS["hammerstein 2"]
     formulation = setid.formulate(truth.data, model, noise)
-    box = proved_box(formulation)
+    box = find_box(formulation)
     assert isinstance(box, LiftedBox) and box.sharper
     assert np.all(np.isfinite([box.lower, box.upper]))
     assert np.all((box.lower <= theta) & (box.upper >= theta))
@@ -86,7 +88,7 @@ def test_a_sum_is_no_unknown_of_rows_that_multiply_its_parts_by_different_signal
         rows = lifted_rows(known)
         assert rows is not None and internal.any() != joins
         found = lifted_box(rows, np.array([problem.lower[:p], problem.upper[:p]])).rounds[-1]
-        stated = _joined(replace(known, problem=bounded), rows, found)
+        stated = joined_equations(replace(known, problem=bounded), rows, found)
         assert (stated is not None) == joins
 
 
@@ -103,7 +105,7 @@ def test_two_blocks_of_order_two_have_a_box_from_the_data() -> None:
     truth, noise = record("two inputs 2", 50)
     model, theta, priors = KINDS["two inputs 2"]
     formulation = setid.formulate(truth.data, model, noise, priors)
-    box = proved_box(formulation)
+    box = find_box(formulation)
     assert isinstance(box, LiftedBox) and box_follows(box, formulation)
     assert np.all(np.isfinite([box.lower, box.upper]))
     assert np.all((box.lower <= theta) & (box.upper >= theta))

@@ -13,9 +13,10 @@ from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
 from setid.feasible_points.search import attained_ends, checked, coupled
 from setid.feasible_points.start import first_point
-from setid.feasible_set.start import box_follows, boxed, objectives, proved_box
+from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.proofs.output_cells import CellBox
+from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 
 LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")
 THETA = [-0.6, 0.8, 0.3]
@@ -29,7 +30,7 @@ def stated(
     noise = setid.Noise(output=share * np.abs(setid.simulate(model, theta, u)).max())
     truth = setid.simulate_record(model, theta, u, noise, seed=seed + 1)
     formulation = setid.formulate(truth.data, model, noise)
-    return formulation, boxed(formulation, proved_box(formulation))
+    return formulation, problem_on_box(formulation, find_box(formulation))
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -91,7 +92,7 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     noise = setid.Noise(output=size, input=0.003)
     truth = setid.simulate_record(model, theta, u, noise, seed=1)
     formulation = setid.formulate(truth.data, model, noise)
-    problem = boxed(formulation, proved_box(formulation))
+    problem = problem_on_box(formulation, find_box(formulation))
     start = first_point(formulation, problem)
     assert start is not None
     found = attained_ends(formulation, problem, start)
@@ -130,7 +131,7 @@ def test_long_records_with_strong_noise_have_cells() -> None:
     truth, noise = record("wiener 2", 50, 5.0)
     model, theta, priors = KINDS["wiener 2"]
     known = setid.formulate(truth.data, model, noise, priors)
-    box = proved_box(known)
+    box = find_box(known)
     assert isinstance(box, CellBox) and not box.open
     assert np.all((box.lower <= theta) & (box.upper >= theta))
     assert box_follows(box, known)
@@ -145,7 +146,7 @@ def test_ends_with_products_of_parameters_are_searched_for() -> None:
     truth, noise = record("two inputs 2", 50)
     model, _, priors = KINDS["two inputs 2"]
     formulation = setid.formulate(truth.data, model, noise, priors)
-    problem = boxed(formulation, proved_box(formulation))
+    problem = problem_on_box(formulation, find_box(formulation))
     start = first_point(formulation, problem)
     assert coupled(formulation) and start is not None
     found = attained_ends(formulation, problem, start)
