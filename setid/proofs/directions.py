@@ -165,7 +165,7 @@ def cubes(formulation: Formulation, first: ParameterBox, scale: Reals) -> Callab
     known = formulation.problem
     p, n = scale.size, known.dimension
     names = (*known.names, "s")
-    data_rows = [_homogeneous(row, scale, n, names) for row in data_rows(formulation)]
+    scaled = [_homogeneous(row, scale, n, names) for row in data_rows(formulation)]
     x = sp.variables(n + 1, list(names))
     signs = []
     for i in range(p):
@@ -175,7 +175,7 @@ def cubes(formulation: Formulation, first: ParameterBox, scale: Reals) -> Callab
 
     @cache
     def of_rows(count: int) -> Cube:
-        rows = data_rows[:count] + signs
+        rows = scaled[:count] + signs
         seen = np.unique(np.concatenate([row.polynomial.words.ravel() for row in rows]))
         used = np.isin(np.arange(1, n + 2), seen)
         lower = np.where(used, np.append(known.lower, 0.0), 0.0)

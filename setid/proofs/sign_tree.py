@@ -179,8 +179,8 @@ def _replay(tree: SignTree, rows: Regression, box: Box) -> Box | None:
     if tree.split >= 0:
         if len(tree.children) != 2 or tree.split >= len(rows.names):
             return None
-        halves = halves(box, tree.split)
-        parts = [_replay(c, rows, half) for c, half in zip(tree.children, halves, strict=True)]
+        ends = halves(box, tree.split)
+        parts = [_replay(c, rows, half) for c, half in zip(tree.children, ends, strict=True)]
         found = [part for part in parts if part is not None]
         return hull(found) if len(found) == 2 else None
     if not tree.bounds:
