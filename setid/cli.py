@@ -24,8 +24,8 @@ from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.plots.results import plot_intervals, require_matplotlib
 from setid.priors import DCGain, Stable
+from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
-from setid.proofs.verification import Verification
 from setid.result.identification import Identification
 
 __all__ = [

@@ -20,12 +20,13 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.feasible_points.estimators import least_squares, linf
+from setid.feasible_points.witness import consistent, least_noise
 from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
-from setid.minimum_noise.conflicting_samples import driving_rows
+from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.factor import (
     attained_factor,
     last_variable,
@@ -41,10 +42,9 @@ from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior
-from setid.proofs.existence import consistent
+from setid.proofs.evidence import Verification
 from setid.proofs.parameter_box import ProvedBox, box_follows, start_of
 from setid.proofs.sign_tree import ParameterBox
-from setid.proofs.verification import Verification
 
 __all__ = ["Consistency", "consistency"]
 
@@ -289,7 +289,7 @@ def _by_engine(
         refuted=refuted,
         noise=noise,
         assumptions=_assumptions(formulation, noise),
-        samples=() if refuted is None else driving_rows(stated(refuted[0]), refuted[1]),
+        samples=() if refuted is None else conflicting_rows(stated(refuted[0]), refuted[1]),
     )
 
 
@@ -316,7 +316,7 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
         try:
             theta = estimate(data, formulation.model).theta
             p = theta.size
-            witness = formulation.witness(np.clip(theta, low[:p], high[:p]))
+            witness = least_noise(formulation, np.clip(theta, low[:p], high[:p]))
         except (ModelError, ValueError):
             continue
         if witness.level < best:

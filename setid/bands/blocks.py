@@ -20,15 +20,17 @@ from setid.bands.responses import Kind
 from setid.data.checks import frozen, real_array
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
 from setid.models.block import BlockStructured
 from setid.models.maps import StaticMap
-from setid.proofs.supports import Cover, cover_of, supports
+from setid.proofs.existence import proved_point
+from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.result.identification import Identification
 
 __all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
 
@@ -92,7 +94,7 @@ class SignalBand:
 
 
 def static_band(
-    result: Identification,
+    result: FeasibleSet,
     name: str | None = None,
     x: ArrayLike | None = None,
     kind: Kind = "proved",
@@ -102,7 +104,7 @@ def static_band(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a block structure.
     name : str, optional
         The signal that the map defines; needed where there are several maps.
@@ -146,7 +148,7 @@ def static_band(
     return StaticBand(target, arguments, frozen(points), low, high, frozen(middle), kind)
 
 
-def _map_of(result: Identification, name: str | None) -> tuple[BlockStructured, str, StaticMap]:
+def _map_of(result: FeasibleSet, name: str | None) -> tuple[BlockStructured, str, StaticMap]:
     model = result.formulation.model
     if not isinstance(model, BlockStructured) or not model.maps:
         raise ModelError(f"result: found a {type(model).__name__}, expected one with static maps")
@@ -158,7 +160,7 @@ def _map_of(result: Identification, name: str | None) -> tuple[BlockStructured, 
     return model, target, maps[target]
 
 
-def _arguments(result: Identification, item: StaticMap, x: ArrayLike | None) -> Reals:
+def _arguments(result: FeasibleSet, item: StaticMap, x: ArrayLike | None) -> Reals:
     if x is not None:
         points = real_array(x, "x", SetidError)
         points = points[:, None] if points.ndim == 1 else points
@@ -174,7 +176,7 @@ def _arguments(result: Identification, item: StaticMap, x: ArrayLike | None) -> 
     )
 
 
-def _readings(result: Identification, signal: str) -> tuple[float, float]:
+def _readings(result: FeasibleSet, signal: str) -> tuple[float, float]:
     """The range of a measured signal, or of the bounds of an internal one."""
     data, groups = result.formulation.data, result.formulation.layout.groups
     if signal in groups and signal not in ("u", "y"):
@@ -202,7 +204,7 @@ def _directions(
 
 
 def _proved(
-    result: Identification, cover: Cover, slopes: Reals, constant: Reals, seconds: float
+    result: FeasibleSet, cover: Cover, slopes: Reals, constant: Reals, seconds: float
 ) -> tuple[Reals, Reals]:
     ends = supports(cover, slopes)
     if seconds > 0 and np.all(np.isfinite(ends)):
@@ -211,7 +213,7 @@ def _proved(
     return ends[:, 0] + constant - size, ends[:, 1] + constant + size
 
 
-def _narrowed(result: Identification, slopes: Reals, ends: Reals, seconds: float) -> Reals:
+def _narrowed(result: FeasibleSet, slopes: Reals, ends: Reals, seconds: float) -> Reals:
     """Ends that the engine proves on the problem itself."""
     layout = result.formulation.layout
     theta = [layout.polynomial(i) for i in layout.group("theta").tolist()]
@@ -221,8 +223,11 @@ def _narrowed(result: Identification, slopes: Reals, ends: Reals, seconds: float
     ]
     asked = [sign * form for form in forms for sign in (1.0, -1.0)]
     options = replace(result.options, time_limit=seconds, tol=1e-2).for_engine()
-    known = [r.attained for r in result.results if r.attained is not None]
     scaled = in_units(result.problem, result.formulation)
+    again = (
+        proved_point(result.formulation, scaled.problem, x / scaled.units) for x in result.witnesses
+    )
+    known = [point for point in again if point is not None]
     objectives, factors = zip(*map(scaled.asked, asked), strict=True)
     found = sp.solve_each(scaled.problem, objectives, options, points=known)
     bounds = np.array([r.lower_bound for r in found]) * factors
@@ -230,12 +235,12 @@ def _narrowed(result: Identification, slopes: Reals, ends: Reals, seconds: float
     return np.stack([np.maximum(low, ends[:, 0]), np.minimum(high, ends[:, 1])], axis=1)
 
 
-def signal_band(result: Identification, name: str) -> SignalBand:
+def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     """The band of an internal signal over the record.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a block structure.
     name : str
         One of ``model.internal``.
@@ -262,7 +267,7 @@ def signal_band(result: Identification, name: str) -> SignalBand:
     return SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
 
 
-def _kinds(result: Identification) -> Sequence[Kind]:
+def _kinds(result: FeasibleSet) -> Sequence[Kind]:
     attained = any(item.inner is not None for item in result.intervals.values())
     return ("proved", "sampled") if attained else ("proved",)
 
@@ -273,11 +278,11 @@ def _spread(values: Reals, rows: NDArray[np.int64], samples: int) -> Reals:
     return frozen(full)
 
 
-def _unknown_band(result: Identification, name: str, numbers: NDArray[np.int64]) -> SignalBand:
+def _unknown_band(result: FeasibleSet, name: str, numbers: NDArray[np.int64]) -> SignalBand:
     rows, samples = np.flatnonzero(numbers >= 0), numbers.size
     chosen = numbers[rows]
     low, high = result.problem.lower[chosen], result.problem.upper[chosen]
-    seen = [w for item in result.intervals.values() for w in item.witnesses if w is not None]
+    seen = result.witnesses
     values = np.array([w[chosen] for w in seen]) if seen else np.full((1, rows.size), np.nan)
     ends = (low, high, values.min(axis=0), values.max(axis=0))
     return SignalBand(name, *(_spread(end, rows, samples) for end in ends))

@@ -8,25 +8,24 @@ priors are falsified. *Sampled* bands are what members of the set reach.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.responses import Kind
+from setid.bands.responses import Kind, nominal_outputs
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, SetidError
 from setid.feasible_points.members import members, nominal
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
 from setid.proofs.enclosures import enclose
-from setid.proofs.supports import Cover, cover_of, supports
+from setid.proofs.supports import Cover
 from setid.simulation.responses import run
-
-if TYPE_CHECKING:
-    from setid.result.identification import Identification
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
 
@@ -158,7 +157,7 @@ def fit(measured: Reals, modelled: Reals) -> Reals:
 
 
 def simulate_band(
-    result: Identification,
+    result: FeasibleSet,
     data: IOData | None = None,
     kind: Kind | None = None,
     noise: Noise | None = None,
@@ -169,7 +168,7 @@ def simulate_band(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
     data : IOData, optional
         The identification record when left out. Structures that start ``"free"`` take the
         first readings of each record as start values, within their noise.
@@ -195,7 +194,9 @@ def simulate_band(
     eta = bounds[0]
     if kind in (None, "proved"):
         try:
-            found = enclose(model, theta, cover, record, bounds, model.initial == "zero")
+            rest = model.initial == "zero"
+            around = nominal_outputs(model, theta, record, rest)
+            found = enclose(model, around, cover, record, bounds, rest)
             fields = ("nominal", "low", "high", "driven_low", "driven_high")
             columns = [np.stack([getattr(e, f) for e in found], axis=1) for f in fields]
             return _band("proved", "simulation", record, columns, eta)
@@ -212,13 +213,13 @@ def simulate_band(
 
 
 def predict(
-    result: Identification, data: IOData | None = None, noise: Noise | None = None
+    result: FeasibleSet, data: IOData | None = None, noise: Noise | None = None
 ) -> OutputBand:
     """One-step predictions from the readings before, with a proved band.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a structure that is linear in its parameters.
     data : IOData, optional
         The identification record when left out.
@@ -276,7 +277,7 @@ def predict(
 
 
 def compare(
-    result: Identification,
+    result: FeasibleSet,
     validation: IOData | None = None,
     mode: Mode = "simulation",
     kind: Kind | None = None,
@@ -286,7 +287,7 @@ def compare(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
     validation : IOData, optional
         The identification record when left out.
     mode : {"simulation", "prediction"}
@@ -316,7 +317,7 @@ def compare(
 
 
 def _record(
-    result: Identification, data: IOData | None, noise: Noise | None
+    result: FeasibleSet, data: IOData | None, noise: Noise | None
 ) -> tuple[IOData, tuple[Reals, Reals, Reals]]:
     """The record and its noise bounds."""
     formulation = result.formulation

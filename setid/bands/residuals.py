@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.feasible_points.members import nominal
+from setid.feasible_set.feasible_set import FeasibleSet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.result.identification import Identification
 
 __all__ = ["Residuals", "residuals"]
 
@@ -55,12 +55,12 @@ class Residuals:
         return plot_residuals(self)
 
 
-def residuals(result: Identification, theta: Reals | None = None) -> Residuals:
+def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
     """One-step residuals of a parameter vector with the bounds that noise can explain.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a structure that is linear in its parameters.
     theta : (p,) array_like, optional
         The nominal model when left out.

@@ -16,17 +16,19 @@ from setid.data.checks import frozen, natural
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members, nominal
-from setid.proofs.enclosures import enclose
-from setid.proofs.supports import Cover, cover_of, supports
-from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import Proposer, cover_of, supports
+from setid.models.equations import Structure
+from setid.proofs.enclosures import Nominal, enclose
+from setid.proofs.supports import Cover
+from setid.simulation.responses import frequency_response, frequency_weights, grid, run, transfer_of
 from setid.simulation.simulate import simulate
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.result.identification import Identification
 
-__all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "step_band"]
+__all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "nominal_outputs", "step_band"]
 
 Kind = Literal["proved", "sampled"]
 Reals = NDArray[np.float64]
@@ -112,7 +114,7 @@ class StepBand:
 
 
 def frequency_band(
-    result: Identification,
+    result: FeasibleSet,
     omega: ArrayLike | None = None,
     kind: Kind = "proved",
     output: int = 1,
@@ -124,7 +126,7 @@ def frequency_band(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a linear structure.
     omega : array_like (F,), optional
         rad per unit of time, at most pi / Ts (any in continuous time).
@@ -287,11 +289,27 @@ def _angles(corners: Complexes, west: float) -> tuple[float, float]:
     return float(angles.min()) - 8 * _EPS, float(angles.max()) + 8 * _EPS
 
 
+def nominal_outputs(model: Structure, theta: Reals, record: IOData, from_rest: bool) -> Nominal:
+    """Simulate what an enclosure is computed around.
+
+    Parameters
+    ----------
+    model : Structure
+    theta : (p,) float
+    record : IOData
+    from_rest : bool
+        All signals are zero before the record.
+    """
+    linear = bool(model.regression())  # enclosures refuse the others and say why
+    outputs = run(model, theta, record, from_rest) if linear else np.zeros(record.y.shape)
+    return Nominal(theta, outputs, Proposer)
+
+
 # ---- steps ------------------------------------------------------------------------------
 
 
 def step_band(
-    result: Identification,
+    result: FeasibleSet,
     length: int = 50,
     kind: Kind = "proved",
     output: int = 1,
@@ -303,7 +321,7 @@ def step_band(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
     length : int
         Number of samples.
     kind : {"proved", "sampled"}
@@ -337,7 +355,8 @@ def step_band(
     centre = simulate(model, theta, u)[:, column]
     if kind == "proved":
         record = IOData(np.vstack([u, np.zeros_like(u[:1])]), np.zeros((count + 1, model.outputs)))
-        enclosure = enclose(model, theta, cover_of(result), record, from_rest=True)[column]
+        around = nominal_outputs(model, theta, record, True)
+        enclosure = enclose(model, around, cover_of(result), record, from_rest=True)[column]
         low, high = enclosure.low[:count], enclosure.high[:count]
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])

@@ -8,7 +8,7 @@ box, and a member without a real logarithm has no image at all.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,7 @@ from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
 from setid.feasible_points.members import members, nominal
-
-if TYPE_CHECKING:
-    from setid.result.identification import Identification
+from setid.feasible_set.feasible_set import FeasibleSet
 
 __all__ = ["INDIRECT_WARNING", "ContinuousEstimate", "to_continuous"]
 
@@ -78,13 +76,13 @@ class ContinuousEstimate:
 
 
 def to_continuous(
-    result: Identification, method: Inverse = "zoh", samples: int = 100, seed: int = 0
+    result: FeasibleSet, method: Inverse = "zoh", samples: int = 100, seed: int = 0
 ) -> ContinuousEstimate:
     """Convert a discrete model set to continuous time, member by member.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a discrete transfer function, one input and one output.
     method : {"zoh", "matched"}
         Inverse zero-order hold; or p -> ln(p) / Ts for poles and zeros with the static gain

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +18,10 @@ import sparsepop_py as sp
 from setid.bands.responses import frequency_band
 from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
-from setid.feasible_points.members import attained_members, members, nominal
+from setid.feasible_points.members import members, nominal
+from setid.feasible_set.feasible_set import FeasibleSet
 from setid.models.equations import Structure
 from setid.simulation.responses import frequency_response, grid
-
-if TYPE_CHECKING:
-    from setid.result.identification import Identification
 
 __all__ = ["ControlModels", "coefficients", "to_control"]
 
@@ -60,7 +58,7 @@ class ControlModels:
 
 
 def to_control(
-    result: Identification,
+    result: FeasibleSet,
     omega: ArrayLike | None = None,
     kind: Literal["sampled", "proved"] = "sampled",
     samples: int = 100,
@@ -70,7 +68,7 @@ def to_control(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
         Of a linear structure. An offset is left out: it is no part of a transfer function.
     omega : array_like (F,), optional
         Grid of frequencies.
@@ -126,7 +124,7 @@ def to_control(
         weight = control.TransferFunction(*shape(frequencies, radius, Ts), base)
     return ControlModels(
         _transfer(control, model, theta, base),
-        tuple(_transfer(control, model, t, base) for t in attained_members(result)),
+        tuple(_transfer(control, model, t, base) for t in result.attained),
         weight,
         frozen(frequencies),
         frozen(np.asarray(radius, float)),

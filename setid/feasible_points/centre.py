@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +12,10 @@ import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.errors import SetidError
 from setid.feasible_points.members import ROUNDING, noise_level
+from setid.feasible_points.witness import consistent
+from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
-from setid.proofs.existence import consistent
-from setid.proofs.supports import middle, outer_box, require_members
-
-if TYPE_CHECKING:
-    from setid.result.identification import Identification
 
 __all__ = ["Central", "central", "is_consistent", "worst_case_error"]
 
@@ -73,12 +69,12 @@ _MEMBERSHIP = {
 }
 
 
-def central(result: Identification) -> Central:
+def central(result: FeasibleSet) -> Central:
     """The centre of the outer intervals, its worst-case error, and whether it is consistent.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
 
     Returns
     -------
@@ -98,8 +94,8 @@ def central(result: Identification) -> Central:
     >>> centre.theta.round(4), centre.error.round(3), centre.member
     (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
     """
-    require_members(result)
-    theta = middle(result)
+    result.require_members()
+    theta = result.middle
     if theta is None:
         wide = [n for n, v in result.intervals.items() if not np.isfinite(v.width)]
         raise SetidError(
@@ -112,12 +108,12 @@ def central(result: Identification) -> Central:
     return Central(formulation.parameters, frozen(theta), frozen(error), level, member)
 
 
-def worst_case_error(result: Identification, theta: ArrayLike) -> Reals:
+def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     """How far each parameter of a consistent vector can be from an estimate, proved.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
     theta : array_like (p,)
         Any estimate, consistent or not.
 
@@ -126,7 +122,7 @@ def worst_case_error(result: Identification, theta: ArrayLike) -> Reals:
     (p,) float
         Infinite where an outer interval is.
     """
-    low, high = outer_box(result)
+    low, high = result.outer_box
     values = np.asarray(theta, float)
     if values.shape != low.shape:
         raise SetidError(f"theta: found shape {values.shape}, expected {low.shape}")

@@ -6,7 +6,6 @@ Nothing here is a cover of the set: what is drawn from members is labelled *samp
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sps
@@ -15,17 +14,13 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
+from setid.feasible_points.witness import Witness, least_noise
+from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.linear_programs import minimise
-from setid.formulation.completion import Witness
-from setid.proofs.supports import middle, outer_box, require_members
-
-if TYPE_CHECKING:
-    from setid.formulation.formulation import Formulation
-    from setid.result.identification import Identification
+from setid.formulation.formulation import Formulation
 
 __all__ = [
     "ROUNDING",
-    "attained_members",
     "feasible",
     "is_member",
     "members",
@@ -41,7 +36,7 @@ ROUNDING = 1e-9  # excess of the noise level that is put down to the linear prog
 def noise_level(formulation: Formulation, theta: Reals) -> float:
     """Factor on all noise bounds that theta needs; NaN where no linear program can tell."""
     try:
-        witness: Witness = formulation.witness(theta)
+        witness: Witness = least_noise(formulation, theta)
     except ModelError:
         return float("nan")
     if not np.isfinite(witness.level):
@@ -74,24 +69,12 @@ def _priors_hold(formulation: Formulation, x: Reals) -> bool:
 # ---- members ----------------------------------------------------------------------------
 
 
-def attained_members(result: Identification) -> Reals:
-    """Distinct parameter vectors that attain inner ends, shape (M, p)."""
-    theta = result.formulation.layout.group("theta")
-    found = [
-        np.asarray(witness, float)[theta]
-        for interval in result.intervals.values()
-        for witness in interval.witnesses
-        if witness is not None
-    ]
-    return np.unique(np.array(found), axis=0) if found else np.zeros((0, theta.size))
-
-
-def members(result: Identification, count: int = 100, seed: int = 0) -> Reals:
+def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
     """Consistent parameter vectors: attained ones, and mixtures of them that are consistent.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
     count : int
         Mixtures that are tried; those that the data refute are left out.
     seed : int
@@ -115,9 +98,9 @@ def members(result: Identification, count: int = 100, seed: int = 0) -> Reals:
     >>> found.shape[1]
     2
     """
-    require_members(result)
+    result.require_members()
     tries = natural(count, "count", SetidError)
-    known = attained_members(result)
+    known = result.attained
     if not len(known):
         point = _least_level(result)
         known = np.zeros((0, len(result.formulation.parameters))) if point is None else point
@@ -132,18 +115,18 @@ def members(result: Identification, count: int = 100, seed: int = 0) -> Reals:
     return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
 
 
-def _least_level(result: Identification) -> Reals | None:
+def _least_level(result: FeasibleSet) -> Reals | None:
     """The centre where it is a member, shape (1, p)."""
-    theta = middle(result)
+    theta = result.middle
     return None if theta is None or not is_member(result.formulation, theta) else theta[None, :]
 
 
-def feasible(result: Identification) -> Reals:
+def feasible(result: FeasibleSet) -> Reals:
     """A consistent parameter vector, well inside where the set is convex.
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
 
     Returns
     -------
@@ -161,7 +144,7 @@ def feasible(result: Identification) -> Reals:
     return np.asarray(known[int(np.nanargmin(levels))], np.float64)
 
 
-def projection_estimate(result: Identification) -> Reals:
+def projection_estimate(result: FeasibleSet) -> Reals:
     """The parameter vector whose equations fit the readings best in the worst row.
 
     Minimises the largest abs(Y_k + R_k theta) over the outer box, by a linear program; for
@@ -169,7 +152,7 @@ def projection_estimate(result: Identification) -> Reals:
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
 
     Returns
     -------
@@ -184,14 +167,14 @@ def projection_estimate(result: Identification) -> Reals:
     ----------
     M. Milanese, A. Vicino, Automatica 27 (1991) 997-1009, section 4 (projection estimates).
     """
-    require_members(result)
+    result.require_members()
     rows = result.formulation.regression
     if rows is None:
         raise ModelError("model: separate denominators have no regression form to project on")
     one = np.ones((rows.target.size, 1))
     matrix = np.block([[rows.regressors, -one], [-rows.regressors, -one]])
     right = np.concatenate([-rows.target, rows.target])
-    low, high = outer_box(result)
+    low, high = result.outer_box
     cost = np.append(np.zeros(low.size), 1.0)
     bounds = np.append(low, 0.0), np.append(high, inf)
     found = minimise(cost, (sps.csr_array(matrix), right), None, bounds)
@@ -200,14 +183,14 @@ def projection_estimate(result: Identification) -> Reals:
     return found[:-1]
 
 
-def nominal(result: Identification) -> Reals:
+def nominal(result: FeasibleSet) -> Reals:
     """The centre where it is consistent, else a consistent vector, else the centre anyway."""
-    require_members(result)
-    centre = middle(result)
+    result.require_members()
+    centre = result.middle
     if centre is None:
         return feasible(result)
     level = noise_level(result.formulation, centre)
-    if level <= 1.0 + ROUNDING or (np.isnan(level) and not len(attained_members(result))):
+    if level <= 1.0 + ROUNDING or (np.isnan(level) and not len(result.attained)):
         return np.asarray(centre, np.float64)
     try:
         return feasible(result)

@@ -38,7 +38,7 @@ from setid.formulation.completion import (
 from setid.formulation.formulation import Formulation
 from setid.proofs.existence import proved_point
 
-__all__ = ["attained_ends", "checked", "coupled"]
+__all__ = ["search_ends", "recheck_results", "coupled"]
 
 Reals = NDArray[np.float64]
 _STEPS = 20
@@ -60,7 +60,7 @@ def coupled(formulation: Formulation) -> bool:
     return bool(np.any(samples > 1) or np.any((samples > 0) & (parameters > 1)))
 
 
-def attained_ends(
+def search_ends(
     formulation: Formulation, problem: sp.Problem, start: Reals
 ) -> list[sp.ProvedPoint]:
     """Proved points near the ends of all parameters.
@@ -91,7 +91,7 @@ def attained_ends(
     return [point for point in found if point is not None]
 
 
-def checked(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
+def recheck_results(problem: sp.Problem, results: Sequence[sp.Result]) -> tuple[sp.Result, ...]:
     """Results with what their certificates prove when they are walked once more.
 
     Trees are made at several cut-offs and walked at the last of them: should rounding make a box

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.errors import ModelError
+from setid.feasible_points.witness import least_noise
 from setid.feasible_set.linear_programs import left_inverse
 from setid.formulation.formulation import Formulation
 
@@ -35,7 +36,7 @@ def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.flo
     best: tuple[float, NDArray[np.float64] | None] = (inf, None)
     for theta in candidates(formulation, problem):
         try:
-            witness = formulation.witness(theta)
+            witness = least_noise(formulation, theta)
         except ModelError:
             return None
         if witness.level < best[0]:
@@ -52,7 +53,7 @@ def repair(
     def repaired(z: NDArray[np.float64]) -> NDArray[np.float64]:
         theta = np.clip(z[:p] * units[:p], problem.lower[:p], problem.upper[:p])
         try:
-            witness = formulation.witness(theta)
+            witness = least_noise(formulation, theta)
         except ModelError:
             return z
         return witness.x / units if witness.level <= 1.0 else z

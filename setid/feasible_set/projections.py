@@ -18,15 +18,15 @@ from scipy.spatial import ConvexHull, QhullError
 import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import SetidError
-from setid.feasible_points.members import attained_members
+from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.linear_programs import minimise
+from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
-from setid.proofs.supports import Cover, cover_of, supports
+from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.result.identification import Identification
 
 __all__ = ["Projection", "project"]
 
@@ -74,7 +74,7 @@ class Projection:
 
 
 def project(
-    result: Identification,
+    result: FeasibleSet,
     first: str,
     second: str,
     directions: int = 16,
@@ -84,7 +84,7 @@ def project(
 
     Parameters
     ----------
-    result : Identification
+    result : FeasibleSet
     first, second : str
         Names of parameters.
     directions : int
@@ -126,7 +126,7 @@ def project(
             f"result: found no finite interval of {first} or {second}, expected finite ones"
         )
     width = np.where(high > low, high - low, 1.0)
-    points = attained_members(result)[:, pair]
+    points = result.attained[:, pair]
     if cover.exact and np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)):
         corners = _corners(cover, pair, width)
         normals, exact = _edge_normals(corners, width), True
@@ -152,7 +152,7 @@ def _heights(cover: Cover, pair: list[int], normals: Reals) -> Reals:
 
 
 def _solved(
-    result: Identification, pair: list[int], normals: Reals, options: sp.Options | None
+    result: FeasibleSet, pair: list[int], normals: Reals, options: sp.Options | None
 ) -> tuple[Reals, Reals]:
     """Proved heights from relaxations that all directions share, and attained pairs."""
     formulation = result.formulation

@@ -1,11 +1,9 @@
-"""From parameters and noise to all unknowns of a formulation, and the least noise for theta."""
+"""From parameters and noise to all unknowns of a formulation: plain arithmetic, nothing proved."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.sparse as sps
@@ -13,51 +11,71 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import lsqr
 
 import sparsepop_py as sp
+from setid.data.noise import Noise
+from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
-from setid.feasible_set.linear_programs import minimise
-from setid.models.equations import channel_of
-
-if TYPE_CHECKING:
-    from setid.formulation.formulation import Formulation
+from setid.formulation.assembly import Rows
+from setid.formulation.layout import Layout
+from setid.models.equations import Structure, channel_of
+from setid.priors.base import Prior
 
 __all__ = [
     "Affine",
-    "Witness",
+    "Stated",
     "affine",
+    "band_width",
     "complete_point",
     "defined_unknowns",
     "held_unknowns",
-    "least_noise",
     "noise_shares",
+    "place_slack",
     "polished",
     "redefined",
+    "solve_definitions",
 ]
 
-_STEPS = 25  # most linear programs for one witness
-_SETTLED = 1e-9
 _NEWTON, _EXACT = 4, 1e-13
 _DENSE = 1500  # unknowns up to which least squares are solved by a dense factorization
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Witness:
-    """Noise that makes parameters consistent with the data.
+class Stated(Protocol):
+    """What completing a point asks of a formulation."""
 
-    Parameters
-    ----------
-    x : (n,) float
-        All unknowns of the formulation.
-    level : float
-        Factor on all noise bounds that this noise needs; infinite if none suffices, and
-        then ``x`` holds no noise.
-    """
+    @property
+    def problem(self) -> sp.Problem:
+        """Polynomial problem in all unknowns."""
 
-    x: NDArray[np.float64]
-    level: float
+    @property
+    def layout(self) -> Layout:
+        """Names and numbers of the unknowns."""
+
+    @property
+    def rows(self) -> Rows:
+        """Origin of each constraint."""
+
+    @property
+    def data(self) -> IOData:
+        """Record."""
+
+    @property
+    def model(self) -> Structure:
+        """Structure."""
+
+    @property
+    def noise(self) -> Noise:
+        """Bounds of the noise."""
+
+    @property
+    def priors(self) -> tuple[Prior, ...]:
+        """Priors."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
 
 
 def complete_point(
-    formulation: Formulation,
+    formulation: Stated,
     theta: NDArray[np.float64],
     noise: Mapping[str, ArrayLike | None],
     signals: Mapping[str, ArrayLike],
@@ -70,8 +88,8 @@ def complete_point(
         _place(x, layout.group(group), 0.0 if given is None else given, group)
     for group, given in signals.items():
         _place(x, layout.group(group), given, group)
-    _place_slack(x, formulation, theta)
-    _solve_definitions(x, formulation)
+    place_slack(x, formulation, theta)
+    solve_definitions(x, formulation)
     rest = np.flatnonzero(np.isnan(x))
     if rest.size:
         x[rest] = _best_fit(x, formulation, rest)
@@ -90,17 +108,16 @@ def _place(
     x[numbers[present]] = np.broadcast_to(values, numbers.shape)[present]
 
 
-def _place_slack(
-    x: NDArray[np.float64], formulation: Formulation, theta: NDArray[np.float64]
-) -> None:
+def place_slack(x: NDArray[np.float64], formulation: Stated, theta: NDArray[np.float64]) -> None:
+    """Set the unknowns of priors in x to what the parameters give."""
     named = dict(zip(formulation.parameters, theta.tolist(), strict=True))
     for prior in formulation.priors:
         for name, value in prior.complete(formulation.model, named).items():
             x[formulation.layout.index(name)] = value
 
 
-def _solve_definitions(x: NDArray[np.float64], formulation: Formulation) -> None:
-    """Unknowns that a row gives as -(the rest), in the order of rows: products of signals."""
+def solve_definitions(x: NDArray[np.float64], formulation: Stated) -> None:
+    """Set unknowns that a row gives as -(the rest), in the order of rows: products of signals."""
     problem, rows, layout = formulation.problem, formulation.rows, formulation.layout
     if not np.any(np.isnan(x)):
         return
@@ -115,12 +132,12 @@ def _solve_definitions(x: NDArray[np.float64], formulation: Formulation) -> None
             x[open_] = -polynomial(trial)
 
 
-def redefined(formulation: Formulation, x: NDArray[np.float64]) -> NDArray[np.float64]:
+def redefined(formulation: Stated, x: NDArray[np.float64]) -> NDArray[np.float64]:
     """The vector with samples of internal signals as their rows give them from the rest.
 
     Parameters
     ----------
-    formulation : Formulation
+    formulation : Stated
     x : (n,) float
     """
     found, rows, groups = x.copy(), formulation.rows, formulation.layout.groups
@@ -142,7 +159,7 @@ class Affine(NamedTuple):
     exact: bool
 
 
-def affine(formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.int64]) -> Affine:
+def affine(formulation: Stated, x: NDArray[np.float64], free: NDArray[np.int64]) -> Affine:
     """All rows in the free unknowns, the others fixed at x; linearised at x where need be."""
     constraints = formulation.problem.constraints
     number = np.full(x.size + 1, -1)
@@ -177,7 +194,7 @@ def affine(formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.in
 
 
 def _best_fit(
-    x: NDArray[np.float64], formulation: Formulation, rest: NDArray[np.int64]
+    x: NDArray[np.float64], formulation: Stated, rest: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Least-squares values of unknowns that nothing else gives (initial partial outputs)."""
     rows = affine(formulation, np.where(np.isnan(x), 0.0, x), rest)
@@ -190,13 +207,13 @@ def _best_fit(
 
 
 def polished(
-    formulation: Formulation, x: NDArray[np.float64], free: NDArray[np.int64]
+    formulation: Stated, x: NDArray[np.float64], free: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Newton's shortest steps to the equations, which linear programs hold to a tolerance only.
 
     Parameters
     ----------
-    formulation : Formulation
+    formulation : Stated
     x : (n,) float
         Close to a vector that satisfies all equations.
     free : (f,) int
@@ -219,40 +236,7 @@ def _least_squares(matrix: sps.csr_array, right: NDArray[np.float64]) -> NDArray
     return np.asarray(np.linalg.lstsq(matrix.toarray(), right, rcond=None)[0])
 
 
-def least_noise(formulation: Formulation, theta: NDArray[np.float64]) -> Witness:
-    """Minimise the noise level over everything but theta; see :meth:`Formulation.witness`."""
-    layout = formulation.layout
-    x = np.full(layout.dimension, np.nan)
-    x[layout.group("theta")] = theta
-    _place_slack(x, formulation, theta)
-    free = np.flatnonzero(np.isnan(x))
-    scaled = held_unknowns(formulation)
-    given = x.copy()
-    x[free] = 0.0
-    rows, before = affine(formulation, x, free), inf
-    if not rows.exact:  # begin with the readings, and what follows from them
-        given[scaled] = 0.0
-        _solve_definitions(given, formulation)
-        given[np.isnan(given)] = 0.0
-        x = given
-    for step in range(_STEPS):
-        if step or not rows.exact:
-            rows = affine(formulation, x, free)
-        found = _least_step(formulation, rows, free, scaled)
-        if found is None:
-            break
-        x[free], level = found
-        if rows.exact:
-            return Witness(x, level)
-        if abs(level - before) <= _SETTLED * (1.0 + level):
-            x = polished(formulation, x, free)
-            return Witness(x, level if _holds(formulation, x) else inf)
-        before = level
-    x[free] = np.nan
-    return Witness(x, inf)
-
-
-def held_unknowns(formulation: Formulation) -> NDArray[np.bool_]:
+def held_unknowns(formulation: Stated) -> NDArray[np.bool_]:
     """Unknowns whose bounds are noise bounds, shape (n,)."""
     found = np.zeros(formulation.layout.dimension, bool)
     for group in ("eta", "xi", "e"):
@@ -261,16 +245,7 @@ def held_unknowns(formulation: Formulation) -> NDArray[np.bool_]:
     return found
 
 
-def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:
-    """Whether equations that were linearised hold, up to rounding."""
-    return all(
-        abs(c.polynomial(x)) <= 1e-9 * (1.0 + np.abs(c.polynomial.coefficients).max())
-        for c, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True)
-        if origin == "model" and c.kind is sp.Kind.ZERO
-    )
-
-
-def defined_unknowns(formulation: Formulation) -> NDArray[np.bool_]:
+def defined_unknowns(formulation: Stated) -> NDArray[np.bool_]:
     """Unknowns whose bounds follow from those of others: samples of internal signals."""
     groups = formulation.layout.groups
     found = np.zeros(formulation.layout.dimension, bool)
@@ -279,55 +254,12 @@ def defined_unknowns(formulation: Formulation) -> NDArray[np.bool_]:
     return found
 
 
-def _least_step(
-    formulation: Formulation,
-    rows: Affine,
-    free: NDArray[np.int64],
-    scaled: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], float] | None:
-    """Unknowns and noise level of one linear program."""
-    problem = formulation.problem
-    model = np.array([origin == "model" for origin in formulation.rows.origin], bool)
-    noise = np.flatnonzero(scaled[free])
-    width = _band_width(formulation)
-    limits = sps.csr_array(
-        (np.ones(noise.size), (np.arange(noise.size), noise)), shape=(noise.size, free.size)
-    )
-    size = problem.upper[free][noise]
-    bands = np.flatnonzero(model & ~rows.equality)
-    below = sps.vstack(
-        [
-            sps.hstack([limits, sps.csr_array(-size[:, None])]),
-            sps.hstack([-limits, sps.csr_array(-size[:, None])]),
-            sps.hstack([-rows.matrix[bands], sps.csr_array(-width[bands][:, None])]),
-        ]
-    ).tocsr()
-    right = np.concatenate([np.zeros(2 * noise.size), rows.constant[bands] - width[bands]])
-    equal = np.flatnonzero(model & rows.equality)
-    loose = scaled[free] | defined_unknowns(formulation)[free]
-    lower = np.where(loose, -np.inf, problem.lower[free])
-    upper = np.where(loose, np.inf, problem.upper[free])
-    try:
-        solution = minimise(
-            np.append(np.zeros(free.size), 1.0),
-            (below, right),
-            (
-                sps.hstack([rows.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr(),
-                -rows.constant[equal],
-            ),
-            (np.append(lower, 0.0), np.append(upper, np.inf)),
-        )
-    except SetidError:  # the solver gave up: no witness, which proves nothing either way
-        return None
-    return None if solution is None else (solution[:-1], float(solution[-1]))
-
-
-def noise_shares(formulation: Formulation, theta: NDArray[np.float64]) -> dict[str, float]:
+def noise_shares(formulation: Stated, theta: NDArray[np.float64]) -> dict[str, float]:
     """What each kind of noise at its bounds can move in the equations, as shares of 1.
 
     Parameters
     ----------
-    formulation : Formulation
+    formulation : Stated
     theta : (p,) float
 
     Returns
@@ -339,7 +271,7 @@ def noise_shares(formulation: Formulation, theta: NDArray[np.float64]) -> dict[s
     problem, layout = formulation.problem, formulation.layout
     x = np.full(layout.dimension, np.nan)
     x[layout.group("theta")] = theta
-    _place_slack(x, formulation, theta)
+    place_slack(x, formulation, theta)
     free = np.flatnonzero(np.isnan(x))
     x[free] = 0.0
     model = np.flatnonzero([origin == "model" for origin in formulation.rows.origin])
@@ -349,12 +281,12 @@ def noise_shares(formulation: Formulation, theta: NDArray[np.float64]) -> dict[s
         numbers = layout.group(group)
         mine = np.isin(free, numbers[numbers >= 0])
         found[group] = float(slopes[mine] @ problem.upper[free[mine]])
-    found["e"] += float(_band_width(formulation).sum())
+    found["e"] += float(band_width(formulation).sum())
     total = sum(found.values())
     return {group: value / total for group, value in found.items() if value > 0}
 
 
-def _band_width(formulation: Formulation) -> NDArray[np.float64]:
+def band_width(formulation: Stated) -> NDArray[np.float64]:
     """Bound of the equation error of each row that has one eliminated, shape (m,)."""
     rows, data = formulation.rows, formulation.data
     bound = formulation.noise.bounds(data)[2]

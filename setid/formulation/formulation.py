@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
 from setid.formulation.assembly import Rows, build
-from setid.formulation.completion import Witness, complete_point, least_noise
+from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
 from setid.formulation.printing import equation_text
 from setid.formulation.products import MonomialRows
@@ -163,10 +164,21 @@ class Formulation:
             ``problem.violation`` of it says whether it is feasible.
         """
         noise = {"eta": output, "xi": input, "e": equation}
-        return complete_point(self, self._theta(theta), noise, signals or {})
+        return complete_point(self, self.parameter_vector(theta), noise, signals or {})
 
-    def witness(self, theta: ArrayLike | Mapping[str, float]) -> Witness:
-        """The least noise with which the data are consistent with theta, by a linear program.
+    def witness(self, theta: ArrayLike | Mapping[str, float]) -> Any:
+        """Deprecated name of :func:`setid.least_noise`.
+
+        Parameters
+        ----------
+        theta : array_like (p,) or mapping of names to numbers
+        """
+        text = "Formulation.witness(theta) is now setid.least_noise(formulation, theta)"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return import_module("setid").least_noise(self, theta)
+
+    def parameter_vector(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64]:
+        """Check parameters and put them in order.
 
         Parameters
         ----------
@@ -174,18 +186,13 @@ class Formulation:
 
         Returns
         -------
-        Witness
-            ``level`` is the factor on all noise bounds that is needed, 1 or less where theta
-            is consistent (up to rounding; nothing is proved), and ``x`` the unknowns.
+        (p,) float
 
-        Notes
-        -----
-        Where unknown samples are multiplied (powers of noisy or internal signals) the rows are
-        linearised again and again; the level is then that of a local minimum.
+        Raises
+        ------
+        SetidError
+            If names or shape do not fit.
         """
-        return least_noise(self, self._theta(theta))
-
-    def _theta(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64]:
         names = self.parameters
         if isinstance(theta, Mapping):
             if set(theta) != set(names):

@@ -27,14 +27,14 @@ from setid.proofs.output_cells import CellBox
 from setid.proofs.parameter_box import ProvedBox, problem_on_box, start_of
 from setid.proofs.sign_tree import ParameterBox
 
-__all__ = ["driving_rows", "driving_samples"]
+__all__ = ["conflicting_rows", "conflicting_samples"]
 
 Keys = tuple[tuple[int, int], ...]
 Known = Regression | MonomialRows
 _ARRAYS = tuple(item.name for item in fields(Regression) if item.name != "names")
 
 
-def driving_rows(formulation: Formulation, box: ProvedBox) -> Keys:
+def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
     """Samples whose rows alone give an empty box, as the whole record does.
 
     Parameters
@@ -60,7 +60,9 @@ def driving_rows(formulation: Formulation, box: ProvedBox) -> Keys:
     return tuple(found) if empty else ()
 
 
-def driving_samples(formulation: Formulation, options: sp.Options | None, seconds: float) -> Keys:
+def conflicting_samples(
+    formulation: Formulation, options: sp.Options | None, seconds: float
+) -> Keys:
     """Samples whose rows alone are proved to contradict each other.
 
     Parameters

@@ -24,6 +24,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.export.continuous import INDIRECT_WARNING
 from setid.feasible_points.start import candidates
+from setid.feasible_points.witness import least_noise
 from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.minimum_noise.factor import on_box, problem_with_factor
@@ -202,19 +203,19 @@ def _explaining(
     unit = stated(largest)
     best: tuple[float, NDArray[np.float64] | None] = (largest, None)
     for theta in candidates(unit, unit.problem):
-        at_zero = stated(0.0).witness(theta)
+        at_zero = least_noise(stated(0.0), theta)
         if at_zero.level <= 1.0:
             return 0.0, at_zero.x
         low, high = largest * 2.0**-_STEPS, largest
-        if unit.witness(theta).level > 1.0:
+        if least_noise(unit, theta).level > 1.0:
             continue
         while high > 1.05 * low and time.monotonic() < until:
             middle = float(np.sqrt(low * high))
             low, high = (
-                (low, middle) if stated(middle).witness(theta).level <= 1 else (middle, high)
+                (low, middle) if least_noise(stated(middle), theta).level <= 1 else (middle, high)
             )
         if high < best[0]:
-            best = high, stated(high).witness(theta).x
+            best = high, least_noise(stated(high), theta).x
     return best
 
 

@@ -15,6 +15,7 @@ in v and h is part of r and E, so that the result is a proof.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,10 +26,9 @@ from setid.data.checks import frozen
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.models.equations import Equation, Lagged, Structure, channel_of
-from setid.proofs.supports import Cover, supports
-from setid.simulation.responses import run
+from setid.proofs.supports import Cover, Multipliers, supports
 
-__all__ = ["Enclosure", "enclose"]
+__all__ = ["Enclosure", "Nominal", "enclose"]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
@@ -83,22 +83,41 @@ class _Row:
         return sum(1 + int(np.count_nonzero(a.weights)) for a in self.feedback.values())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Nominal:
+    """What an enclosure is computed around; any numbers will do, close ones give narrow ranges.
+
+    Parameters
+    ----------
+    theta : (p,) float
+        Nominal parameters.
+    outputs : (N, ny) float
+        What the model gives with them for the inputs of the record.
+    proposer : callable
+        Source of multipliers for the rows of a cover, as of :func:`setid.proofs.supports.supports`.
+    """
+
+    theta: Reals
+    outputs: Reals
+    proposer: Callable[[Cover], Multipliers]
+
+
 def enclose(
     model: Structure,
-    theta: Reals,
+    around: Nominal,
     cover: Cover,
     data: IOData,
     noise: tuple[Reals, Reals, Reals] | None = None,
     from_rest: bool = False,
 ) -> list[Enclosure]:
-    """Proved ranges of all outputs for the inputs of one record or several.
+    """Bound all outputs for the inputs of one record or several.
 
     Parameters
     ----------
     model : Structure
         Linear, with one denominator an output.
-    theta : (p,) float
-        Nominal.
+    around : Nominal
+        Not trusted.
     cover : Cover
         A finite one.
     data : IOData
@@ -131,7 +150,6 @@ def enclose(
         )
     rows = [_row_of(equation, model) for equation in equations]
     bounds = noise or (np.zeros(data.y.shape), np.zeros(data.u.shape), np.zeros(data.y.shape))
-    nominal = run(model, theta, data, from_rest)
     first = 0 if from_rest else max(e.lag for e in equations)
     edges = [*data.starts.tolist(), data.samples]
     found: list[Enclosure] = []
@@ -140,10 +158,16 @@ def enclose(
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
             part = slice(begin, end)
             start = np.zeros(0) if from_rest else bounds[0][part, i][:first]
-            v, u, errors = nominal[part, i], data.u[part], (bounds[1][part], bounds[2][part, i])
-            pieces.append(_one_record(row, theta, cover, v, u, start, errors))
+            v = around.outputs[part, i].copy()
+            v[: start.size] = data.y[part, i][: start.size]
+            u, errors = data.u[part], (bounds[1][part], bounds[2][part, i])
+            pieces.append(_one_record(row, around, cover, v, u, start, errors))
         joined = np.concatenate(pieces, axis=1)
-        found.append(Enclosure(frozen(nominal[:, i].copy()), *(frozen(x.copy()) for x in joined)))
+        none = np.isnan(joined)  # where numbers overflow nothing is proved
+        joined = np.where(none, np.array([-np.inf, np.inf, -np.inf, np.inf])[:, None], joined)
+        found.append(
+            Enclosure(frozen(around.outputs[:, i].copy()), *(frozen(x.copy()) for x in joined))
+        )
     return found
 
 
@@ -175,7 +199,7 @@ def _row_of(equation: Equation, model: Structure) -> _Row:
 
 def _one_record(
     row: _Row,
-    theta: Reals,
+    around: Nominal,
     cover: Cover,
     v: Reals,
     u: Reals,
@@ -187,11 +211,11 @@ def _one_record(
     begun = np.nextafter(v[:first] - start, -np.inf), np.nextafter(v[:first] + start, np.inf)
     if count == first:  # a record that is over before any equation is complete
         return np.stack([*begun, *begun])
-    h = _impulse_response(row, theta, count - first)
+    h = _impulse_response(row, around.theta, count - first)
     leak = _leak(row, cover, h)
     own, regressors, size = _residual(row, v, u, cover)
     constant, weights, doubt = _filtered(h, own[first:], regressors[first:], size[first:])
-    ranges = -supports(cover, weights)[:, ::-1] - constant[:, None]
+    ranges = -supports(cover, weights, around.proposer)[:, ::-1] - constant[:, None]
     ranges += np.stack([-doubt, doubt], axis=1)
     push = _input_push(row, cover, noise[0], count)[first:]
     push += _start_push(row, cover, start, count - first)
@@ -199,8 +223,8 @@ def _one_record(
     result = np.empty((4, count))
     result[:2, :first] = result[2:, :first] = np.stack(begun)
     for place, drive in ((0, push), (2, push + errors)):
-        around = _convolve_up(np.abs(h), drive)
-        spread = _with_leak(ranges, around, leak)
+        width = _convolve_up(np.abs(h), drive)
+        spread = _with_leak(ranges, width, leak)
         low = np.nextafter(v[first:] + ranges[:, 0] - spread, -np.inf)
         high = np.nextafter(v[first:] + ranges[:, 1] + spread, np.inf)
         result[place, first:], result[place + 1, first:] = low, high

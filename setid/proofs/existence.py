@@ -2,32 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import inf
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.errors import ModelError
 from setid.formulation.formulation import Formulation
 
-__all__ = ["consistent", "proved_point"]
-
-
-def consistent(
-    formulation: Formulation, theta: ArrayLike | Mapping[str, float]
-) -> NDArray[np.float64] | None:
-    """A witness that parameters are consistent, proved; see :meth:`Identification.consistent`."""
-    try:
-        witness = formulation.witness(theta)
-    except ModelError:
-        return None
-    problem, p = formulation.problem, len(formulation.parameters)
-    if not np.isfinite(witness.level) or witness.level > 1.0 + 1e-9:
-        return None
-    point = proved_point(formulation, problem, witness.x)
-    return None if point is None or not np.array_equal(point.x[:p], witness.x[:p]) else point.x
+__all__ = ["proved_point"]
 
 
 def proved_point(

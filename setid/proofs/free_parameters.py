@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 
-__all__ = ["idle_parameters"]
+__all__ = ["free_parameters"]
 
 
-def idle_parameters(
+def free_parameters(
     formulation: Formulation,
 ) -> tuple[tuple[str, ...], NDArray[np.float64] | None]:
     """Parameters proved to be free, where noise alone explains the record.
@@ -41,7 +41,7 @@ def idle_parameters(
     >>> import setid
     >>> data = setid.IOData([1, 0, -1, 2], [0.1, 0.0, -0.1, 0.1])
     >>> model = setid.TransferFunction(na=1, nb=1)
-    >>> idle_parameters(setid.formulate(data, model, setid.Noise(output=0.2)))[0]
+    >>> free_parameters(setid.formulate(data, model, setid.Noise(output=0.2)))[0]
     ('a1',)
     """
     problem, best, witness = formulation.problem, list[int](), None

@@ -2,29 +2,25 @@
 
 A :class:`Cover` is a box and linear rows that every consistent parameter vector obeys. For
 equation errors alone it *is* the feasible set; otherwise the noise is replaced by its
-largest effect and ``abs(theta)`` by its chord over the box. A linear program proposes
-multipliers; the bound is what weak duality makes of them, every rounding error included.
+largest effect and ``abs(theta)`` by its chord over the box. Multipliers may come from anywhere
+(:mod:`setid.feasible_set.supports` takes those of linear programs); the bound is what weak
+duality makes of them, every rounding error included.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
-from setid.errors import SetidError
-from setid.feasible_set.linear_programs import minimise
+from setid.formulation.formulation import Formulation
 
-if TYPE_CHECKING:
-    from setid.formulation.formulation import Formulation
-    from setid.result.identification import Identification
-
-__all__ = ["Cover", "box_ranges", "cover_of", "middle", "outer_box", "require_members", "supports"]
+__all__ = ["Cover", "Multipliers", "box_ranges", "cover", "supports"]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
@@ -72,80 +68,50 @@ class Cover:
         return np.nextafter(ends, np.inf)
 
 
-def require_members(result: Identification) -> None:
-    """Refuse a result whose feasible set is proved empty.
+class Multipliers(Protocol):
+    """Whatever proposes multipliers of the rows of a cover; nothing is asked of their quality."""
 
-    Raises
-    ------
-    SetidError
-        Saying so.
-    """
-    if any(interval.status == "empty" for interval in result.intervals.values()):
-        raise SetidError(
-            "result: found an empty feasible set, expected consistent parameters; "
-            "see setid.consistency for the least noise bound that explains the data"
-        )
+    def multipliers(self, direction: Reals) -> Reals:
+        """Multipliers (m,) for the largest value of direction'theta."""
+        ...
 
 
-def outer_box(result: Identification) -> tuple[Reals, Reals]:
-    """Lower and upper ends of the outer intervals, each (p,)."""
-    ends = np.array([result.intervals[name].outer for name in result.formulation.parameters])
-    return ends[:, 0], ends[:, 1]
-
-
-def middle(result: Identification) -> Reals | None:
-    """The centre of the outer box (p,), None where the box is not finite."""
-    low, high = outer_box(result)
-    return low / 2 + high / 2 if np.all(np.isfinite([low, high])) else None
-
-
-def cover_of(result: Identification) -> Cover:
-    """Box and rows in theta alone that follow from a result.
+def cover(formulation: Formulation, lower: Reals, upper: Reals) -> Cover:
+    """State box and rows in theta alone that every consistent parameter vector obeys.
 
     Parameters
     ----------
-    result : Identification
+    formulation : Formulation
+    lower, upper : (p,) float
+        Proved bounds of the parameters.
 
-    Raises
-    ------
-    SetidError
-        If the feasible set is empty.
-
-    Examples
-    --------
-    >>> import setid
-    >>> from setid.proofs.supports import cover_of, supports
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> supports(cover_of(result), [[1.0, 0.0]]).round(5)
-    array([[-0.52326, -0.34533]])
+    Returns
+    -------
+    Cover
     """
-    require_members(result)
-    formulation = result.formulation
-    lower, upper = outer_box(result)
     matrix, right, all_linear = _linear_constraints(formulation)
     if not all_linear and formulation.smoothed is not None:
         more, width = _regression_rows(formulation, lower, upper)
         matrix, right = np.concatenate([matrix, more]), np.concatenate([right, width])
     matrix, right = _binding(matrix, right, lower, upper)
-    return Cover(
-        formulation.parameters,
-        frozen(lower),
-        frozen(upper),
-        frozen(matrix),
-        frozen(right),
-        all_linear,
-    )
+    ends = frozen(np.array(lower)), frozen(np.array(upper))
+    return Cover(formulation.parameters, *ends, frozen(matrix), frozen(right), all_linear)
 
 
-def supports(cover: Cover, directions: NDArray | list[list[float]]) -> Reals:
-    """Proved least and largest value of linear functions of theta.
+def supports(
+    cover: Cover,
+    directions: NDArray | list[list[float]],
+    proposer: Callable[[Cover], Multipliers],
+) -> Reals:
+    """Bound linear functions of theta from below and above.
 
     Parameters
     ----------
     cover : Cover
     directions : (K, p) float
         Coefficients of the functions.
+    proposer : callable
+        Makes a source of multipliers for a finite cover with rows; not trusted.
 
     Returns
     -------
@@ -162,12 +128,12 @@ def supports(cover: Cover, directions: NDArray | list[list[float]]) -> Reals:
     usable = np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)) and cover.right.size
     if not usable:
         return ranges
-    proposer = _Proposer(cover)
+    source = proposer(cover)
     for k, direction in enumerate(wanted):
         if np.any(direction) and ranges[k, 1] > ranges[k, 0]:
-            high = _safe_maximum(cover, direction, proposer.multipliers(direction))
-            low = -_safe_maximum(cover, -direction, proposer.multipliers(-direction))
-            ranges[k] = max(low, ranges[k, 0]), min(high, ranges[k, 1])
+            high = _safe_maximum(cover, direction, source.multipliers(direction))
+            low = -_safe_maximum(cover, -direction, source.multipliers(-direction))
+            ranges[k] = max(ranges[k, 0], low), min(ranges[k, 1], high)
     return ranges
 
 
@@ -250,69 +216,9 @@ def _binding(matrix: Reals, right: Reals, lower: Reals, upper: Reals) -> tuple[R
 # ---- bounds -----------------------------------------------------------------------------
 
 
-class _Proposer:
-    """Multipliers for one direction after the other, by dual linear programs.
-
-    The cover is taken in coordinates in which its box is [-1, 1] and its rows have norm 1.
-    A basis that was optimal for one direction is optimal for every direction for which its
-    multipliers are not negative: many programs need not be solved.
-
-    Parameters
-    ----------
-    cover : Cover
-        Finite, with at least one row.
-    """
-
-    def __init__(self, cover: Cover) -> None:
-        tiny = float(np.finfo(float).tiny)
-        self._width = np.maximum(cover.spread, tiny)
-        matrix = cover.matrix * self._width
-        self._norm = np.maximum(np.abs(matrix).max(axis=1), tiny)
-        right = (cover.right - cover.matrix @ cover.centre) / self._norm
-        eye = np.eye(self._width.size)
-        self._columns = np.concatenate([matrix / self._norm[:, None], eye, -eye]).T
-        self._sparse = sps.csr_array(self._columns)
-        self._cost = np.concatenate([right, np.ones(2 * self._width.size)])
-        self._bases: list[tuple[NDArray[np.int64], Reals]] = []
-
-    def multipliers(self, direction: Reals) -> Reals:
-        """Multipliers >= 0 of the rows for the largest value of direction'theta."""
-        goal = direction * self._width
-        size = float(np.abs(goal).max()) or 1.0
-        weights = self._known(goal / size)
-        if weights is None:
-            weights = self._solved(goal / size)
-        return np.maximum(weights[: self._norm.size], 0.0) * size / self._norm
-
-    def _known(self, goal: Reals) -> Reals | None:
-        for basis, inverse in reversed(self._bases):
-            values = inverse @ goal
-            if values.min() >= 0.0:
-                weights = np.zeros(self._cost.size)
-                weights[basis] = values
-                return weights
-        return None
-
-    def _solved(self, goal: Reals) -> Reals:
-        none = (sps.csr_array((0, self._cost.size)), np.zeros(0))
-        bounds = np.zeros(self._cost.size), np.full(self._cost.size, np.inf)
-        try:
-            found = minimise(self._cost, none, (self._sparse, goal), bounds)
-        except SetidError:
-            found = None  # an unbounded dual: the rows are (nearly) contradictory
-        if found is None:
-            return np.zeros(self._cost.size)
-        basis = np.flatnonzero(found > 1e-12)
-        if basis.size == goal.size:
-            block = self._columns[:, basis]
-            if np.linalg.cond(block) < 1e10:
-                self._bases.append((basis, np.linalg.inv(block)))
-        return found
-
-
 def _safe_maximum(cover: Cover, direction: Reals, multipliers: Reals) -> float:
-    """Upper bound of direction'theta from any multipliers >= 0, rounding included."""
-    used = multipliers > 0
+    """Upper bound of direction'theta from any multipliers, rounding included; NaN says nothing."""
+    used = (multipliers > 0) & np.isfinite(multipliers)
     weight, matrix, right = multipliers[used], cover.matrix[used], cover.right[used]
     unit = 4 * (weight.size + direction.size + 4) * _EPS
     rest = direction - weight @ matrix

@@ -1,10 +1,9 @@
-"""Checking a result again, from the data and without any solver."""
+"""Check claims about a record again, from the data and without any solver."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,103 +11,105 @@ import sparsepop_py as sp
 from setid.data.record import IOData
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
-from setid.identifiability.equivalence import unidentifiable
-from setid.identifiability.unnormalised import reference_model
 from setid.models.block import BlockStructured
-from setid.proofs.free_parameters import idle_parameters
+from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.free_parameters import free_parameters
+from setid.proofs.normalisation import reference_follows, unidentifiable
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 
-if TYPE_CHECKING:
-    from setid.result.identification import Identification
-
-__all__ = ["Verification", "verify"]
+__all__ = ["verify"]
 
 
-@dataclass(frozen=True, slots=True)
-class Verification:
-    """What a check found; true where every claim holds.
+def verify(claims: Evidence, data: IOData | None = None) -> Verification:
+    """Check formulation, box, outer and inner ends from the data.
 
     Parameters
     ----------
-    ok : bool
-    reason : str
-        The first claim that does not hold; empty where all do.
+    claims : Evidence
+    data : IOData, optional
+        The record; the one that was stored when left out.
+
+    Returns
+    -------
+    Verification
+        True where every claim holds; no value of a solver is trusted.
     """
-
-    ok: bool
-    reason: str = ""
-
-    def __bool__(self) -> bool:
-        return self.ok
-
-
-def verify(result: Identification, data: IOData | None = None) -> Verification:
-    """Check formulation, box, outer and inner ends; see :meth:`Identification.verify`."""
-    given = result.formulation
+    given = claims.formulation
     again = formulate(given.data if data is None else data, given.model, given.noise, given.priors)
     if again.problem.fingerprint != given.problem.fingerprint:
         return Verification(False, "the result belongs to other data")
-    if result.reference is not None:
-        return _verify_reference(result, result.reference, again)
-    if result.box is not None:
-        if not box_follows(result.box, again):
+    if [(name, item.name) for name, item in claims.intervals.items()] != [
+        (name, name) for name in again.parameters
+    ]:
+        return Verification(False, "the intervals are not those of the parameters, in their order")
+    if claims.reference is not None:
+        return _verify_reference(claims, claims.reference, again)
+    if claims.box is not None:
+        if not box_follows(claims.box, again):
             return Verification(False, "the box does not follow from the data")
-        if result.box.empty:
-            return Verification(True)
-    if result.bounds:
-        return _verify_linear(result, again)
-    problem = problem_on_box(again, result.box)
-    if problem.fingerprint != result.problem.fingerprint:
+        if claims.box.empty:
+            return Verification(claims.empty, "" if claims.empty else _NOT_EMPTY)
+    if claims.bounds:
+        return _verify_linear(claims, again)
+    problem = problem_on_box(again, claims.box)
+    if problem.fingerprint != claims.problem.fingerprint:
         return Verification(False, "the problem is not that of the box")
-    return _verify_results(result, again, in_units(problem, again))
+    return _verify_results(claims, again, in_units(problem, again))
 
 
-def _verify_reference(
-    result: Identification, found: Identification, again: Formulation
-) -> Verification:
-    """The result with a normalisation holds, and nothing more is claimed than follows."""
-    if not isinstance(again.model, BlockStructured):
+_NOT_EMPTY = "the box is empty, and the intervals are not"
+
+
+def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> Verification:
+    """Check the evidence with a normalisation, and that no more is claimed than follows."""
+    reference = found.formulation.model
+    if not isinstance(again.model, BlockStructured) or not isinstance(reference, BlockStructured):
         return Verification(False, "only block structures have a reference")
-    given = again.noise, again.priors
-    wanted = formulate(again.data, reference_model(again.data, again.model, *given), *given).problem
+    if not reference_follows(again, reference, claims.nonzero):
+        return Verification(False, "the normalisation of the reference does not follow")
+    wanted = formulate(again.data, reference, again.noise, again.priors).problem
     if wanted.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the reference is not that of the data")
-    if found.empty != result.empty:
+    if found.empty != claims.empty:
         return Verification(False, "emptiness is not that of the reference")
     known: dict[str, Any] = {n: (item.outer, item.inner) for n, item in found.intervals.items()}
     known |= dict.fromkeys(unidentifiable(again.model), ((-inf, inf), None))
-    for name, item in result.intervals.items():
-        if not result.empty and (item.outer, item.inner) != known[name]:
+    for name, item in claims.intervals.items():
+        if not claims.empty and (item.outer, item.inner) != known.get(name):
             return Verification(False, f"the interval of {name} is not that of the reference")
     return verify(found, again.data)
 
 
-def _verify_linear(result: Identification, again: Formulation) -> Verification:
-    proved = []
-    for bound, objective in zip(result.bounds, objectives(again), strict=True):
+def _verify_linear(claims: Evidence, again: Formulation) -> Verification:
+    proved, asked = [], objectives(again)
+    if len(claims.bounds) != len(asked):
+        return Verification(False, "bounds are missing")
+    for bound, objective in zip(claims.bounds, asked, strict=True):
         verdict = bound.verify(again.problem, objective)
         if not verdict.ok:
             return Verification(False, verdict.reason)
         proved.append((bound.lower, bound.upper))
-    for place, item in enumerate(result.intervals.values()):
-        endless = [upper == -inf for _, upper in proved[2 * place : 2 * place + 2]]
+    for place, item in enumerate(claims.intervals.values()):
+        falls = [upper == -inf for _, upper in proved[2 * place : 2 * place + 2]]
         if str(item.status) in ("unbounded", "unidentifiable"):
-            if not (all if str(item.status) == "unidentifiable" else any)(endless):
+            if not (all if str(item.status) == "unidentifiable" else any)(falls):
                 return Verification(False, f"it is not proved that {item.name} is {item.status}")
-    return _ends_follow(result, proved)
+    return _ends_follow(claims, proved)
 
 
-def _verify_results(result: Identification, again: Formulation, scaled: InUnits) -> Verification:
-    endless = {n for n, item in result.intervals.items() if str(item.status) == "unbounded"}
-    why = result.endless if endless else None
-    known_endless = why.names if why is not None and why.verify(again) else ()
-    if not endless <= set(known_endless):
-        return Verification(False, f"it is not proved that {', '.join(endless)} are unbounded")
+def _verify_results(claims: Evidence, again: Formulation, scaled: InUnits) -> Verification:
+    claimed = {n for n, item in claims.intervals.items() if str(item.status) == "unbounded"}
+    why = claims.unbounded if claimed else None
+    shown = why.names if why is not None and why.verify(again) else ()
+    if not claimed <= set(shown):
+        return Verification(False, f"it is not proved that {', '.join(claimed)} are unbounded")
     problem, known = scaled.problem, dict[int, Any]()
     count = 2 * len(again.parameters)
+    if len(claims.results) not in (0, count):
+        return Verification(False, "results are missing")
     ends = [(problem_low(problem, number), inf) for number in range(count)]
     asked, points = objectives(again), list[sp.ProvedPoint]()
-    for number, found in enumerate(result.results):
+    for number, found in enumerate(claims.results):
         about = problem.with_objective(scaled.asked(asked[number])[0])
         lower, upper = problem_low(problem, number), inf
         if found.certificate is not None:
@@ -127,26 +128,26 @@ def _verify_results(result: Identification, again: Formulation, scaled: InUnits)
         unit = float(scaled.units[number // 2])
         upper = min([upper, *(_reached(problem, p, number) for p in points)])
         ends[number] = lower * unit, upper * unit
-    return _ends_follow(result, ends) if result.empty else _with_idle(result, again, ends, points)
+    return _ends_follow(claims, ends) if claims.empty else _with_free(claims, again, ends, points)
 
 
-def _with_idle(
-    result: Identification,
+def _with_free(
+    claims: Evidence,
     again: Formulation,
     ends: list[tuple[float, float]],
     points: list[sp.ProvedPoint],
 ) -> Verification:
     """The same for parameters that change no row, which the ends of the problem are not about."""
-    free = set(idle_parameters(again)[0])
-    for place, item in enumerate(result.intervals.values()):
-        idle = not np.any(again.problem.rows.words == place + 1)
-        if str(item.status) == "unidentifiable" and not (idle or item.name in free):
+    free = set(free_parameters(again)[0])
+    for place, item in enumerate(claims.intervals.values()):
+        silent = not np.any(again.problem.rows.words == place + 1)
+        if str(item.status) == "unidentifiable" and not (silent or item.name in free):
             return Verification(False, f"it is not proved that {item.name} is unidentifiable")
         if item.name in free:
             ends[2 * place : 2 * place + 2] = [(-inf, -inf)] * 2
-        elif idle:
+        elif silent:
             ends[2 * place : 2 * place + 2] = _given(again, place, bool(points))
-    return _ends_follow(result, ends)
+    return _ends_follow(claims, ends)
 
 
 def _given(again: Formulation, place: int, attained: bool) -> list[tuple[float, float]]:
@@ -169,11 +170,11 @@ def problem_low(problem: sp.Problem, number: int) -> float:
     return float(problem.lower[i] if number % 2 == 0 else -problem.upper[i])
 
 
-def _ends_follow(result: Identification, ends: list[tuple[float, float]]) -> Verification:
+def _ends_follow(claims: Evidence, ends: list[tuple[float, float]]) -> Verification:
     """Whether the intervals claim no more than was found again."""
-    for number, item in enumerate(result.intervals.values()):
+    for number, item in enumerate(claims.intervals.values()):
         low, high = ends[2 * number], ends[2 * number + 1]
-        if result.empty:
+        if claims.empty:
             if not any(end[0] == inf for end in ends):
                 return Verification(False, "emptiness does not follow")
             continue

@@ -1,25 +1,50 @@
-"""Putting results of identification together, and what is said where nothing is found."""
+"""Put results of identification together, with notes where nothing is found."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import inf
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
-from setid.identifiability.common_factor import Endless
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options
-from setid.proofs.base import Bounds
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.normalisation import Nonzero
+from setid.proofs.parameter_box import ProvedBox
+from setid.proofs.unbounded import Unbounded
 from setid.result.identification import Identification
 from setid.result.reports import active_priors
 
-__all__ = ["empty_result", "endless_text", "free_text", "result_of", "unbounded_text"]
+__all__ = ["Outcome", "empty_result", "free_text", "result_of", "simpler_text", "unbounded_text"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What the stages of an identification found, ahead of its intervals.
+
+    Parameters
+    ----------
+    problem : sparsepop_py.Problem, optional
+        That of the formulation when left out.
+    box, bounds, results, samples, notes, unbounded, reference, nonzero
+        As of :class:`Identification`.
+    """
+
+    problem: sp.Problem | None = None
+    box: ProvedBox | None = None
+    bounds: tuple[sp.LinearBound, ...] = ()
+    results: tuple[sp.Result, ...] = ()
+    samples: tuple[tuple[int, int], ...] = ()
+    notes: tuple[str, ...] = ()
+    unbounded: Unbounded | None = None
+    reference: Identification | None = None
+    nonzero: Nonzero | None = None
 
 
 def result_of(
@@ -27,35 +52,53 @@ def result_of(
     settings: Options,
     timings: Mapping[str, float],
     intervals: Sequence[ParameterInterval],
-    **parts: Any,
+    outcome: Outcome,
 ) -> Identification:
-    """All parts of a result, put together."""
+    """Put the parts of a result together.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    settings : Options
+    timings : mapping of str to float
+    intervals : sequence of ParameterInterval
+        One a parameter, in their order.
+    outcome : Outcome
+    """
     points = [w for item in intervals for w in item.witnesses if w is not None]
-    parts.setdefault("box", None)
-    parts.setdefault("problem", formulation.problem)
     return Identification(
         formulation=formulation,
         intervals=MappingProxyType({item.name: item for item in intervals}),
-        assumptions=formulation.assumptions,
+        problem=formulation.problem if outcome.problem is None else outcome.problem,
         options=settings,
+        assumptions=formulation.assumptions,
+        box=outcome.box,
+        bounds=outcome.bounds,
+        results=outcome.results,
         active=MappingProxyType(active_priors(formulation, points) if points else {}),
+        samples=outcome.samples,
         timings=MappingProxyType(dict(timings)),
-        **parts,
+        notes=outcome.notes,
+        unbounded=outcome.unbounded,
+        reference=outcome.reference,
+        nonzero=outcome.nonzero,
     )
 
 
 def empty_result(
-    formulation: Formulation,
-    settings: Options,
-    timings: Mapping[str, float],
-    box: Bounds | None = None,
-    **parts: Any,
+    formulation: Formulation, settings: Options, timings: Mapping[str, float], outcome: Outcome
 ) -> Identification:
-    """The result of a feasible set that is proved empty."""
+    """Put together the result of a feasible set that is proved empty.
+
+    Parameters
+    ----------
+    formulation, settings, timings, outcome
+        As of :func:`result_of`.
+    """
     status = IntervalStatus.EMPTY
     items = [ParameterInterval(n, (inf, -inf), None, status) for n in formulation.parameters]
-    parts["notes"] = (*parts.get("notes", ()), *_exactness(formulation))
-    return result_of(formulation, settings, timings, items, box=box, **parts)
+    noted = replace(outcome, notes=(*outcome.notes, *_exactness(formulation)))
+    return result_of(formulation, settings, timings, items, noted)
 
 
 def _exactness(formulation: Formulation) -> list[str]:
@@ -73,7 +116,7 @@ def _exactness(formulation: Formulation) -> list[str]:
 
 
 def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
-    """Which parameters the data leave unbounded, and what bounds them."""
+    """Say which parameters the data leave unbounded, and what bounds them."""
     names = ", ".join(formulation.parameters[i] for i in loose)
     model = formulation.model
     if isinstance(model, BlockStructured) and formulation.products is None:
@@ -90,7 +133,7 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
 
 
 def free_text(free: tuple[str, ...]) -> tuple[str, ...]:
-    """What is said where noise alone explains the record."""
+    """Say that noise alone explains the record."""
     if not free:
         return ()
     return (
@@ -99,11 +142,11 @@ def free_text(free: tuple[str, ...]) -> tuple[str, ...]:
     )
 
 
-def endless_text(endless: Endless) -> tuple[str, ...]:
-    """What is said where a simpler structure makes parameters unbounded."""
-    simpler = endless.model
+def simpler_text(unbounded: Unbounded) -> tuple[str, ...]:
+    """Say that a simpler structure makes parameters unbounded."""
+    simpler = unbounded.model
     return (
-        f"the data give no finite bounds of {', '.join(endless.names)}, proved: {simpler!r} with a "
-        "pole less explains the data as well, and nothing limits the pole that is added to it; "
+        f"the data give no finite bounds of {', '.join(unbounded.names)}, proved: {simpler!r} with "
+        "a pole less explains the data as well, and nothing limits the pole that is added to it; "
         "take the lower order, less noise, more excitation, or a prior such as Stable",
     )

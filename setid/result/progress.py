@@ -28,7 +28,7 @@ class Progress:
         self._ends = [(float("-inf"), float("inf"))] * (2 * len(self._names))
         self._show = show and sys.stderr.isatty()
 
-    def told(self, index: int, lower_bound: float, upper_bound: float) -> None:
+    def report(self, index: int, lower_bound: float, upper_bound: float) -> None:
         """Note what is proved and attained of one objective."""
         self._ends[index] = (lower_bound, upper_bound)
         if self._show:

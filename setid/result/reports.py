@@ -1,27 +1,27 @@
-"""What a result says to people: the table, the samples that bind, and what to do next."""
+"""Reports for people: the table, the samples that bind, and what to do next."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.feasible_points.centre import central
+from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.completion import noise_shares
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 
-if TYPE_CHECKING:
-    from setid.result.identification import Identification
-
-__all__ = ["active_priors", "binding", "binding_kinds", "summary", "table"]
+__all__ = ["Remarks", "active_priors", "binding", "binding_kinds", "summary", "table"]
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
 _NEAR = 1e-6  # closer than this (relative) to a bound counts as at it
 _WIDE = 0.3  # relative half width from which an interval is called wide
 
 
-def table(result: Identification) -> str:
+def table(result: FeasibleSet) -> str:
     """Intervals as text, outer ends rounded outwards and inner ones inwards."""
     line = "{:<10}{:>15}{:>15}{:>15}{:>15}{:>10}  {}"
     head = line.format("parameter", "outer", "", "inner", "", "width", "status")
@@ -37,12 +37,7 @@ def table(result: Identification) -> str:
     return "\n".join(lines)
 
 
-def witnesses(result: Identification) -> list[NDArray[np.float64]]:
-    """The vectors that attain ends of intervals."""
-    return [w for item in result.intervals.values() for w in item.witnesses if w is not None]
-
-
-def binding(result: Identification) -> tuple[tuple[int, int, int], ...]:
+def binding(result: FeasibleSet) -> tuple[tuple[int, int, int], ...]:
     """Samples whose noise is at its bound where ends are attained: (record, sample, count)."""
     count: dict[tuple[int, int], int] = {}
     for record, sample, _ in _hits(result):
@@ -51,7 +46,7 @@ def binding(result: Identification) -> tuple[tuple[int, int, int], ...]:
     return tuple((*key, count[key]) for key in order)
 
 
-def binding_kinds(result: Identification) -> dict[str, int]:
+def binding_kinds(result: FeasibleSet) -> dict[str, int]:
     """How often each kind of noise is at its bound where ends are attained."""
     count: dict[str, int] = {}
     for *_, kind in _hits(result):
@@ -59,13 +54,13 @@ def binding_kinds(result: Identification) -> dict[str, int]:
     return count
 
 
-def _hits(result: Identification) -> list[tuple[int, int, str]]:
+def _hits(result: FeasibleSet) -> list[tuple[int, int, str]]:
     """(record, sample, kind) for each noise sample at its bound at each attained end."""
     formulation, found = result.formulation, []
     problem, rows, data = formulation.problem, formulation.rows, formulation.data
     band = np.flatnonzero((rows.sample > 0) & ~problem.equality)
     constant = np.array([problem.constraints[i].polynomial.constant_term for i in band])
-    for x in witnesses(result):
+    for x in result.witnesses:
         values = problem.rows.values(x)[band]
         for row in band[np.abs(values) <= _NEAR * (np.abs(constant) + 1e-300)].tolist():
             found.append((int(rows.record[row]), int(rows.sample[row]), _KINDS["e"]))
@@ -100,23 +95,39 @@ def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -
     return found
 
 
-def summary(result: Identification) -> str:
-    """The table, what it rests on, and what to do about wide or empty intervals."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Remarks:
+    """What a summary says beside the intervals; fields as of :class:`Identification`."""
+
+    active: Mapping[str, bool]
+    samples: tuple[tuple[int, int], ...]
+    notes: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+
+def summary(result: FeasibleSet, remarks: Remarks) -> str:
+    """Write the table, what it rests on, and what to do about wide or empty intervals.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    remarks : Remarks
+    """
     lines = [repr(result.formulation)[1:-1], "", table(result), ""]
     statuses = dict.fromkeys(item.status for item in result.intervals.values())
     lines += [f"{status}: {status.message}" for status in statuses]
     lines += _centre(result)
-    lines += _advice(result)
-    for text, active in result.active.items():
+    lines += _advice(result, remarks)
+    for text, active in remarks.active.items():
         lines.append(f"prior {text}: {'active' if active else 'not active'}")
-    lines += [f"note: {text}" for text in result.notes]
-    lines += ["taken for granted:", *(f"- {text}" for text in result.assumptions)]
+    lines += [f"note: {text}" for text in remarks.notes]
+    lines += ["taken for granted:", *(f"- {text}" for text in remarks.assumptions)]
     return "\n".join(lines)
 
 
-def _advice(result: Identification) -> list[str]:
+def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
     if result.empty:
-        return [_driving(result)]
+        return [_conflicting(result, remarks)]
     lines = []
     wide = [
         item.name
@@ -141,9 +152,9 @@ def _advice(result: Identification) -> list[str]:
     return lines + _sensors(result)
 
 
-def _sensors(result: Identification) -> list[str]:
+def _sensors(result: FeasibleSet) -> list[str]:
     """Which kind of noise makes the equations uncertain: what a better sensor would gain."""
-    points = witnesses(result)
+    points = result.witnesses
     theta = result.formulation.layout.group("theta")
     if not points:
         return []
@@ -164,20 +175,20 @@ def _sensors(result: Identification) -> list[str]:
     ]
 
 
-def _centre(result: Identification) -> list[str]:
+def _centre(result: FeasibleSet) -> list[str]:
     """The centre with its worst-case errors, where all intervals are finite."""
     if result.empty or not all(np.isfinite(item.width) for item in result.intervals.values()):
         return []
-    return [f"centre: {result.centre}"]
+    return [f"centre: {central(result)}"]
 
 
-def _driving(result: Identification) -> str:
-    if not result.samples:
+def _conflicting(result: FeasibleSet, remarks: Remarks) -> str:
+    if not remarks.samples:
         return "no few samples are to blame: the proof uses the record as a whole"
-    shown = ", ".join(_sample(result, record, k) for record, k in result.samples[:12])
-    more = len(result.samples) - 12
+    shown = ", ".join(_sample(result, record, k) for record, k in remarks.samples[:12])
+    more = len(remarks.samples) - 12
     return f"samples that contradict each other: {shown}" + (f", {more} more" if more > 0 else "")
 
 
-def _sample(result: Identification, record: int, sample: int) -> str:
+def _sample(result: FeasibleSet, record: int, sample: int) -> str:
     return f"{record}:{sample}" if result.formulation.data.records > 1 else str(sample)

@@ -7,9 +7,9 @@ import scipy.sparse as sps
 
 import setid
 from setid.feasible_set.linear_programs import minimise
+from setid.feasible_set.supports import cover_of, supports
 from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.supports import cover_of, supports
 from setid.result.identification import Identification
 
 
@@ -17,7 +17,7 @@ def result_of(
     formulation: setid.Formulation, intervals: dict[str, ParameterInterval]
 ) -> Identification:
     return Identification(
-        formulation, intervals, formulation.assumptions, Options(), None, formulation.problem
+        formulation, intervals, formulation.problem, Options(), formulation.assumptions
     )
 
 

@@ -95,7 +95,7 @@ def test_membership_is_proved_either_way(noise: setid.Noise) -> None:
     inside = [item.outer for item in result.intervals.values()]
     corners = [np.array([a, b]) for a in inside[0] for b in inside[1]]
     verdicts = [is_consistent(formulation, corner) for corner in corners]
-    levels = [formulation.witness(corner).level for corner in corners]
+    levels = [setid.least_noise(formulation, corner).level for corner in corners]
     assert False in verdicts  # the set is no box
     for verdict, level in zip(verdicts, levels, strict=True):
         assert verdict is None or verdict == (level <= 1.0)

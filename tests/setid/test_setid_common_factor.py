@@ -9,7 +9,7 @@ import pytest
 
 import setid
 from benchmarks.intervals import PLANTS, Experiment
-from setid.identifiability.common_factor import endless_by
+from setid.identifiability.common_factor import find_unbounded
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 ONE, TWO = setid.TransferFunction(1, 1, 1), setid.TransferFunction(2, 2, 1)
@@ -42,7 +42,7 @@ def test_the_engine_finds_a_member_where_estimates_do_not(monkeypatch: pytest.Mo
     monkeypatch.setattr("setid.identifiability.common_factor.linf", wrong)
     monkeypatch.setattr("setid.identifiability.common_factor.least_squares", wrong)
     known = setid.formulate(simulated(NOISES[0]).data, TWO, NOISES[0])
-    found = endless_by(known)
+    found = find_unbounded(known)
     assert found is not None and found.verify(known)
     assert set(found.names) >= {"a1", "a2", "b2"}
 
@@ -62,7 +62,7 @@ def test_where_nothing_is_claimed() -> None:
         setid.formulate(data, setid.PolynomialNARX(["y1", "u1"], 1, 1), noise),
         setid.formulate(other, TWO, setid.Noise(output=0.01)),  # order 1 explains nothing
     ]
-    assert [endless_by(known) for known in cases] == [None] * len(cases)
+    assert [find_unbounded(known) for known in cases] == [None] * len(cases)
 
 
 def test_a_forged_status_is_refused() -> None:
@@ -77,7 +77,7 @@ def test_a_forged_status_is_refused() -> None:
 
 
 @pytest.mark.parametrize("kind", ["oe", "eiv"])
-def test_an_input_that_acts_sooner_makes_all_parameters_endless(kind: str) -> None:
+def test_an_input_that_acts_sooner_makes_all_parameters_unbounded(kind: str) -> None:
     """Order three, noise of 10 %, 20 samples: linear programs find noise for huge parameters."""
     model, truth = setid.TransferFunction(3, 3, 1), (-1.4, 0.93, -0.36, 1.0, -0.5, 0.8)
     source = np.random.default_rng([0, 3, 20])
@@ -86,13 +86,13 @@ def test_an_input_that_acts_sooner_makes_all_parameters_endless(kind: str) -> No
     noise = setid.Noise(output=0.1 * size, input=0.02 * (kind == "eiv"))
     data = setid.simulate_record(model, truth, u, noise, source).data
     known = setid.formulate(data, model, noise)
-    found = endless_by(known)
+    found = find_unbounded(known)
     assert found is not None and found.names == model.parameters and found.verify(known)
     assert found.model == setid.TransferFunction(2, 3, 0)
     for c in (-1e6, -1e4, 1e4, 1e6):  # no exact row holds, the noise makes up for it
         theta = c * np.concatenate([[1.0], found.theta])
-        assert known.witness(theta).level <= 1.0
-    assert known.witness(np.concatenate([[1.0], found.theta])).level > 1.0
+        assert setid.least_noise(known, theta).level <= 1.0
+    assert setid.least_noise(known, np.concatenate([[1.0], found.theta])).level > 1.0
     assert not replace(found, theta=found.theta + 1.0).verify(known)
     less = setid.Noise(output=0.01 * size, input=0.002 * (kind == "eiv"))
     assert not found.verify(setid.formulate(data, model, less))
@@ -105,10 +105,10 @@ def test_little_to_spare_is_enough() -> None:
     data, size = truth.data, float(np.abs(setid.simulate(model, theta, truth.u.ravel())).max())
     noise = setid.Noise(output=0.1 * size, input=0.1 / 3.0 * float(np.abs(truth.u).max()))
     result = setid.identify(data, model, noise, options=setid.Options(time_limit=60.0))
-    assert result.status == "unbounded" and result.endless is not None
-    assert result.endless.names == model.parameters and bool(result.verify(data))
-    far = 1e6 * np.concatenate([[1.0], result.endless.theta])
-    assert result.formulation.witness(far).level <= 1.0
+    assert result.status == "unbounded" and result.unbounded is not None
+    assert result.unbounded.names == model.parameters and bool(result.verify(data))
+    far = 1e6 * np.concatenate([[1.0], result.unbounded.theta])
+    assert setid.least_noise(result.formulation, far).level <= 1.0
 
 
 def test_noise_with_nothing_to_spare_proves_no_delay_less() -> None:
@@ -118,4 +118,4 @@ def test_noise_with_nothing_to_spare_proves_no_delay_less() -> None:
     y = 2 * u + 16 * tiny * np.array([1, -1, 1, -1, 1, -1])
     model = setid.TransferFunction(1, 1, 1)
     known = setid.formulate(setid.IOData(u, y), model, setid.Noise(output=16 * tiny))
-    assert endless_by(known) is None
+    assert find_unbounded(known) is None

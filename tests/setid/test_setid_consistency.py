@@ -96,7 +96,7 @@ def test_an_upper_end_is_proved_where_the_parameters_have_no_box() -> None:
     truth = setid.simulate_record(one, [-0.6, 2.0], u, noise, 1)
     found = setid.consistency(truth.data, model, noise, options=QUICK)
     assert found.result is None and found.scale[1] < 1.2 and bool(found.verify())
-    level = found.formulation.witness(found.theta).level * found.limit
+    level = setid.least_noise(found.formulation, found.theta).level * found.limit
     assert level <= found.scale[1] < np.inf  # the least noise by a linear program
     for scale in ((0.0, 0.9 * found.scale[1]), (found.scale[1], found.scale[1])):
         assert not replace(found, scale=scale).verify()
@@ -158,12 +158,12 @@ def test_where_an_estimate_needs_too_much_noise_for_a_box() -> None:
     assert 1.0 < low <= high <= low * (1.0 + 5e-3) and bool(found.verify())
     assert found.theta is not None and found.explains is False
     known = setid.formulate(data, model, noise)
-    assert known.witness(found.theta).level <= high * (1.0 + 1e-6)
+    assert setid.least_noise(known, found.theta).level <= high * (1.0 + 1e-6)
     source = np.random.default_rng(1)
     for scale in (1e-2, 0.1, 1.0):  # no other parameters need less, by linear programs
         for _ in range(5):
             other = found.theta + scale * source.normal(size=4)
-            assert known.witness(other).level >= low * (1.0 - 1e-6)
+            assert setid.least_noise(known, other).level >= low * (1.0 - 1e-6)
 
 
 def test_claims_of_other_noise_or_limits_are_refused() -> None:

@@ -50,7 +50,7 @@ def test_no_consistent_parameters_are_as_far_as_that() -> None:
         gamma = box.limit.reach * source.choice([-1.0, 1.0]) * 10.0 ** source.uniform(0.0, 3.0)
         theta[numerator] = np.array(THETA)[numerator] * source.normal(0.4, 0.3) / gamma
         theta[place] = gamma
-        assert formulation.witness(theta).level > 1.0
+        assert setid.least_noise(formulation, theta).level > 1.0
 
 
 def test_damaged_proofs_are_refused() -> None:

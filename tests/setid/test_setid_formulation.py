@@ -304,7 +304,7 @@ def test_direct_and_partial_formulations_agree() -> None:
     rng = np.random.default_rng(7)
     for scale in (0.0, 1e-4, 1e-3):
         other = theta * (1 + scale * rng.uniform(-1, 1, 9))
-        a, b = one.witness(other), two.witness(other)
+        a, b = setid.least_noise(one, other), setid.least_noise(two, other)
         assert a.level == pytest.approx(b.level, rel=1e-6)
         assert (a.level <= 1) == (scale == 0.0) or scale == 1e-4
     assert one.problem.violation(one.point(theta, eta)) < 1e-12
@@ -314,14 +314,14 @@ def test_direct_and_partial_formulations_agree() -> None:
 def test_witness_level_is_the_least_noise() -> None:
     """For equation errors: the largest residual over the bound."""
     data = laboratory_two_first()
-    found = setid.formulate(data, FIRST, setid.Noise(equation=0.25)).witness([-0.5, 2.0])
+    found = setid.least_noise(setid.formulate(data, FIRST, setid.Noise(equation=0.25)), [-0.5, 2.0])
     assert found.level == pytest.approx(0.5 / 0.25)
     exact = setid.formulate(data, FIRST, setid.Noise(output=0.5))
-    assert exact.problem.violation(exact.witness([-0.4, 1.97]).x) < 1e-9
+    assert exact.problem.violation(setid.least_noise(exact, [-0.4, 1.97]).x) < 1e-9
     products = setid.PolynomialNARX(["y1^2"], 1, 0)
     squares = setid.IOData([1, 0, 0], [1.0, 0.6, 0.2])  # 0.5 y^2 would be 0.5, 0.125
     powers = setid.formulate(squares, products, setid.Noise(output=0.5))
-    found = powers.witness([0.5])  # by linearising again and again
+    found = setid.least_noise(powers, [0.5])  # by linearising again and again
     assert 0 < found.level < 1
     rows = powers.problem.rows.values(found.x)[powers.problem.equality]
     assert np.abs(rows).max() < 1e-9

@@ -13,7 +13,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
-from setid.proofs.free_parameters import idle_parameters
+from setid.proofs.free_parameters import free_parameters
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 SILENT = np.zeros(12)
@@ -44,7 +44,7 @@ def test_what_noise_alone_explains_is_unidentifiable(
         assert (item.status == "unidentifiable") == (name in names)
     assert all(result.intervals[name].inner == (-inf, inf) for name in names)
     assert bool(result.verify(data))
-    free, x = idle_parameters(result.formulation)
+    free, x = free_parameters(result.formulation)
     for name in free:  # any value is feasible with the same noise
         for value in (-1e3, 0.7, 1e5):
             moved = np.array(x)
@@ -55,9 +55,9 @@ def test_what_noise_alone_explains_is_unidentifiable(
 def test_a_record_that_noise_does_not_cover_has_no_idle_parameters() -> None:
     data = setid.IOData(DRIVEN, np.append(0.1 * DRIVEN[:-1], 0.11))  # one reading is too large
     known = setid.formulate(data, FIRST, setid.Noise(output=0.1))
-    assert idle_parameters(known) == ((), None)
+    assert free_parameters(known) == ((), None)
     bounded = setid.formulate(data, FIRST, setid.Noise(output=0.2), [setid.Box({"a1": (-1, 1)})])
-    assert idle_parameters(bounded) == ((), None)
+    assert free_parameters(bounded) == ((), None)
 
 
 @pytest.mark.filterwarnings("ignore::setid.SetidWarning")

@@ -46,9 +46,9 @@ def test_numbers_are_rounded_in_one_direction() -> None:
 def test_the_progress_line_counts_settled_ends() -> None:
     progress = Progress(["a1", "b1"], 1e-3, show=False)
     assert progress.settled == 0
-    progress.told(0, -1.0, -0.999)
+    progress.report(0, -1.0, -0.999)
     assert progress.settled == 0
-    progress.told(1, -1.0001, -1.0)
+    progress.report(1, -1.0001, -1.0)
     assert progress.settled == 2
     assert progress.line(1) == "[############............] 2/4 ends, a1 high: gap 5e-05"
     progress.close()

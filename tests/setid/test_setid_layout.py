@@ -82,4 +82,4 @@ def test_proved_bounds_contain_the_truth() -> None:
         assert least.lower_bound <= value <= -most.lower_bound
         assert least.lower_bound > value - 0.1 and -most.lower_bound < value + 0.1
         theta = least.x[formulation.layout.group("theta")]
-        assert formulation.witness(theta).level <= 1 + 1e-6
+        assert setid.least_noise(formulation, theta).level <= 1 + 1e-6

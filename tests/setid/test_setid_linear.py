@@ -47,4 +47,4 @@ def test_a_witness_is_not_found_where_the_solver_gives_up(monkeypatch: pytest.Mo
     monkeypatch.setattr("setid.feasible_set.linear_programs.linprog", lost)
     data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
-    assert known.witness([-0.5, 2.0]).level == np.inf
+    assert setid.least_noise(known, [-0.5, 2.0]).level == np.inf

@@ -72,7 +72,7 @@ def test_the_exact_outline_is_the_limit_of_many_directions() -> None:
     shadow = project(result, "a1", "a2")
     angles = np.linspace(0, 2 * np.pi, 50)
     width = np.array([result.intervals[n].width for n in ("a1", "a2")])
-    from setid.proofs.supports import cover_of, supports
+    from setid.feasible_set.supports import cover_of, supports
 
     for angle in angles:
         normal = np.array([np.cos(angle), np.sin(angle)]) / width
@@ -88,7 +88,7 @@ def test_output_errors_are_covered() -> None:
     assert not shadow.exact and len(shadow.directions) == 12
     for a1 in np.linspace(-0.7, -0.2, 7):
         for b0 in np.linspace(1.7, 2.4, 7):
-            if formulation.witness([a1, b0]).level <= 1.0:
+            if setid.least_noise(formulation, [a1, b0]).level <= 1.0:
                 assert np.all(shadow.directions @ [a1, b0] <= shadow.heights + 1e-9)
 
 

@@ -192,7 +192,7 @@ def test_inputs_are_never_modified() -> None:
     data, noise = setid.IOData(u, y), setid.Noise(output=bound)
     formulation = setid.formulate(data, SECOND, noise, [setid.Stable()])
     setid.l1(data, SECOND)
-    formulation.witness(THETA)
+    setid.least_noise(formulation, THETA)
     for now, before in zip((u, y, bound), copies, strict=True):
         assert np.array_equal(now, before)
         now[:] = 0.0

@@ -11,7 +11,7 @@ import setid
 import sparsepop_py as sp
 from benchmarks import peers
 from benchmarks.block_structured import KINDS, record
-from setid.feasible_points.search import attained_ends, checked, coupled
+from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
@@ -39,7 +39,7 @@ def test_outputs_that_change_sign_stop_no_search(seed: int) -> None:
     formulation, problem = stated(0.01, 20, seed)
     start = first_point(formulation, problem)
     assert start is not None
-    found = attained_ends(formulation, problem, start)
+    found = search_ends(formulation, problem, start)
     for number, objective in enumerate(objectives(formulation)):
         least = min(float(objective(point.x)) for point in found)
         width = problem.upper[number // 2] - problem.lower[number // 2]
@@ -52,7 +52,7 @@ def test_searches_pass_noise_that_curves_the_rows() -> None:
     formulation, problem = stated(0.05, 20, 0, LURE, [-0.6, 0.5, 0.15])
     start = first_point(formulation, problem)
     assert start is not None
-    largest = max(float(point.x[2]) for point in attained_ends(formulation, problem, start))
+    largest = max(float(point.x[2]) for point in search_ends(formulation, problem, start))
     answer = peers.scip(problem, objectives(formulation)[5], peers.Budget(20.0, 1e-5))
     assert largest >= -answer.upper - 1e-4
 
@@ -61,8 +61,8 @@ def test_estimates_that_need_too_much_noise_are_starts() -> None:
     formulation, problem = stated(0.01, 50, 0)
     start = first_point(formulation, problem)
     assert start is not None
-    assert formulation.witness(start[:3]).level > 1.0
-    assert len(attained_ends(formulation, problem, start)) == 7
+    assert setid.least_noise(formulation, start[:3]).level > 1.0
+    assert len(search_ends(formulation, problem, start)) == 7
 
 
 @pytest.mark.parametrize(
@@ -75,12 +75,12 @@ def test_estimates_that_need_too_much_noise_are_starts() -> None:
 def test_long_records_have_witnesses_and_attained_ends(model: setid.Lure, theta: list) -> None:
     """The true noise is within its bounds, so that the truth needs a level of at most 1."""
     formulation, problem = stated(0.01, 100, 0, model, theta)
-    witness = formulation.witness(theta)
+    witness = setid.least_noise(formulation, theta)
     assert 0.9 < witness.level <= 1.0  # of 100 uniform samples some are near the bound
     assert formulation.problem.violation(witness.x) < 1e-9
     start = first_point(formulation, problem)
     assert start is not None
-    assert len(attained_ends(formulation, problem, start)) == 2 * len(theta) + 1
+    assert len(search_ends(formulation, problem, start)) == 2 * len(theta) + 1
 
 
 def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
@@ -95,7 +95,7 @@ def test_noise_that_jumps_between_vertices_is_settled_by_newton() -> None:
     problem = problem_on_box(formulation, find_box(formulation))
     start = first_point(formulation, problem)
     assert start is not None
-    found = attained_ends(formulation, problem, start)
+    found = search_ends(formulation, problem, start)
     assert len(found) >= 7  # of an inner point and eight ends
     assert all(problem.violation(point.x) < 1e-9 for point in found)
 
@@ -116,14 +116,14 @@ def test_certificates_that_claim_too_much_keep_what_they_prove() -> None:
     problem = sp.Problem(x[0] * x[1], [x[0] ** 2 + x[1] ** 2 <= 1], lower=-1, upper=1)
     honest = sp.solve(problem)
     assert honest.certificate is not None
-    assert checked(problem, [honest])[0] is honest
+    assert recheck_results(problem, [honest])[0] is honest
     too_much = replace(honest.certificate, bound=-0.25)
-    found = checked(problem, [replace(honest, certificate=too_much, lower_bound=-0.25)])[0]
+    found = recheck_results(problem, [replace(honest, certificate=too_much, lower_bound=-0.25)])[0]
     assert -0.5 - 1e-6 <= found.lower_bound <= -0.5
     assert found.status is sp.Status.BOUNDED
     assert found.certificate is not None and found.certificate.verify(problem).ok
     elsewhere = sp.Problem(x[0] * x[1], [x[0] ** 2 + x[1] ** 2 <= 2], lower=-1, upper=1)
-    assert checked(elsewhere, [honest])[0].lower_bound == -np.inf
+    assert recheck_results(elsewhere, [honest])[0].lower_bound == -np.inf
 
 
 def test_long_records_with_strong_noise_have_cells() -> None:
@@ -149,7 +149,7 @@ def test_ends_with_products_of_parameters_are_searched_for() -> None:
     problem = problem_on_box(formulation, find_box(formulation))
     start = first_point(formulation, problem)
     assert coupled(formulation) and start is not None
-    found = attained_ends(formulation, problem, start)
+    found = search_ends(formulation, problem, start)
     reached = np.array([point.x[: len(model.parameters)] for point in found])
     ends = {
         "a[y1,w]1": (-1.1160, -1.0761),

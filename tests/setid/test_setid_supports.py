@@ -10,14 +10,13 @@ from identified_cases import empty, first_order, identified, second_order
 import setid
 from setid.feasible_points.centre import central
 from setid.feasible_points.members import (
-    attained_members,
     feasible,
     is_member,
     members,
     nominal,
     projection_estimate,
 )
-from setid.proofs.supports import cover_of, supports
+from setid.feasible_set.supports import cover_of, supports
 
 RNG = np.random.default_rng(1)
 
@@ -86,7 +85,7 @@ def test_an_empty_set_is_refused() -> None:
 def test_members_are_consistent() -> None:
     result = first_order()
     found = members(result, 20)
-    assert len(found) > len(attained_members(result)) >= 3
+    assert len(found) > len(result.attained) >= 3
     rows = result.formulation.regression
     assert rows is not None and all(rows.margin(theta).min() >= -1e-7 for theta in found)
 

@@ -8,19 +8,20 @@ provably excludes none: a quantity that the data prove not to be zero is set to 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import formulate
-from setid.identifiability.equivalence import unidentifiable
-from setid.models.block import BlockStructured, Lure, Normalise
+from setid.models.block import BlockStructured, Lure
 from setid.priors.base import Prior
+from setid.proofs.normalisation import Nonzero, normalised_by, products_with, unidentifiable
 from setid.proofs.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 
-__all__ = ["reference_model", "refuse"]
+__all__ = ["Reference", "reference_model", "refuse"]
 
 
 def refuse(model: BlockStructured) -> None:
@@ -66,10 +67,35 @@ def _choices(model: BlockStructured) -> str:
     return f"normalise='dcgain' (static gain 1), or a parameter set to 1, such as {examples}"
 
 
+class Reference(NamedTuple):
+    """A normalisation that every consistent system can be brought to.
+
+    Parameters
+    ----------
+    model : BlockStructured
+    nonzero : ParameterBox, CellBox or None
+        Proof that what the normalisation sets to 1 is not zero; None for loops.
+    """
+
+    model: BlockStructured
+    nonzero: Nonzero | None
+
+
 def reference_model(
     data: IOData, model: BlockStructured, noise: Noise, priors: Sequence[Prior]
-) -> BlockStructured:
-    """The structure with a normalisation that every consistent vector can be brought to.
+) -> Reference:
+    """Find a normalisation that provably excludes no consistent system.
+
+    Parameters
+    ----------
+    data : IOData
+    model : BlockStructured
+    noise : Noise
+    priors : sequence of Prior
+
+    Returns
+    -------
+    Reference
 
     Raises
     ------
@@ -84,34 +110,22 @@ def reference_model(
                 "unique without a normalisation; expected priors on the others alone"
             )
     if isinstance(model, Lure):
-        return _with(model, {"gamma1": 0.0})
+        return Reference(normalised_by(model, {"gamma1": 0.0}), None)
     formulation = formulate(data, model, noise, priors)
-    start = start_of(formulation)
     rows = formulation.products
     if rows is not None:
-        box = parameter_box(rows.regression, rows.start(start))
-        sure = (box.lower > 0) | (box.upper < 0)
-        names = [
-            formulation.parameters[i]
-            for m, place in rows.place.items()
-            if sure[place] and len(m) == 2
-            for i in m
-        ]
-        for name in sorted(set(names), reverse=True):  # coefficients of the map first
-            if name in affected and not unidentifiable(_with(model, name)):
-                return _with(model, name)
+        box = parameter_box(rows.regression, rows.start(start_of(formulation)))
+        names = {formulation.parameters[i] for i in products_with(rows, box)}
+        for name in sorted(names & affected, reverse=True):  # coefficients of the map first
+            if not unidentifiable(normalised_by(model, name)):
+                return Reference(normalised_by(model, name), box)
     for name in model.parameters:
-        if name in affected and not unidentifiable(_with(model, name)):
-            other = formulate(data, _with(model, name), noise, priors)
+        if name in affected and not unidentifiable(normalised_by(model, name)):
+            other = formulate(data, normalised_by(model, name), noise, priors)
             found = cell_box(other, start_of(other))
             if found is not None and not found.open:
-                return _with(model, name)
+                return Reference(normalised_by(model, name), found)
     raise ModelError(
         "normalise: found none, and the data prove of no parameter that it is not zero, so that "
         "each choice might exclude consistent systems; expected a normalisation"
     )
-
-
-def _with(model: BlockStructured, choice: Normalise) -> BlockStructured:
-    parts: list[Normalise] = [dict(model.fixed), *(f"dcgain[{g}]" for g in model.unit_gain)]
-    return model.normalised([*parts, choice])  # type: ignore[list-item]
