@@ -49,10 +49,7 @@ if TYPE_CHECKING:
         frequency_band,
         step_band,
     )
-    from setid.consistency import (
-        Consistency,
-        consistency,
-    )
+    from setid.consistency import Consistency, consistency
     from setid.data.noise import (
         EnergyBound,
         EstimatedBound,

@@ -22,7 +22,8 @@ from setid.models.continuous import ContinuousTransferFunction, Hold, Method
 from setid.models.equations import Initial, Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options
-from setid.plots.results import plot_intervals, require_matplotlib
+from setid.plots.axes import require_matplotlib
+from setid.plots.intervals import plot_intervals
 from setid.priors import DCGain, Stable
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus

@@ -74,7 +74,7 @@ class OutputBand:
 
     def plot(self) -> NDArray:
         """Draw the readings and the band, one axis an output; returns the axes."""
-        from setid.plots.results import plot_output_band
+        from setid.plots.outputs import plot_output_band
 
         return plot_output_band(self)
 
@@ -120,7 +120,7 @@ class Comparison:
 
     def plot(self) -> NDArray:
         """Draw the band with the fit in the title; returns the axes."""
-        from setid.plots.results import plot_comparison
+        from setid.plots.outputs import plot_comparison
 
         return plot_comparison(self)
 

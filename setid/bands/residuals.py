@@ -50,7 +50,7 @@ class Residuals:
 
     def plot(self) -> Axes:
         """Draw residuals and bounds; returns the axes."""
-        from setid.plots.results import plot_residuals
+        from setid.plots.residuals import plot_residuals
 
         return plot_residuals(self)
 

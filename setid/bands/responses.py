@@ -76,7 +76,7 @@ class FrequencyBand:
 
     def plot(self, kind: str = "bode") -> NDArray | Axes:
         """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes."""
-        from setid.plots.results import plot_frequency_band
+        from setid.plots.responses import plot_frequency_band
 
         return plot_frequency_band(self, kind)
 
@@ -105,7 +105,7 @@ class StepBand:
 
     def plot(self) -> Axes:
         """Draw it; returns the axes."""
-        from setid.plots.results import plot_step_band
+        from setid.plots.responses import plot_step_band
 
         return plot_step_band(self)
 

@@ -6,7 +6,7 @@ import numbers
 from collections.abc import Callable, Iterable
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,13 +16,26 @@ from setid.data.checks import entries_of, frozen, number, real_array, switch
 from setid.data.record import IOData
 from setid.errors import NoiseError
 
-if TYPE_CHECKING:
-    from setid.formulation.layout import Layout
-
 __all__ = ["EnergyBound", "EstimatedBound", "Noise", "RateLimit", "estimate_noise_bound"]
 
 Bound = float | NDArray[np.float64]
-NoiseConstraint = Callable[["Layout"], Iterable[sp.Constraint]]
+
+
+class NoiseVariables(Protocol):
+    """What constraints on the noise ask of the layout of a formulation."""
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Rows at which records begin, shape (records,)."""
+
+    def group(self, name: str) -> NDArray[np.int64]:
+        """Variable numbers of a group, -1 where a sample has no variable."""
+
+    def polynomial(self, number: int) -> sp.Polynomial:
+        """A variable by number, as a polynomial in all variables."""
+
+
+NoiseConstraint = Callable[[Any], Iterable[sp.Constraint]]
 GROUPS = {"output": "eta", "input": "xi", "equation": "e"}
 
 
@@ -205,7 +218,7 @@ class EnergyBound:
     def __post_init__(self) -> None:
         _check_set(self.kind, self.radius, "radius")
 
-    def __call__(self, layout: Layout) -> list[sp.Constraint]:
+    def __call__(self, layout: NoiseVariables) -> list[sp.Constraint]:
         """One quadratic inequality for each record."""
         rows = []
         for samples in _by_record(layout, self.kind):
@@ -232,7 +245,7 @@ class RateLimit:
     def __post_init__(self) -> None:
         _check_set(self.kind, self.limit, "limit")
 
-    def __call__(self, layout: Layout) -> list[sp.Constraint]:
+    def __call__(self, layout: NoiseVariables) -> list[sp.Constraint]:
         """Two linear inequalities for each pair of neighbours that both have noise."""
         rows = []
         for samples in _by_record(layout, self.kind):
@@ -338,7 +351,7 @@ def _check_set(kind: str, size: float, field: str) -> None:
         raise NoiseError(f"{field}: found {size!r}, expected a number >= 0")
 
 
-def _by_record(layout: Layout, kind: str) -> list[NDArray[np.int64]]:
+def _by_record(layout: NoiseVariables, kind: str) -> list[NDArray[np.int64]]:
     """Variable numbers of one kind of noise, an array (samples, channels) for each record."""
     numbers_ = layout.group(GROUPS[kind])
     return np.split(numbers_, layout.starts[1:])

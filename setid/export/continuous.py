@@ -19,16 +19,12 @@ from setid.errors import ModelError, SetidError
 from setid.export.python_control import coefficients
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
+from setid.models.continuous import INDIRECT_WARNING
 
-__all__ = ["INDIRECT_WARNING", "ContinuousEstimate", "to_continuous"]
+__all__ = ["ContinuousEstimate", "to_continuous"]
 
 Inverse = Literal["zoh", "matched"]
 Reals = NDArray[np.float64]
-INDIRECT_WARNING = (
-    "intervals of discrete coefficients do not map to intervals of physical ones, and inverse "
-    "discretisation need not preserve stability or the degree of the numerator; it is right "
-    "where the discrete coefficients are accurate and inputs are constant between samples"
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

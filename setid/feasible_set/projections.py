@@ -68,7 +68,7 @@ class Projection:
 
     def plot(self) -> Axes:
         """Draw outline and attained points; returns the axes."""
-        from setid.plots.results import plot_projection
+        from setid.plots.projections import plot_projection
 
         return plot_projection(self)
 

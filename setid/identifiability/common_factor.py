@@ -17,8 +17,9 @@ from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.start import first_point
 from setid.feasible_points.witness import consistent
 from setid.formulation.formulation import Formulation, formulate
-from setid.minimum_noise.factor import nearby, scaled_noise
+from setid.minimum_noise.factor import nearby
 from setid.models.lti import TransferFunction
+from setid.proofs.noise_scale import scaled_noise
 from setid.proofs.unbounded import Unbounded, moved_parameters, simpler_structures
 
 __all__ = ["find_unbounded"]

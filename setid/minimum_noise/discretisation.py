@@ -15,23 +15,22 @@ from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import cont2discrete, lfilter
 
 import sparsepop_py as sp
 from setid.data.checks import frozen, number
 from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError
-from setid.export.continuous import INDIRECT_WARNING
 from setid.feasible_points.start import candidates
 from setid.feasible_points.witness import least_noise
 from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate
-from setid.minimum_noise.factor import on_box, problem_with_factor
-from setid.models.continuous import ContinuousTransferFunction, without_delta
+from setid.minimum_noise.factor import on_box
+from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior, listed
+from setid.proofs.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
 
@@ -68,6 +67,8 @@ def discretisation_error(
     >>> bool(0 < abs(error).max() < 1e-2)
     True
     """
+    from scipy.signal import cont2discrete, lfilter
+
     inputs, count = np.asarray(u, float).ravel(), model.n + model.m + 1
     values = np.asarray(theta, float)[:count]  # constants pass all recursions unharmed
     recursion = simulate(replace(model, offset=False), values, inputs)[:, 0]

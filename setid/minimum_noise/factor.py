@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.feasible_set.directions import units_of_rows
 from setid.feasible_set.sign_tree import parameter_box
@@ -19,21 +18,11 @@ from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.options import Options
+from setid.proofs.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import ProvedBox, start_of
 from setid.proofs.sign_tree import ParameterBox
 
-__all__ = [
-    "last_variable",
-    "least_factor",
-    "linear_problem",
-    "nearby",
-    "on_box",
-    "attained_factor",
-    "problem_with_factor",
-    "refuted_factor",
-    "rounding_factor",
-    "scaled_noise",
-]
+__all__ = ["least_factor", "nearby", "on_box", "refuted_factor", "rounding_factor"]
 
 _REACH = 4.0  # of parameters whose terms are of the size of the others
 _GAP = 0.01  # of the factor, in a search
@@ -42,97 +31,6 @@ _PART = 0.25  # of the time, for these
 _TRIES = 6  # factors at which a finite box is looked for
 _LEAST = 2.0**-6  # of a factor without a finite box: what is tried next is its geometric mean
 _DIGITS = 2.0**-46  # of the readings: noise that rounding alone explains
-
-
-def scaled_noise(bounds: tuple[NDArray, ...], factor: float) -> Noise:
-    """Noise bounds times a factor, rounded up."""
-    parts = [np.where(b > 0, np.nextafter(b * factor, inf), 0.0) for b in bounds]
-    if factor == 1.0:
-        parts = list(bounds)
-    return Noise(output=parts[0], input=parts[1], equation=parts[2])
-
-
-def linear_problem(formulation: Formulation) -> sp.Problem:
-    """Rows abs(Y + R theta) <= s w0 and the priors, in theta and s."""
-    rows, problem = formulation.regression, formulation.problem
-    assert rows is not None
-    *theta, s = sp.variables(problem.dimension + 1, (*problem.names, "noise factor"))
-    lines = []
-    for y, r, w in zip(rows.target, rows.regressors, rows.radius, strict=True):
-        left = sp.total([float(y), *(float(c) * x for c, x in zip(r, theta, strict=True)), 0.0 * s])
-        lines += [float(w) * s - left >= 0, float(w) * s + left >= 0]
-    lines += [_lifted(problem, row) for row in _prior_rows(formulation)]
-    return sp.Problem(s, lines, np.append(problem.lower, 0.0), np.append(problem.upper, inf))
-
-
-def _prior_rows(formulation: Formulation) -> list[int]:
-    return [i for i, origin in enumerate(formulation.rows.origin) if origin == "prior"]
-
-
-def _lifted(problem: sp.Problem, row: int, extra: sp.Polynomial | None = None) -> sp.Constraint:
-    """A constraint in one more variable, and something added to it."""
-    constraint, n = problem.constraints[row], problem.dimension
-    p = constraint.polynomial
-    wide = sp.Polynomial(p.words, p.coefficients, n + 1)
-    return sp.Constraint(wide if extra is None else wide + extra, constraint.kind, constraint.name)
-
-
-def last_variable(problem: sp.Problem) -> sp.Polynomial:
-    """The factor, as a polynomial."""
-    word = np.array([[problem.dimension]], np.int32)
-    return sp.Polynomial.from_words(word, np.ones(1), problem.dimension)
-
-
-def problem_with_factor(
-    formulation: Formulation, box: ProvedBox | None, scaled: float | None = None
-) -> sp.Problem:
-    """The problem with one more unknown in [0, 1] that multiplies all noise bounds.
-
-    Parameters
-    ----------
-    formulation : Formulation
-    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
-    scaled : float, optional
-        The part of each output noise bound that it multiplies, and nothing else.
-    """
-    problem, layout = formulation.problem, formulation.layout
-    n, p = problem.dimension, len(formulation.parameters)
-    variables = sp.variables(n + 1, (*problem.names, "noise factor"))
-    s = variables[-1]
-    lines, bounds = [], _row_bounds(formulation) if scaled is None else {}
-    for row in range(len(problem.constraints)):
-        size, spare = bounds.get(row, (0.0, 0.0))  # the bound is size s + spare instead of size
-        lines.append(_lifted(problem, row, size * s - (size - spare) if size else None))
-    for group in ("eta", "xi") if scaled is None else ("eta",):
-        numbers = layout.group(group)
-        for number in numbers[numbers >= 0].tolist():
-            size = float(problem.upper[number])
-            part = size if scaled is None else min(scaled, size)
-            limit = part * s + (float(np.nextafter(size - part, inf)) if part < size else 0.0)
-            lines += [limit - variables[number] >= 0, limit + variables[number] >= 0]
-    lower, upper = np.append(problem.lower, 0.0), np.append(problem.upper, 1.0)
-    if box is not None and not box.empty:
-        lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
-    return sp.Problem(s, lines, lower, upper)
-
-
-def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:
-    """Bounds of the equation errors of rows, and what rounding of the readings adds to them."""
-    width, rows = formulation.noise.bounds(formulation.data)[2], formulation.rows
-    found = {}
-    for row, constraint in enumerate(formulation.problem.constraints):
-        if rows.origin[row] == "model" and constraint.kind is sp.Kind.NONNEGATIVE:
-            start = formulation.data.starts[rows.record[row] - 1]
-            size = float(width[start + rows.sample[row] - 1, int(rows.equation[row][1:]) - 1])
-            found[row] = size, 4e-16 * (abs(constraint.polynomial.constant_term) + size)
-    return found
-
-
-def attained_factor(formulation: Formulation, s: float) -> float:
-    """The factor that a point of :func:`problem_with_factor` needs where it attains s."""
-    bounds = _row_bounds(formulation).values()
-    share = max((spare / size for size, spare in bounds if size), default=0.0)
-    return (s + share) * (1.0 + 1e-15)
 
 
 def rounding_factor(data: IOData, bounds: tuple[NDArray, ...]) -> float:

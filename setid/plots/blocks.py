@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from setid.errors import ModelError
-from setid.models.block import BlockStructured
-from setid.plots.results import new_axes, require_matplotlib
+from setid.plots.axes import new_axes, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from setid.bands.blocks import SignalBand, StaticBand
-    from setid.result.identification import Identification
+    from setid.feasible_set.feasible_set import FeasibleSet
+    from setid.models.block import BlockStructured
 
 __all__ = ["plot_diagram", "plot_signal_band", "plot_static_band"]
 
@@ -75,14 +75,14 @@ def plot_signal_band(band: SignalBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_diagram(
-    model: BlockStructured, result: Identification | None = None, ax: Axes | None = None
+    model: BlockStructured, result: FeasibleSet | None = None, ax: Axes | None = None
 ) -> Axes:
     """Draw linear blocks and static maps, their signals and their parameters.
 
     Parameters
     ----------
     model : BlockStructured
-    result : Identification, optional
+    result : FeasibleSet, optional
         Gives the outer intervals of the parameters.
     ax : matplotlib Axes, optional
     """
@@ -122,7 +122,7 @@ def plot_diagram(
 Element = tuple[str, tuple[tuple[str, float], ...], str]
 
 
-def _elements(model: BlockStructured, result: Identification | None) -> dict[str, Element]:
+def _elements(model: BlockStructured, result: FeasibleSet | None) -> dict[str, Element]:
     """Target, sources and text of each block and each map."""
     found: dict[str, Element] = {}
     for name, item in model.maps:
@@ -141,7 +141,7 @@ def _elements(model: BlockStructured, result: Identification | None) -> dict[str
     return found
 
 
-def _value(model: BlockStructured, result: Identification | None, name: str) -> str:
+def _value(model: BlockStructured, result: FeasibleSet | None, name: str) -> str:
     fixed = dict(model.fixed)
     if name in fixed:
         return f"{name} = {fixed[name]:g}"

@@ -1,34 +1,17 @@
-"""Pictures of records, and the one door to matplotlib for all pictures."""
+"""Pictures of records."""
 
 from __future__ import annotations
 
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.data.record import IOData
+from setid.plots.axes import over_time
 
-__all__ = ["over_time", "plot_record", "require_matplotlib"]
+if TYPE_CHECKING:
+    from setid.data.record import IOData
 
-
-def require_matplotlib() -> ModuleType:
-    """matplotlib.pyplot.
-
-    Raises
-    ------
-    SolverNotFound
-        If matplotlib is missing; the message says how to install it.
-    """
-    try:
-        import matplotlib.pyplot as plt
-    except ImportError as error:
-        raise sp.SolverNotFound(
-            "plot: matplotlib is missing; install it with: pip install 'sparsepop-py[plot]'"
-        ) from error
-    return plt
+__all__ = ["plot_record"]
 
 
 def plot_record(data: IOData) -> NDArray[Any]:
@@ -59,20 +42,3 @@ def plot_record(data: IOData) -> NDArray[Any]:
             axis.plot(time[part], values[part], drawstyle=style, color=f"C{record}", lw=1)
         axis.set_ylabel(name)
     return axes
-
-
-def over_time(data: IOData, count: int, height: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Axes one below the other, each of that height, and the times of all samples (N,)."""
-    _, grid = require_matplotlib().subplots(
-        count,
-        1,
-        sharex=True,
-        squeeze=False,
-        figsize=(8.0, height * count + 0.8),
-        layout="constrained",
-    )
-    axes = np.asarray(grid[:, 0])
-    for axis in axes:
-        axis.grid(alpha=0.3)
-    axes[-1].set_xlabel("time")
-    return axes, np.asarray((np.arange(data.samples) + data.record) * data.Ts, np.float64)

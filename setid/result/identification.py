@@ -214,8 +214,8 @@ class Identification(FeasibleSet):
     # ---- one-line delegations -----------------------------------------------------------
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the intervals, outer and inner; see :func:`setid.plots.results.plot_intervals`."""
-        from setid.plots.results import plot_intervals
+        """Draw the intervals, outer and inner; see :func:`setid.plots.intervals.plot_intervals`."""
+        from setid.plots.intervals import plot_intervals
 
         return plot_intervals(self, ax)
 

@@ -16,7 +16,9 @@ from setid.bands.outputs import compare, simulate_band
 from setid.bands.residuals import residuals
 from setid.bands.responses import frequency_band, step_band
 from setid.feasible_set.projections import project
-from setid.plots.results import plot_frequency_band, plot_intervals, require_matplotlib
+from setid.plots.axes import require_matplotlib
+from setid.plots.intervals import plot_intervals
+from setid.plots.responses import plot_frequency_band
 
 
 @pytest.fixture(autouse=True)
