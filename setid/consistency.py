@@ -27,7 +27,7 @@ from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.minimum_noise.conflicting_samples import conflicting_rows
-from setid.minimum_noise.factor import least_factor, nearby, refuted_factor, rounding_factor
+from setid.minimum_noise.factor import least_factor, search_factor, refuted_factor, rounding_factor
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.options import Options
@@ -244,7 +244,7 @@ def _by_engine(
     limit = max(limit, rounding)
     formulation, theta, witness, high = stated(limit), None, None, inf
     if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
-        found = nearby(formulation, x, min(until, time.monotonic() + _SEARCH))
+        found = search_factor(formulation, x, min(until, time.monotonic() + _SEARCH))
         if found is not None and found.share < 1.0:
             limit, x = max(limit * found.share * (1.0 + 1e-3), rounding), found.x
             formulation = stated(limit)

@@ -219,8 +219,8 @@ class _Search:
     def _merit(self, x: Reals, goal: _Goal) -> float:
         """The parameter in widths of its bounds, and the penalty."""
         rows = self.problem.rows.values(x) / self.size
-        missed = np.where(self.problem.equality, np.abs(rows), np.maximum(-rows, 0.0))
-        return float(self._cost(goal) @ x + goal.penalty * missed.sum())
+        violation = np.where(self.problem.equality, np.abs(rows), np.maximum(-rows, 0.0))
+        return float(self._cost(goal) @ x + goal.penalty * violation.sum())
 
     def _cost(self, goal: _Goal) -> Reals:
         width = self.problem.upper[goal.place] - self.problem.lower[goal.place]
@@ -250,11 +250,11 @@ class _Search:
         unit = sps.eye_array(equal.size, format="csc")
         short, over = unit[:, loose], unit[:, loose & equal]  # what a row lacks, or has too much
         whole = sps.csr_array(sps.hstack([slopes, short, -over]))
-        missed = whole.shape[1] - x.size
-        cost = np.append(self._cost(goal), np.full(missed, goal.penalty))
+        violation = whole.shape[1] - x.size
+        cost = np.append(self._cost(goal), np.full(violation, goal.penalty))
         bounds = (
-            np.append(region[0], np.zeros(missed)),
-            np.append(region[1], np.full(missed, inf)),
+            np.append(region[0], np.zeros(violation)),
+            np.append(region[1], np.full(violation, inf)),
         )
         below = -whole[~equal], constant[~equal]
         found = _solved(cost, below, (whole[equal], -constant[equal]), bounds)

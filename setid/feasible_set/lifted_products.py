@@ -102,7 +102,7 @@ def lifted_box(rows: MonomialRows, start: Reals, until: float = math.inf) -> Lif
     start : (2, p) float
         Bounds from priors.
     until : float
-        Reading of ``time.monotonic`` from which on no further part is looked at.
+        Reading of ``time.monotonic`` from which on no further node is processed.
     """
     box, rounds, sums = start, list[ParameterBox](), list[tuple[sp.LinearBound, ...]]()
     for _ in range(_ROUNDS):

@@ -33,7 +33,7 @@ from setid.proofs.sign_tree import (
 __all__ = ["parameter_box"]
 
 Reals = NDArray[np.float64]
-_LEAVES = 1024  # most parts of a sign tree
+_LEAVES = 1024  # most nodes of a sign tree
 _ROUNDS = 4
 
 
@@ -69,7 +69,7 @@ def parameter_box(
     start : (2, p) float, optional
         Bounds from priors; infinite when left out.
     until : float
-        Reading of ``time.monotonic`` from which on no further part is looked at. A linear
+        Reading of ``time.monotonic`` from which on no further node is processed. A linear
         program that has begun is ended.
 
     Returns
@@ -103,7 +103,7 @@ def parameter_box(
         if np.any(box[0] > box[1]):
             break
         before, whole = box, len(steps) < 2 and bool(np.all(np.isfinite(box)))
-        tree, box = _grow(rows, box, [0 if whole else _LEAVES], until)
+        tree, box = _process_node(rows, box, [0 if whole else _LEAVES], until)
         steps.append(tree)
         if not whole and not gained(before, box):
             break
@@ -111,8 +111,10 @@ def parameter_box(
     return ParameterBox(rows.names, lower, upper, frozen(first.copy()), tuple(steps))
 
 
-def _grow(rows: Regression, box: Box, left: list[int], until: float) -> tuple[SignTree, Box]:
-    """Bound a part; cut it at the zero of a parameter whose sign is open and matters."""
+def _process_node(
+    rows: Regression, box: Box, left: list[int], until: float
+) -> tuple[SignTree, Box]:
+    """Process one node: bound it, or branch at the zero of a parameter with an open sign."""
     if time.monotonic() >= until:
         return SignTree(-1, (), ()), box
     place = _undecided(rows, box)
@@ -124,7 +126,7 @@ def _grow(rows: Regression, box: Box, left: list[int], until: float) -> tuple[Si
     if place is None or leaf:
         return SignTree(-1, (), bounds), shrunk(box, bounds)
     left[0] -= 1
-    grown = [_grow(rows, half, left, until) for half in halves(box, place)]
+    grown = [_process_node(rows, half, left, until) for half in halves(box, place)]
     return SignTree(place, tuple(tree for tree, _ in grown), ()), hull([b for _, b in grown])
 
 

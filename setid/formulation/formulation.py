@@ -272,10 +272,10 @@ def formulate(
         raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
     model, noise = settled(data, model, noise)
     wanted = _as_priors(priors, model)
-    idle = np.flatnonzero(np.all(np.nan_to_num(data.u) == 0.0, axis=0))
-    if idle.size:
+    silent = np.flatnonzero(np.all(np.nan_to_num(data.u) == 0.0, axis=0))
+    if silent.size:
         warnings.warn(
-            f"u: input {idle[0] + 1} is zero throughout; its coefficients cannot be bounded",
+            f"u: input {silent[0] + 1} is zero throughout; its coefficients cannot be bounded",
             SetidWarning,
             stacklevel=2,
         )

@@ -73,8 +73,8 @@ def _runs(rows: Regression, equation: Equation, data: IOData) -> list[Integers]:
     """Places of consecutive rows of one equation whose samples are all measured."""
     assert equation.output is not None
     gaps = np.isnan(data.y[:, equation.output]) | np.isnan(data.u).any(axis=1)
-    near = np.convolve(gaps, np.ones(equation.lag + 1))[: data.samples] > 0
-    mine = (rows.output == equation.output + 1) & ~near[rows.row]
+    beside_gap = np.convolve(gaps, np.ones(equation.lag + 1))[: data.samples] > 0
+    mine = (rows.output == equation.output + 1) & ~beside_gap[rows.row]
     places = np.flatnonzero(mine)
     breaks = np.flatnonzero((np.diff(rows.row[places]) != 1) | (np.diff(rows.record[places]) != 0))
     return [run for run in np.split(places, breaks + 1) if run.size]

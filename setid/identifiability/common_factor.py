@@ -17,7 +17,7 @@ from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.start import first_point
 from setid.feasible_points.witness import consistent
 from setid.formulation.formulation import Formulation, formulate
-from setid.minimum_noise.factor import nearby
+from setid.minimum_noise.factor import search_factor
 from setid.models.lti import TransferFunction
 from setid.proofs.noise_scale import scaled_noise
 from setid.proofs.unbounded import Unbounded, moved_parameters, simpler_structures
@@ -76,5 +76,5 @@ def _member(formulation: Formulation, until: float) -> NDArray[np.float64] | Non
             return witness
     noise = scaled_noise(formulation.noise.bounds(formulation.data), _WIDE)
     wide = formulate(formulation.data, formulation.model, noise)
-    found = nearby(wide, first_point(wide, wide.problem), until)
+    found = search_factor(wide, first_point(wide, wide.problem), until)
     return None if found is None else consistent(formulation, found.x[:p])

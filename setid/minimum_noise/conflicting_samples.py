@@ -53,9 +53,9 @@ def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
     if isinstance(box, CellBox) or known is None:
         return ()
     if isinstance(box, LiftedBox):
-        found = box.driving(known) if isinstance(known, MonomialRows) else []
+        found = box.conflicting(known) if isinstance(known, MonomialRows) else []
     else:
-        found = [] if smoothed is None else box.driving(smoothed)
+        found = [] if smoothed is None else box.conflicting(smoothed)
     empty = bool(found) and _box(known, set(found), start_of(formulation)).empty
     return tuple(found) if empty else ()
 

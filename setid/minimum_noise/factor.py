@@ -22,7 +22,7 @@ from setid.proofs.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import ProvedBox, start_of
 from setid.proofs.sign_tree import ParameterBox
 
-__all__ = ["least_factor", "nearby", "on_box", "refuted_factor", "rounding_factor"]
+__all__ = ["least_factor", "search_factor", "on_box", "refuted_factor", "rounding_factor"]
 
 _REACH = 4.0  # of parameters whose terms are of the size of the others
 _GAP = 0.01  # of the factor, in a search
@@ -74,14 +74,16 @@ def on_box(
     return sp.solve(scaled.problem, options, start=start)
 
 
-class Nearby(NamedTuple):
+class FoundFactor(NamedTuple):
     """Parameters that were found, and the part of the noise that they need; nothing is proved."""
 
     share: float
     x: NDArray[np.float64]
 
 
-def nearby(formulation: Formulation, x: NDArray[np.float64] | None, until: float) -> Nearby | None:
+def search_factor(
+    formulation: Formulation, x: NDArray[np.float64] | None, until: float
+) -> FoundFactor | None:
     """The least factor where parameters are not huge: a search, which needs no box.
 
     Parameters
@@ -106,7 +108,7 @@ def nearby(formulation: Formulation, x: NDArray[np.float64] | None, until: float
     start = None if x is None else np.append(x, 1.0) / scaled.units
     options = sp.Options(effort="auto", gap=_GAP, gap_kind="absolute", time_limit=left)
     found = sp.solve(scaled.problem, options, start=start).attained
-    return None if found is None else Nearby(found.value, (found.x * scaled.units)[:-1])
+    return None if found is None else FoundFactor(found.value, (found.x * scaled.units)[:-1])
 
 
 def least_factor(

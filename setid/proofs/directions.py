@@ -99,12 +99,12 @@ class DirectionBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all parts had been looked at."""
+        """Whether time ended before all nodes had been processed."""
         return self.last.cut_short
 
-    def driving(self, regression: Regression) -> list[tuple[int, int]]:
+    def conflicting(self, regression: Regression) -> list[tuple[int, int]]:
         """(record, sample) of the rows that prove emptiness, as of :class:`ParameterBox`."""
-        return self.last.driving(regression)
+        return self.last.conflicting(regression)
 
 
 def suits(formulation: Formulation) -> bool:

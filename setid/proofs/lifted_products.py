@@ -86,12 +86,12 @@ class LiftedBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all parts had been looked at."""
+        """Whether time ended before all nodes had been processed."""
         return any(found.cut_short for found in self.rounds)
 
-    def driving(self, rows: MonomialRows) -> list[tuple[int, int]]:
+    def conflicting(self, rows: MonomialRows) -> list[tuple[int, int]]:
         """(record, sample) of the rows whose multipliers prove emptiness."""
-        return self.rounds[-1].driving(rows.regression)
+        return self.rounds[-1].conflicting(rows.regression)
 
 
 def shrunk(

@@ -56,8 +56,8 @@ def problem_on_box(formulation: Formulation, box: ProvedBox | None) -> sp.Proble
         lower[samples] = np.maximum(lower[samples], box.low)
         upper[samples] = np.minimum(upper[samples], box.high)
     silent = np.array([i for i in range(p) if not _occurs(problem, i)], int)
-    idle = silent[(lower[silent] <= 0) & (upper[silent] >= 0)]
-    lower[idle] = upper[idle] = 0.0
+    free = silent[(lower[silent] <= 0) & (upper[silent] >= 0)]
+    lower[free] = upper[free] = 0.0
     return sp.Problem(problem.objective, problem.constraints, lower, upper, problem.names)
 
 

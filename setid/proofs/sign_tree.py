@@ -77,17 +77,17 @@ def drive_and_coupling(rows: Regression, inverse: Reals, centre: Reals) -> tuple
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignTree:
-    """Linear programs on the parts of a box that signs of theta make.
+    """Linear programs on the nodes of a tree over the signs of theta.
 
     Parameters
     ----------
     split : int
-        Parameter (from 0) at whose zero the box is cut; -1 for a leaf.
+        Parameter (from 0) at whose zero the node is branched; -1 for a leaf.
     children : tuple of SignTree
-        The parts theta_i <= 0 and theta_i >= 0, where there is a cut.
+        The nodes theta_i <= 0 and theta_i >= 0, where there are children.
     bounds : tuple of sp.LinearBound
         At a leaf: of theta_1, -theta_1, theta_2, ..., or a single one that proves it empty,
-        or none where the time was over: then the part is kept as it is.
+        or none where the time was over: then the box of the node is kept as it is.
     """
 
     split: int
@@ -95,7 +95,7 @@ class SignTree:
     bounds: tuple[sp.LinearBound, ...]
 
     def leaves(self) -> list[SignTree]:
-        """The parts that are not cut further."""
+        """Nodes without children."""
         return [leaf for child in self.children for leaf in child.leaves()] or [self]
 
 
@@ -140,11 +140,11 @@ class ParameterBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all parts had been looked at."""
+        """Whether time ended before all nodes had been processed."""
         trees = [step for step in self.steps if isinstance(step, SignTree)]
         return any(not leaf.bounds for tree in trees for leaf in tree.leaves())
 
-    def driving(self, regression: Regression) -> list[tuple[int, int]]:
+    def conflicting(self, regression: Regression) -> list[tuple[int, int]]:
         """(record, sample) of the rows whose multipliers prove emptiness, most frequent first."""
         count: dict[tuple[int, int], int] = {}
         trees = [step for step in self.steps if isinstance(step, SignTree)]

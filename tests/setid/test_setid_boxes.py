@@ -58,7 +58,7 @@ def test_too_small_bounds_are_proved_empty_and_the_rows_are_named() -> None:
     box = parameter_box(rows)
     assert box.empty and repr(box) == "<ParameterBox: empty, proved>"
     assert box.verify(rows, box.start)
-    driving = box.driving(rows)
+    driving = box.conflicting(rows)
     assert driving and all(3 <= sample <= 60 for _, sample in driving)
     assert not box.verify(rows_of(60, 1.0, 0.0, 0), box.start)
 
