@@ -27,7 +27,7 @@ from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.minimum_noise.conflicting_samples import conflicting_rows
-from setid.minimum_noise.factor import least_factor, search_factor, refuted_factor, rounding_factor
+from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.options import Options
@@ -35,6 +35,7 @@ from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
 from setid.proofs.noise_scale import (
     NoiseScale,
+    admitted_point,
     attained_factor,
     last_variable,
     linear_problem,
@@ -260,8 +261,9 @@ def _by_engine(
     problem = problem_with_factor(formulation, box)
     if result is not None:
         low = max(low, float(np.nextafter(proved_share(result) * limit, 0.0)))
-        if result.attained is not None:
-            z = result.attained.x * in_units(problem, formulation).units
+        units = in_units(problem, formulation).units
+        if result.attained is not None and admitted_point(formulation, units, result.attained):
+            z = result.attained.x * units
             high, witness = attained_factor(formulation, result.attained.value) * limit, z[:-1]
             theta = witness[: len(formulation.parameters)]
     return Consistency(

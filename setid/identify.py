@@ -40,7 +40,7 @@ from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.priors.base import Prior
-from setid.proofs.existence import proved_point
+from setid.proofs.existence import admitted, proved_point
 from setid.proofs.free_parameters import free_parameters
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.normalisation import unidentifiable
@@ -369,7 +369,9 @@ def _intervals(
     results: Sequence[sp.Result],
     tol: float,
 ) -> list[ParameterInterval]:
-    problem, attained = scaled.problem, [r.attained for r in results if r.attained is not None]
+    problem = scaled.problem
+    points = [_admitted_point(formulation, scaled, r.attained) for r in results]
+    attained = any(point is not None for point in points)
     items = []
     for place, name in enumerate(formulation.parameters):
         low, high = float(problem.lower[place]), float(problem.upper[place])
@@ -383,7 +385,7 @@ def _intervals(
         if results:
             low = max(low, results[2 * place].lower_bound)
             high = min(high, -results[2 * place + 1].lower_bound)
-        inner, witnesses = inner_ends(attained, results, place)
+        inner, witnesses = inner_ends(points, place)
         if inner is not None and problem.lower[place] == problem.upper[place]:
             inner = (low, high)  # whatever point is attained has this value
         item = ParameterInterval(name, (low, high), inner, IntervalStatus.PARTIAL, witnesses)
@@ -391,6 +393,17 @@ def _intervals(
             item = replace(item, status=IntervalStatus.CERTIFIED)
         items.append(_restored(item, float(scaled.units[place]), scaled.units))
     return items
+
+
+def _admitted_point(
+    formulation: Formulation, scaled: InUnits, point: sp.ProvedPoint | None
+) -> sp.ProvedPoint | None:
+    """A point, None where priors mean less than their rows and do not admit it."""
+    if point is None:
+        return None
+    p = len(formulation.parameters)
+    units = scaled.units[:p]
+    return point if admitted(formulation, point.x[:p] * units, point.radius * units) else None
 
 
 def _restored(

@@ -16,6 +16,7 @@ from setid.feasible_points.witness import consistent
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
+from setid.proofs.existence import admitted
 
 __all__ = ["Central", "central", "is_consistent", "worst_case_error"]
 
@@ -153,5 +154,5 @@ def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
         in_units(fixed, formulation).problem, sp.Options(effort="auto", time_limit=_SECONDS)
     )
     if found.attained is not None:
-        return True
+        return True if admitted(formulation, theta) else None
     return False if found.status is sp.Status.INFEASIBLE else None

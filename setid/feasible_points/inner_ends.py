@@ -15,16 +15,14 @@ Ends = tuple[float, float]
 
 
 def inner_ends(
-    attained: Sequence[sp.ProvedPoint], results: Sequence[sp.Result], place: int
+    points: Sequence[sp.ProvedPoint | None], place: int
 ) -> tuple[Ends | None, tuple[NDArray | None, NDArray | None]]:
     """The lowest and highest attained values of a parameter, and where.
 
     Parameters
     ----------
-    attained : sequence of ProvedPoint
-        Of all objectives.
-    results : sequence of Result
-        Of theta_1, -theta_1, theta_2, ...
+    points : sequence of ProvedPoint or None
+        Attained for theta_1, -theta_1, theta_2, ...; None where none was found.
     place : int
         The parameter, from 0.
 
@@ -35,22 +33,23 @@ def inner_ends(
     (low, high) of (n,) float or None
         All unknowns there.
     """
+    attained = [point for point in points if point is not None]
     if not attained:
         return None, (None, None)
     lows = [(_edge(point, place, 1.0), number) for number, point in enumerate(attained)]
     highs = [(_edge(point, place, -1.0), number) for number, point in enumerate(attained)]
-    ends, points = [], []
+    ends, where = [], []
     for side, values in enumerate((lows, highs)):
         value, number = min(values)
-        mine = results[2 * place + side].attained
+        mine = points[2 * place + side]
         if mine is not None and _loose(mine.value, mine) <= value:
             value = _loose(mine.value, mine)
-            points.append(mine.x)
+            where.append(mine.x)
         else:
-            points.append(attained[number].x)
+            where.append(attained[number].x)
         ends.append(value)
     low, high = ends[0], -ends[1]
-    return (low, high), (points[0], points[1])
+    return (low, high), (where[0], where[1])
 
 
 def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:

@@ -18,6 +18,7 @@ from setid.feasible_points.witness import Witness, least_noise
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.linear_programs import minimise
 from setid.formulation.formulation import Formulation
+from setid.proofs.existence import admitted
 
 __all__ = [
     "ROUNDING",
@@ -46,7 +47,8 @@ def noise_level(formulation: Formulation, theta: Reals) -> float:
     ends = np.array([problem.lower[:p], problem.upper[:p]])
     tiny = ROUNDING * (np.abs(theta) + np.abs(np.where(np.isfinite(ends), ends, 0.0)).max(axis=0))
     inside = np.all(theta >= ends[0] - tiny) and np.all(theta <= ends[1] + tiny)
-    return witness.level if inside and _priors_hold(formulation, witness.x) else inf
+    known = _priors_hold(formulation, witness.x) and admitted(formulation, theta)
+    return witness.level if inside and known else inf
 
 
 def is_member(formulation: Formulation, theta: Reals) -> bool:

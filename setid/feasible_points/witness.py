@@ -24,7 +24,7 @@ from setid.formulation.completion import (
     solve_definitions,
 )
 from setid.formulation.formulation import Formulation
-from setid.proofs.existence import proved_point
+from setid.proofs.existence import admitted, proved_point
 
 __all__ = ["Witness", "consistent", "least_noise"]
 
@@ -189,4 +189,6 @@ def consistent(
     if not np.isfinite(witness.level) or witness.level > 1.0 + 1e-9:
         return None
     point = proved_point(formulation, problem, witness.x)
-    return None if point is None or not np.array_equal(point.x[:p], witness.x[:p]) else point.x
+    if point is None or not np.array_equal(point.x[:p], witness.x[:p]):
+        return None
+    return point.x if admitted(formulation, point.x[:p]) else None

@@ -22,6 +22,7 @@ from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.linear_programs import minimise
 from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
+from setid.proofs.existence import admitted
 from setid.proofs.supports import Cover
 
 if TYPE_CHECKING:
@@ -162,7 +163,13 @@ def _solved(
     asked = [scaled.asked(x * (-a) + y * (-b)) for a, b in normals.tolist()]
     objectives, factors = zip(*asked, strict=True)
     found = sp.solve_each(scaled.problem, objectives, settings)
-    attained = [(r.attained.x * scaled.units)[pair] for r in found if r.attained is not None]
+    p, units = len(formulation.parameters), scaled.units
+    points = [r.attained for r in found if r.attained is not None]
+    attained = [
+        (point.x * units)[pair]
+        for point in points
+        if admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
+    ]
     heights = -np.array([r.lower_bound for r in found]) * factors
     return heights, np.reshape(attained, (-1, 2))
 

@@ -25,12 +25,13 @@ from setid.feasible_points.start import candidates
 from setid.feasible_points.witness import least_noise
 from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
 from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior, listed
-from setid.proofs.noise_scale import problem_with_factor
+from setid.proofs.noise_scale import admitted_point, problem_with_factor
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
 
@@ -235,5 +236,9 @@ def _least(
     if result is None:
         return 0.0, limit
     low = max(0.0, result.lower_bound) * limit if np.isfinite(result.lower_bound) else 0.0
-    value = limit if result.attained is None else min(1.0, result.attained.value) * limit
+    units = in_units(asked, formulation).units
+    point = result.attained
+    if point is not None and not admitted_point(formulation, units, point):
+        point = None
+    value = limit if point is None else min(1.0, point.value) * limit
     return float(np.nextafter(low, 0.0)), value * (1.0 + 1e-9)

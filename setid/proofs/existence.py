@@ -1,16 +1,16 @@
-"""Parameter vectors that are proved to be consistent, by noise that is repaired exactly."""
+"""Proofs that consistent vectors exist near given ones, by noise that is repaired exactly."""
 
 from __future__ import annotations
 
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 
-__all__ = ["proved_point"]
+__all__ = ["admitted", "proved_point"]
 
 
 def proved_point(
@@ -34,6 +34,31 @@ def proved_point(
         if point is not None:
             return point
     return None
+
+
+def admitted(formulation: Formulation, theta: ArrayLike, radius: ArrayLike = 0.0) -> bool:
+    """Prove that parameters are what the priors mean, where their rows say less.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    theta : array_like (p,)
+        That satisfy the rows of all priors.
+    radius : array_like, scalar or (p,)
+        How far the parameters may lie from theta.
+
+    Returns
+    -------
+    bool
+        False where some prior, such as ``Stable(form="jury")``, proves nothing.
+    """
+    centre, reach = np.broadcast_arrays(np.asarray(theta, float), np.asarray(radius, float))
+    low = np.where(reach > 0, np.nextafter(centre - reach, -inf), centre)
+    high = np.where(reach > 0, np.nextafter(centre + reach, inf), centre)
+    pairs = zip(formulation.parameters, low.tolist(), high.tolist(), strict=True)
+    box = {name: (a, b) for name, a, b in pairs}
+    checks = (getattr(prior, "admits", None) for prior in formulation.priors)
+    return all(check is None or check(formulation.model, box) for check in checks)
 
 
 def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:

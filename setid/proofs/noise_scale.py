@@ -13,12 +13,13 @@ from setid.data.noise import Noise
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import in_units
 from setid.proofs.evidence import Verification
-from setid.proofs.existence import proved_point
+from setid.proofs.existence import admitted, proved_point
 from setid.proofs.parameter_box import ProvedBox, box_follows
 from setid.proofs.sign_tree import ParameterBox
 
 __all__ = [
     "NoiseScale",
+    "admitted_point",
     "attained_factor",
     "last_variable",
     "linear_problem",
@@ -191,7 +192,7 @@ def verify_scale(found: NoiseScale) -> Verification:
         verdict = found.bound.verify(problem, last_variable(problem))
         same = found.scale == (found.bound.lower, found.bound.upper)
         return Verification(verdict.ok and same, verdict.reason)
-    proved = 0.0
+    proved, attained = 0.0, False
     if found.refuted is not None:
         factor, box = found.refuted
         if not box.empty or not box_follows(box, _stated(found, factor)):
@@ -200,15 +201,29 @@ def verify_scale(found: NoiseScale) -> Verification:
     if found.result is not None:
         if found.box is not None and not box_follows(found.box, _stated(found, found.limit)):
             return Verification(False, "the box does not follow from the data")
-        reason = _result_fails(found)
+        reason, attained = _result_fails(found)
         if reason:
             return Verification(False, reason)
         proved = max(proved, proved_share(found.result) * found.limit)
-    attained = found.result is not None and found.result.attained is not None
     if not attained and found.scale[1] < inf and not _explained(found):
         return Verification(False, "nothing attains the upper end")
     good = found.scale[0] <= proved
     return Verification(good, "" if good else "the lower end does not follow")
+
+
+def admitted_point(
+    formulation: Formulation, units: NDArray[np.float64], point: sp.ProvedPoint
+) -> bool:
+    """Prove that a point in units is what the priors mean.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    units : (n,) float
+    point : ProvedPoint
+    """
+    p = len(formulation.parameters)
+    return admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
 
 
 def _stated(found: NoiseScale, factor: float) -> Formulation:
@@ -226,22 +241,26 @@ def _explained(found: NoiseScale) -> bool:
     if found.witness.shape != (stated.problem.dimension,):
         return False
     point = proved_point(stated, stated.problem, found.witness)
-    return point is not None and np.array_equal(point.x[: found.theta.size], found.theta)
+    held = point is not None and np.array_equal(point.x[: found.theta.size], found.theta)
+    return held and admitted(stated, found.theta)
 
 
-def _result_fails(found: NoiseScale) -> str:
+def _result_fails(found: NoiseScale) -> tuple[str, bool]:
+    """What is wrong with the engine's result, and whether its point attains the upper end."""
     result = found.result
-    problem = in_units(problem_with_factor(found.formulation, found.box), found.formulation).problem
     assert result is not None
+    problem = problem_with_factor(found.formulation, found.box)
+    scaled = in_units(problem, found.formulation)
     if result.certificate is not None:
-        verdict = result.certificate.verify(problem)
+        verdict = result.certificate.verify(scaled.problem)
         if not verdict.ok:
-            return verdict.reason
-    attained = result.attained
-    if attained is None:
-        return ""
-    point = attained.recheck(problem)
+            return verdict.reason, False
+    if result.attained is None:
+        return "", False
+    point = result.attained.recheck(scaled.problem)
     if point is None:
-        return "the attained point could not be proved again"
+        return "the attained point could not be proved again", False
     reached = attained_factor(found.formulation, point.value) * found.limit
-    return "" if reached <= found.scale[1] else "the upper end is not attained"
+    if not admitted_point(found.formulation, scaled.units, point):
+        return "", False
+    return ("", True) if reached <= found.scale[1] else ("the upper end is not attained", False)

@@ -13,6 +13,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured
 from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.existence import admitted
 from setid.proofs.free_parameters import free_parameters
 from setid.proofs.normalisation import reference_follows, unidentifiable
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
@@ -121,14 +122,21 @@ def _verify_results(claims: Evidence, again: Formulation, scaled: InUnits) -> Ve
             point = found.attained.recheck(about)
             if point is None:
                 return Verification(False, "an attained point could not be proved again")
-            upper = point.value
-            points.append(point)
+            if _is_admitted(again, scaled, point):
+                upper = point.value
+                points.append(point)
         ends[number] = lower, upper
     for number, (lower, upper) in enumerate(ends):
         unit = float(scaled.units[number // 2])
         upper = min([upper, *(_reached(problem, p, number) for p in points)])
         ends[number] = lower * unit, upper * unit
     return _ends_follow(claims, ends) if claims.empty else _with_free(claims, again, ends, points)
+
+
+def _is_admitted(again: Formulation, scaled: InUnits, point: sp.ProvedPoint) -> bool:
+    p = len(again.parameters)
+    units = scaled.units[:p]
+    return admitted(again, point.x[:p] * units, point.radius * units)
 
 
 def _with_free(
