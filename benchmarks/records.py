@@ -203,7 +203,7 @@ _WHOLE = {"seed", "repeat", "objectives", "closed", "variables", "constraints", 
 
 
 def _read(name: str, value: Any, place: str) -> Any:
-    """The value of a field, recheck_results where tables and pictures compute with it."""
+    """The value of a field, checked where tables and pictures compute with it."""
     value = _unworded(value)
     if name in _FLOATS:
         if value is None and name == "optimum":

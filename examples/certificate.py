@@ -1,4 +1,4 @@
-"""A certificate is recheck_results without a solver, and refuses what it does not prove."""
+"""A certificate is checked without a solver, and refuses what it does not prove."""
 
 from dataclasses import replace
 

@@ -1,7 +1,7 @@
 """The main job: problem files in, proved bounds, attained points and pictures out.
 
 Every problem in ``examples/problems`` is solved at order 2, and at order 3 where the gap
-is still open. Each certificate is then recheck_results again, without a solver. The end is a measured
+is still open. Each certificate is then checked again, without a solver. The end is a measured
 record: certified intervals of its model, and a proved band of its frequency response.
 """
 
@@ -49,7 +49,7 @@ def main() -> None:
     print()
     print("proved bound    no feasible point has a better value (lower bound of a minimum)")
     print("attained value  a feasible point that provably exists has this value or a better one")
-    print("verified        the certificate, recheck_results again from the problem's numbers")
+    print("verified        the certificate, checked again from the problem's numbers")
     print()
     measured(output)
     print(f"pictures        {output}/*.png")

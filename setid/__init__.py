@@ -49,7 +49,10 @@ if TYPE_CHECKING:
         frequency_band,
         step_band,
     )
-    from setid.consistency import Consistency, consistency
+    from setid.consistency import (
+        Consistency,
+        consistency,
+    )
     from setid.data.noise import (
         EnergyBound,
         EstimatedBound,
@@ -114,6 +117,7 @@ if TYPE_CHECKING:
     from setid.formulation.formulation import (
         Formulation,
         formulate,
+        to_structs,
     )
     from setid.formulation.layout import (
         Layout,
@@ -292,6 +296,7 @@ __all__ = [
     "step_band",
     "to_continuous",
     "to_control",
+    "to_structs",
     "unidentifiable",
     "verify",
     "worst_case_error",
@@ -383,6 +388,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "setid.formulation.formulation": (
         "Formulation",
         "formulate",
+        "to_structs",
     ),
     "setid.formulation.layout": ("Layout",),
     "setid.formulation.regression": ("Regression",),

@@ -29,7 +29,9 @@ from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
 
-__all__ = ["Formulation", "formulate", "settled"]
+__all__ = ["Formulation", "Structs", "formulate", "settled", "to_structs"]
+
+Structs = tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -128,11 +130,34 @@ class Formulation:
             equation_text(e, sample, self.data, self.layout, self.noise) for e in equations
         )
 
-    def structs(
-        self,
-    ) -> tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]:
-        """Objective, constraints, lbd and ubd in SparsePOP's data format."""
-        return sp.to_structs(self.problem)
+    def structs(self, target: str | None = None) -> Structs:
+        """State the problem in SparsePOP's data format.
+
+        Parameters
+        ----------
+        target : str, optional
+            The parameter to minimise, such as ``"a1"``, or with a sign to maximise, ``"-a1"``;
+            the first one when left out.
+
+        Returns
+        -------
+        objPoly, ineqPolySys, lbd, ubd
+            As ``sparsePOP`` takes them; see :func:`setid.to_structs`.
+
+        Raises
+        ------
+        SetidError
+            If there is no such parameter.
+        """
+        name = (target or self.parameters[0]).strip()
+        sign = -1.0 if name.startswith("-") else 1.0
+        name = name.removeprefix("-").strip()
+        if name not in self.parameters:
+            raise SetidError(
+                f"target: found {target!r}, expected one of {', '.join(self.parameters)}, with a "
+                "minus sign to maximise"
+            )
+        return sp.to_structs(self.problem.with_objective(sign * self.layout.variable(name)))
 
     def to_gms(self, path: str | os.PathLike[str]) -> None:
         """Write the problem as a GAMS scalar file."""
@@ -300,6 +325,53 @@ def formulate(
         assumptions=_assumptions(data, model, noise, wanted, built.dropped),
         _equations=built.equations,
     )
+
+
+def to_structs(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
+    target: str | None = None,
+) -> Structs:
+    """State an identification problem in the data format of SparsePOP.
+
+    Parameters
+    ----------
+    data, model, noise, priors
+        As of :func:`formulate`.
+    target : str, optional
+        The parameter to minimise, such as ``"a1"``, or with a sign to maximise, ``"-a1"``; the
+        first one when left out.
+
+    Returns
+    -------
+    objPoly : dict
+        Objective.
+    ineqPolySys : list of dict
+        Constraints; with noise on outputs and inputs, one bilinear equation a sample, such as
+        12 terms for order 2.
+    lbd, ubd : (n,) float
+        Bounds of all unknowns, in the order of ``formulate(...).layout.names``; 1e10 stands for
+        none.
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together, or there is no such parameter.
+
+    Examples
+    --------
+    >>> import setid, sparsepop_py as sp
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> given = data, model, setid.Noise(equation=0.5)
+    >>> least = sp.sparsePOP(*setid.to_structs(*given, target="b0"), {"printLevel": 0})
+    >>> most = sp.sparsePOP(*setid.to_structs(*given, target="-b0"), {"printLevel": 0})
+    >>> abs(least.SDPobjValue - 1.91667) < 1e-4, abs(-most.SDPobjValue - 2.1093) < 1e-4
+    (True, True)
+    """
+    return formulate(data, model, noise, priors).structs(target)
 
 
 def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, Noise]:
