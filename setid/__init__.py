@@ -154,6 +154,9 @@ if TYPE_CHECKING:
     from setid.models.narx import (
         PolynomialNARX,
     )
+    from setid.models.registry import (
+        register_structure,
+    )
     from setid.options import (
         Options,
     )
@@ -167,6 +170,10 @@ if TYPE_CHECKING:
         Stable,
         ZeroIn,
         parameters,
+    )
+    from setid.priors.registry import (
+        read_prior,
+        register_prior,
     )
     from setid.proofs.directions import (
         DirectionBox,
@@ -285,7 +292,10 @@ __all__ = [
     "predict",
     "project",
     "projection_estimate",
+    "read_prior",
     "recursive_least_squares",
+    "register_prior",
+    "register_structure",
     "residuals",
     "select",
     "signal_band",
@@ -413,6 +423,7 @@ _HOMES: dict[str, tuple[str, ...]] = {
     "setid.models.continuous": ("ContinuousTransferFunction",),
     "setid.models.lti": ("TransferFunction",),
     "setid.models.narx": ("PolynomialNARX",),
+    "setid.models.registry": ("register_structure",),
     "setid.options": ("Options",),
     "setid.priors": (
         "Box",
@@ -424,6 +435,10 @@ _HOMES: dict[str, tuple[str, ...]] = {
         "Stable",
         "ZeroIn",
         "parameters",
+    ),
+    "setid.priors.registry": (
+        "read_prior",
+        "register_prior",
     ),
     "setid.proofs.directions": ("DirectionBox",),
     "setid.proofs.evidence": (

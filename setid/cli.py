@@ -21,10 +21,12 @@ from setid.identify import identify
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method
 from setid.models.equations import Initial, Structure
 from setid.models.lti import TransferFunction
+from setid.models.registry import families, family_of
 from setid.options import Options
 from setid.plots.axes import require_matplotlib
 from setid.plots.intervals import plot_intervals
 from setid.priors import DCGain, Stable
+from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
@@ -187,6 +189,7 @@ def _parts(
     model = structure_from(arguments, data)
     noise = _noise(arguments)
     priors: list[Any] = [Stable()] if arguments.stable else []
+    priors += [read_prior(text) for text in arguments.prior or []]
     if arguments.dc_gain:
         priors.append(DCGain(*arguments.dc_gain))
     return data, model, noise, priors
@@ -338,7 +341,14 @@ def add_structure(command: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--from-rest", action="store_true", help="zero before the record")
     group.add_argument("--stable", action="store_true", help="no poles outside the stable region")
+    group.add_argument(
+        "--prior", action="append", metavar="PRIOR", help='such as "DCGain(0.9, 1.1)"; repeatable'
+    )
     group.add_argument("--dc-gain", type=float, nargs=2, metavar=("LOW", "HIGH"))
+    group = command.add_argument_group("another structure by name, instead of --na, --nb and --nk")
+    group.add_argument("--structure", metavar="NAME", help=f"one of {', '.join(families())}")
+    group.add_argument("--order", type=int, help="of that structure")
+    group.add_argument("--degree", type=int, help="of that structure (1)")
     group = command.add_argument_group("continuous time, instead of --na, --nb and --nk")
     group.add_argument(
         "--continuous",
@@ -383,6 +393,8 @@ def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
             initial=initial,
             offset=arguments.offset,
         )
+    if arguments.structure is not None:
+        return _registered(arguments, data)
     for name in ("na", "nb"):
         if getattr(arguments, name) is None:
             raise ModelError(f"--{name}: found none, expected orders, or --continuous N M")
@@ -396,6 +408,19 @@ def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
         offset=arguments.offset,
         initial=initial,
     )
+
+
+def _registered(arguments: argparse.Namespace, data: IOData) -> Structure:
+    """The structure of a name, an order and a degree."""
+    for name in _DISCRETE:
+        if getattr(arguments, name) is not None:
+            raise ModelError(f"--{name}: found a value, expected it without --structure")
+    if arguments.order is None:
+        raise ModelError("--order: found none, expected one with --structure")
+    family = family_of(arguments.structure)
+    assert family is not None
+    degree = 1 if arguments.degree is None else arguments.degree
+    return family(arguments.order, degree, data.inputs, data.outputs)
 
 
 def _delta(given: str | None) -> float | Literal["estimate"]:
