@@ -23,7 +23,7 @@ test-slow: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m slow
 
 test-octave: $(VENV)/.with-dev
-	$(BIN)/python -m pytest -m 'octave or not slow' tests/test_octave.py tests/test_door.py
+	$(BIN)/python -m pytest -m 'octave or not slow' tests/compat/test_octave.py tests/compat/test_matlab_server.py
 
 # An editable installation with one extra; made again only when pyproject.toml changes.
 $(VENV)/.with-%: pyproject.toml

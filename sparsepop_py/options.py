@@ -6,13 +6,14 @@ import numbers
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .errors import ProblemError
-from .solvers import require_solver
-from .waki import Switches
+from sparsepop_py.errors import ProblemError
+
+if TYPE_CHECKING:
+    from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 __all__ = ["SKIPPED", "Options"]
 
@@ -37,7 +38,7 @@ SKIPPED = (
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
-    "chordal": ("min-degree", "mcs-m"),
+    "chordal": ("auto", "min-degree", "min-fill", "mcs-m"),
     "refine": ("scipy", "ipopt", "none"),
 }
 
@@ -64,8 +65,10 @@ class Options:
         Largest violation, in the user's units, of points that are worth showing.
     sparse : bool
         Exploit correlative sparsity; False makes one clique of all variables.
-    chordal : {"min-degree", "mcs-m"}
-        How the sparsity graph is made chordal.
+    chordal : {"auto", "min-degree", "min-fill", "mcs-m"}
+        Heuristic that makes the sparsity graph chordal. ``"auto"`` tries those that the size
+        allows and takes the smallest largest clique; the others give the same cliques whatever
+        the version.
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
@@ -88,6 +91,14 @@ class Options:
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.
+    work_limit : float, optional
+        Units of work, each about a second of one core, counted by a fixed model
+        (:mod:`sparsepop_py.budget`). With it, and without ``time_limit``, no decision rests on a
+        clock: runs are reproducible, and a run with a larger limit begins like one with a
+        smaller limit. The last step may exceed it.
+    memory_limit : float
+        Bytes that one relaxation may take in a solver, estimated; larger ones are replaced by
+        weaker ones, with a note.
     accuracy : float, optional
         Gap and residuals at which a conic solver may stop, in scaled units; chosen where
         left out.
@@ -95,7 +106,7 @@ class Options:
         Most iterations of a conic solver (Clarabel and the clique-tree method).
     switches : Switches, optional
         With effort ``"plain"``: the relaxation of Waki, Kim, Kojima and Muramatsu under
-        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.waki`.
+        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
     seed : int
         Seed of random starting points.
     progress : bool
@@ -113,7 +124,7 @@ class Options:
     gap_kind: Literal["relative", "absolute", "width"] = "relative"
     tolerance: float = 1e-6
     sparse: bool = True
-    chordal: Literal["min-degree", "mcs-m"] = "min-degree"
+    chordal: Literal["auto", "min-degree", "min-fill", "mcs-m"] = "auto"
     solver: str = "auto"
     refine: Literal["scipy", "ipopt", "none"] = "scipy"
     branch_on: Sequence[int] | None = None
@@ -121,6 +132,8 @@ class Options:
     executor: Executor | None = None
     skip: Sequence[str] = ()
     time_limit: float | None = None
+    work_limit: float | None = None
+    memory_limit: float = 5e9
     accuracy: float | None = None
     max_iterations: int | None = None
     switches: Switches | None = None
@@ -155,17 +168,37 @@ class Options:
             raise ProblemError(f"Options.accuracy: found {accuracy!r}, expected a number > 0")
         if most is not None and (not isinstance(most, numbers.Integral) or int(most) < 1):
             raise ProblemError(f"Options.max_iterations: found {most!r}, expected an integer >= 1")
-        if switches is not None and not isinstance(switches, Switches):
-            raise ProblemError(f"Options.switches: found {switches!r}, expected Switches")
+        if switches is not None:
+            self._check_switches()
         if switches is not None and self.effort != "plain":
             raise ProblemError(
                 f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
             )
 
+    def _check_switches(self) -> None:
+        # Loaded where it is used: reading stored results must not load relaxations.
+        from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+
+        if not isinstance(self.switches, Switches):
+            raise ProblemError(f"Options.switches: found {self.switches!r}, expected Switches")
+
+    def _check_solver_name(self) -> None:
+        if not isinstance(self.solver, str):
+            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
+        if self.solver != "auto":
+            from sparsepop_py.solvers import require_solver
+
+            require_solver(self.solver)
+
     def _check_kinds(self) -> None:
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
             raise ProblemError(f"Options.time_limit: found {limit!r}, expected seconds > 0")
+        for name in ("work_limit", "memory_limit"):
+            value = getattr(self, name)
+            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (name == "work_limit" and value is None) and not (number and float(value) > 0):
+                raise ProblemError(f"Options.{name}: found {value!r}, expected a number > 0")
         nodes = self.node_limit
         if nodes is not None and (not isinstance(nodes, numbers.Integral) or int(nodes) < 0):
             raise ProblemError(f"Options.node_limit: found {nodes!r}, expected an integer >= 0")
@@ -183,9 +216,7 @@ class Options:
             )
         if self.executor is not None and not isinstance(self.executor, Executor):
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
-        if not isinstance(self.solver, str):
-            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
-        require_solver(self.solver)
+        self._check_solver_name()
         if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
             raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
         for name in ("sparse", "progress"):

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .display import rounded
-from .errors import SolverNotFound
-from .problem import Problem
-from .relaxation import Relaxation
-from .result import Result, Status
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.result import Result, Status
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

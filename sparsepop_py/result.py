@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.certificate import Certificate
-from .conic import ConicSolution
-from .display import rounded
-from .feasibility import ProvedPoint
-from .options import Options
-from .problem import Problem
-from .relaxation import Relaxation
+from sparsepop_py.options import Options
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Point", "Result", "Rung", "Status"]
+    from sparsepop_py.conic.program import ConicSolution
+    from sparsepop_py.relaxation.moment import Relaxation
+
+__all__ = ["HistoryEntry", "Point", "Result", "Status"]
 
 
 class Status(StrEnum):
@@ -81,7 +82,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Rung:
+class HistoryEntry:
     """One rung of the ladder, with the bounds known after it.
 
     Parameters
@@ -140,7 +141,7 @@ class Result:
         What the conic solver returned (scaled units; no value in it is a bound).
     solver_value : float
         The solver's value in the units of the objective: no bound.
-    history : tuple of Rung
+    history : tuple of HistoryEntry
         One entry for each rung that was climbed.
     timings : dict of str to float
         CPU seconds of each stage.
@@ -160,7 +161,7 @@ class Result:
     relaxation: Relaxation | None
     solution: ConicSolution | None
     solver_value: float
-    history: tuple[Rung, ...] = ()
+    history: tuple[HistoryEntry, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -220,7 +221,7 @@ class Result:
 
     def plot_history(self, ax: Any = None) -> Axes:
         """The gap against CPU seconds, rung by rung."""
-        from .plots import plot_history
+        from sparsepop_py.plots import plot_history
 
         return plot_history(self, ax)
 
@@ -237,6 +238,6 @@ class Result:
 
     def plot(self, ax: Any = None) -> Axes:
         """Contours, feasible set and points in two dimensions, else the block pattern."""
-        from .plots import plot_result
+        from sparsepop_py.plots import plot_result
 
         return plot_result(self, ax)

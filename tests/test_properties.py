@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import box_rows
-from sparsepop_py.certificate.dual import identity_of
-from sparsepop_py.certificate.identity import Identity
-from sparsepop_py.enclosure import range_over
-from sparsepop_py.feasibility import prove_feasible
-from sparsepop_py.presolve.propagation import is_empty, propagate
-from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.rounding import Interval
+from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.relaxation.recover_multipliers import identity_of
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty, propagate
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import box_rows
 
 quick = settings(max_examples=40, deadline=None, derandomize=True, database=None)
 

@@ -1,1 +1,1 @@
-"""Finite boxes and scaling: what is done to a problem before it is relaxed."""
+"""Find a first box and relaxations that fit. Hints only: the kernel replays every step."""

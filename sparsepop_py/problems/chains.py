@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..problem import Problem
-from .least_squares import Squares, Term, check_size, least_squares
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problems.least_squares import Squares, Term, check_size, least_squares
 
 __all__ = [
     "broyden_banded",

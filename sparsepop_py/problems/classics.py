@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..polynomial import variables
-from ..problem import Problem
+from sparsepop_py.algebra.polynomial import variables
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["laboratory", "motzkin"]
 

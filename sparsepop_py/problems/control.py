@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ProblemError
-from ..polynomial import Constraint, Kind, Polynomial
-from ..problem import Problem
-from .least_squares import Squares, check_size, least_squares
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
 
 __all__ = ["bilinear_control", "scalar_control"]
 

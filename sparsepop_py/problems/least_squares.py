@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import monomials
-from ..errors import ProblemError
-from ..monomials import Words
-from ..polynomial import Polynomial
-from ..problem import Problem
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Squares", "Term", "check_size", "least_squares"]
 

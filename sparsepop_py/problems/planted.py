@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import monomials
-from ..errors import ProblemError
-from ..problem import Problem
-from .least_squares import Squares, check_size, least_squares
+from sparsepop_py.algebra import monomials
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
 
 __all__ = ["planted_point", "random_quartic"]
 

@@ -1,0 +1,257 @@
+"""Branch and bound: smaller boxes where no relaxation of the whole box closes the gap.
+
+The part with the least bound is taken next, and bounded (:mod:`~sparsepop_py.branch_and_bound.node`). Parts that
+are empty or bounded above the cut-off are done, others are cut in two across the variable whose
+products are least true, between its middle and its value in the relaxation. The tree of parts is
+the certificate: every part keeps the argument that gave its bound, one that was never looked at
+its parent's, so the search can end at any moment.
+
+References
+----------
+R. Horst, H. Tuy, Global Optimization, Springer, 1996 (convergence of best-first search).
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
+from sparsepop_py.budget import spend
+from sparsepop_py.context import SolveContext
+from sparsepop_py.progress import Stages
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.certificate import (
+    Argument,
+    Certificate,
+    Node,
+    Proved,
+    certify,
+    claim,
+    split_box,
+)
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step
+
+__all__ = ["Search"]
+
+_MIDDLE = 0.4  # share of the middle of the box in the place of a cut
+_HOPE = 0.8  # what tightening is expected to leave of the widths, before it was seen
+_USELESS = 0.93  # tightening that leaves this share of the widths on average is given up
+_LOOSE = 0.85  # ... by relaxations, which take longer than linear programs
+_EDGE = 0.2  # a cut keeps this share of the width from both ends
+
+
+@dataclass(eq=False)
+class _OpenNode:
+    """A part of the tree while it grows."""
+
+    box: Interval
+    proved: Proved
+    argument: Argument | None = None
+    empty: bool = False
+    steps: tuple[Step, ...] = ()
+    branch: tuple[int, float] | None = None
+    children: list[_OpenNode] = field(default_factory=list)
+    depth: int = 0
+
+
+@dataclass(eq=False)
+class Search:
+    """A tree of parts that can be grown further at any time.
+
+    Parameters
+    ----------
+    task : Task
+        Its attained point may improve while the search runs.
+    plan : Plan
+    proof : BoxProof
+        How the box of the root followed from the problem's bounds.
+    box : Interval
+    attain : callable
+        Given candidate vectors, the task with a better attained point if one was proved.
+    """
+
+    context: SolveContext
+    settings: NodeSettings
+    proof: BoxProof
+    box: Interval
+    search_incumbent: Callable[[SolveContext, list[NDArray]], SolveContext]
+    start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
+    count: int = 0
+    seen: int = 0
+    left: float = _HOPE
+    _closed: float = np.inf
+    _heap: list[tuple[float, int, _OpenNode]] = field(default_factory=list)
+    _root: _OpenNode = field(init=False)
+
+    def __post_init__(self) -> None:
+        proved, argument, empty = self.start
+        self._root = _OpenNode(self.box, proved, argument, empty)
+        self._push(self._root)
+
+    def _push(self, node: _OpenNode) -> None:
+        self.count += 1
+        heapq.heappush(self._heap, (node.proved.bound, self.count, node))
+
+    @property
+    def cutoff(self) -> float | None:
+        """The cut-off: a little below the attained value."""
+        return self.context.replay(below=True).cutoff
+
+    @property
+    def bound(self) -> float:
+        """What is proved so far."""
+        least = min(self._closed, claim(self._heap[0][2].proved) if self._heap else np.inf)
+        return least if self.cutoff is None else min(least, self.cutoff)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to look at."""
+        return not self._heap or (self.cutoff is not None and self._heap[0][0] >= self.cutoff)
+
+    def update_context(self, context: SolveContext) -> bool:
+        """Go on with a better point; False where parts were shrunk by a lower cut-off."""
+        old, self.context = self.cutoff, context
+        return old is None or (self.cutoff is not None and self.cutoff <= old)
+
+    def grow(self, nodes: int, stop: Callable[[], bool], executor: Executor | None = None) -> int:
+        """Look at up to ``nodes`` nodes while ``stop()`` is false; how many were looked at."""
+        seen = 0
+        while seen < nodes and not self.done and not stop():
+            taken = [heapq.heappop(self._heap)[2]]
+            while executor is not None and self._heap and len(taken) < min(8, nodes - seen):
+                taken.append(heapq.heappop(self._heap)[2])
+            try:
+                found = self._processed(taken, executor)
+            except BaseException:
+                for node in taken:  # interrupted: nothing is lost
+                    self._push(node)
+                raise
+            for node, processed in zip(taken, found, strict=True):
+                self._take(node, processed)
+            seen += len(taken)
+            self.seen += len(taken)
+        return seen
+
+    def _processed(
+        self, nodes: Sequence[_OpenNode], executor: Executor | None
+    ) -> list[ProcessedNode]:
+        if executor is None:
+            return [
+                process_node(self.context, self.settings, node.box, self.cutoff) for node in nodes
+            ]
+        options = replace(self.context.options, executor=None)  # so that the task can travel
+        lone = replace(self.context, stages=Stages(), options=options, repair=None)
+        jobs = [
+            executor.submit(process_node, lone, self.settings, p.box, self.cutoff) for p in nodes
+        ]
+        found = [job.result() for job in jobs]
+        spend(sum(each.work for each in found))  # counted by the workers, who are not here
+        return found
+
+    def _take(self, node: _OpenNode, found: ProcessedNode) -> None:
+        """Enter what was found, look for a better point, cut what is still open."""
+        node.steps, node.box = found.steps, found.box
+        if np.isfinite(found.left):
+            self.left += 0.2 * (found.left - self.left)
+            if self.settings.obbt_sdp is not None and self.left > _LOOSE:
+                self.settings, self.left = replace(self.settings, obbt_sdp=None), _HOPE
+            elif self.left > _USELESS:
+                self.settings = replace(self.settings, narrow=False)
+        if found.proved.bound >= node.proved.bound or is_empty(found.box):
+            node.proved, node.argument, node.empty = found.proved, found.argument, found.empty
+        if is_empty(node.box):
+            node.proved = Proved(np.inf, 0.0, "")
+        if self._settled(node):
+            return
+        if found.point is not None and self._worth_a_search(node):
+            self.context = self.search_incumbent(self.context, [found.point])
+            if self._settled(node):
+                return
+        branch = self._branching_point(node.box, found)
+        if branch is None:
+            self._closed = min(self._closed, claim(node.proved))  # too small to be cut
+            return
+        node.branch = branch
+        low, high = (self._child(node, side) for side in (0, 1))
+        node.children = [low, high]
+        self._push(low)
+        self._push(high)
+
+    def _settled(self, node: _OpenNode) -> bool:
+        """Whether no point of a part is worth finding."""
+        return node.proved.bound >= (np.inf if self.cutoff is None else self.cutoff)
+
+    def _child(self, node: _OpenNode, side: int) -> _OpenNode:
+        assert node.branch is not None
+        box = split_box(node.box, node.branch)[side]
+        return _OpenNode(box, node.proved, node.argument, node.empty, depth=node.depth + 1)
+
+    def _worth_a_search(self, node: _OpenNode) -> bool:
+        return node.depth < 2 or self.count % 10 < 2
+
+    def _branching_point(self, box: Interval, found: ProcessedNode) -> tuple[int, float] | None:
+        """Where to cut: the variable whose products are least true, wide ones first."""
+        chosen = np.array(self.settings.variables, np.int64)
+        width = (box.hi - box.lo)[chosen]
+        start = (self.box.hi - self.box.lo)[chosen]
+        relative = np.where(start > 0, width / np.where(start > 0, start, 1.0), 0.0)
+        score = relative.copy()
+        if found.error is not None:
+            score = (found.error[chosen] + 1e-6) * np.sqrt(relative)
+        score = np.where(width > 1e-9 * (1.0 + np.abs(box.lo[chosen])), score, -1.0)
+        if not chosen.size or score.max() < 0:
+            return None
+        v = int(chosen[np.argmax(score)])
+        place = middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
+        if found.point is not None:
+            place = _MIDDLE * middle + (1.0 - _MIDDLE) * float(found.point[v])
+        edge = _EDGE * (box.hi[v] - box.lo[v])
+        return v, float(np.clip(place, box.lo[v] + edge, box.hi[v] - edge))
+
+    def certificate(self) -> Certificate | None:
+        """The certificate of the tree as it is now."""
+        least = min((p.proved for p in _leaves_of(self._root)), key=lambda proved: proved.bound)
+        replay = Replay(self.context.problem, self.cutoff)
+        root = _certificate_node(self._root)
+        root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))
+        return certify(replay, root, least)
+
+
+def _leaves_of(root: _OpenNode) -> list[_OpenNode]:
+    leaves, stack = [], [root]
+    while stack:
+        node = stack.pop()
+        if node.children:
+            stack.extend(node.children)
+        else:
+            leaves.append(node)
+    return leaves
+
+
+def _certificate_node(root: _OpenNode) -> Node:
+    """The tree as nodes, children first."""
+    order, stack = [], [root]
+    while stack:
+        node = stack.pop()
+        order.append(node)
+        stack.extend(node.children)
+    made: dict[int, Node] = {}
+    for node in reversed(order):
+        children: Any = tuple(made[id(child)] for child in node.children)
+        leaf = not node.children
+        made[id(node)] = Node(
+            BoxProof(node.steps),
+            node.argument if leaf else None,
+            node.empty and leaf,
+            node.branch,
+            children,
+        )
+    return made[id(root)]

@@ -1,0 +1,60 @@
+"""Put an objective on a relaxation, and read the dual of the program by groups.
+
+    minimise  q'y + offset   subject to   A y + s = b,   s in K,
+
+with y the moments without the constant (see :mod:`sparsepop_py.conic.program`). The inverse, from
+a solver's dual to multipliers, is :mod:`sparsepop_py.relaxation.recover_multipliers`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.conic.program import Cones, ConicProgram
+from sparsepop_py.relaxation.moment import Relaxation
+
+__all__ = ["assemble", "split_dual"]
+
+_ROOT2 = float(np.sqrt(2.0))
+
+
+def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
+    """Put an objective on a relaxation.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+    objective : Polynomial
+        In the variables of ``relaxation.problem``.
+
+    Raises
+    ------
+    ProblemError
+        If the objective has a monomial that the relaxation does not hold.
+    """
+    q, offset = relaxation.objective_vector(objective)
+    A, b = relaxation.scaled_rows
+    linear = sum(g.count for g in relaxation.groups if not g.free and g.size == 1)
+    psd = [g.size for g in relaxation.groups for _ in range(g.count) if not g.free and g.size > 1]
+    return ConicProgram(q, A, b, Cones(relaxation.equality_rows, linear, tuple(psd)), offset)
+
+
+def split_dual(relaxation: Relaxation, z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The dual z as one array a group: (K, s) for free groups, else (K, s, s) symmetric."""
+    parts: list[NDArray[np.float64]] = []
+    offset = 0
+    for group in relaxation.groups:
+        total = group.count * group.rows_each
+        part = z[offset : offset + total].reshape(group.count, group.rows_each)
+        offset += total
+        if group.free:
+            parts.append(part.copy())
+            continue
+        i, j = group.pairs
+        weight = np.where(i == j, 1.0, 1.0 / _ROOT2)
+        matrix = np.zeros((group.count, group.size, group.size))
+        matrix[:, i, j] = matrix[:, j, i] = part * weight
+        parts.append(matrix)
+    return parts

@@ -1,0 +1,1 @@
+"""The relaxation of SparsePOP 3.03, switch by switch."""

@@ -1,0 +1,152 @@
+"""Which rung next: what is left of the catalogue, by expected gain per second.
+
+A rung whose bound depends on the box may be climbed on a box that linear programs have
+tightened first. With seconds t of tightening, s of the relaxation and a chance p that it
+closes the gap without, that is expected to cost t + s against s + (1 - p) (t + s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sparsepop_py.relaxation.hierarchy import RelaxationSpec
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.verified.box.scaling import Scaled
+
+__all__ = ["MOST_TIGHTENED", "PROGRAM", "TIGHTENING", "RelaxationQueue", "worth_in_parts"]
+
+PROGRAM = "linear program"  # names under which experience keeps their seconds
+TIGHTENING = "tightening"
+MOST_TIGHTENED = 12  # variables whose bounds linear programs tighten at the root
+_DEAR = 3.0  # tightening that takes this many times as long as the next relaxation is left out
+_LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
+_WEAK = 0.3  # share of the progress that linear relaxations and the like make at most
+_LINEAR = RelaxationSpec("linear", 0.0, "linear")
+_TIGHTENED = ("star", "split", "mixed")
+
+
+@dataclass(eq=False)
+class RelaxationQueue:
+    """The rungs that one objective may still climb.
+
+    Parameters
+    ----------
+    ground : Ground
+        Its recipes, and the experience with them.
+    scaled : callable
+        The scaled problem on the box as it is now; for estimates.
+    share : float
+        Share of the progress that the last rung makes as a rule.
+    """
+
+    shared_state: SharedState
+    scaled: Callable[[], Scaled]
+    share: float = 0.0
+    specs: list[RelaxationSpec] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.specs = list(self.shared_state.specs)
+
+    def best(self, left: float | None) -> tuple[RelaxationSpec | None, float]:
+        """The recipe worth most in a second, and that worth, among those that end in time."""
+        best, most = None, 0.0
+        for spec in map(self._prepared, self.specs):
+            seconds = self.seconds(spec)
+            if not np.isfinite(seconds) or (left is not None and seconds > 2.0 * left):
+                continue
+            rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
+            if rate > most:
+                best, most = spec, rate
+        return best, most
+
+    def state(self, spec: RelaxationSpec) -> None:
+        """Leave out a rung and those below it; on a tightened box it may be climbed again."""
+        again = [spec.tightened] if self._may_tighten(spec) else []
+        self.specs = [*again, *(r for r in self.specs if r.share > spec.share)]
+        self.share = spec.share
+
+    def again(self, specs: Iterable[RelaxationSpec]) -> None:
+        """Put rungs back that may do more on a smaller box."""
+        self.specs = [*specs, *self.specs]
+        self.share = 0.0
+
+    def seconds(self, spec: RelaxationSpec) -> float:
+        """Expected seconds: as seen before, else estimated at the pace of the other rungs."""
+        seen, known = self.shared_state.cost_model, self.shared_state.estimates
+        if spec.name in seen.seconds:
+            return seen.seconds[spec.name]
+        if spec.plain is not None:
+            return self._tightening + self.seconds(spec.plain)
+        if spec.name not in known:
+            known[spec.name] = spec.seconds(self.scaled(), self.shared_state.cliques)
+        alone = seen.pace * known[spec.name]
+        if spec.shape == "linear" and self.shared_state.narrow and not self.dear:
+            return alone + self._tightening  # other programs follow the first
+        return alone
+
+    @property
+    def shortest(self) -> float:
+        """Expected seconds of the fastest relaxation that is not weak, +inf if none is left."""
+        return min((self.seconds(r) for r in self.specs if r.share > _WEAK), default=np.inf)
+
+    @property
+    def dear(self) -> bool:
+        """Whether tightening by linear programs costs more than the next relaxation."""
+        return self._tightening > _DEAR * self.shortest
+
+    @property
+    def _tightening(self) -> float:
+        """Expected seconds of a few rounds of tightening."""
+        seen = self.shared_state.cost_model.seconds
+        programs = 2.0 * min(len(self.shared_state.variables), MOST_TIGHTENED)
+        return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
+
+    @property
+    def _program(self) -> float:
+        """Expected seconds of a linear program before any was solved."""
+        known = self.shared_state.estimates
+        if _LINEAR.name not in known:
+            known[_LINEAR.name] = _LINEAR.seconds(self.scaled(), self.shared_state.cliques)
+        return self.shared_state.cost_model.pace * known[_LINEAR.name]
+
+    def _may_tighten(self, spec: RelaxationSpec) -> bool:
+        below = spec.shape in _TIGHTENED and spec.plain is None
+        return self.shared_state.narrow and below and bool(self.shared_state.variables)
+
+    def _prepared(self, spec: RelaxationSpec) -> RelaxationSpec:
+        """On a tightened box, where that costs less than failing without is expected to."""
+        seen = self.shared_state.cost_model.seconds
+        if not self._may_tighten(spec) or not {PROGRAM, TIGHTENING} & seen.keys():
+            return spec
+        alone = self.seconds(spec)
+        both = self._tightening + alone
+        fails = 1.0 - self.shared_state.cost_model.closes(spec.name)
+        return spec.tightened if both < alone + fails * both else spec
+
+
+def worth_in_parts(
+    tried: Iterable[tuple[RelaxationSpec, float, float]], gap: tuple[float, float], program: float
+) -> RelaxationSpec | None:
+    """The relaxation that closed most of a gap in a second, if cutting alone does not do more.
+
+    Parameters
+    ----------
+    tried : iterable of (RelaxationSpec, bound, seconds)
+    gap : (float, float)
+        The bound without them, and the attained value.
+    program : float
+        Seconds of the linear programs of one part.
+    """
+    best, most = None, _LEVEL / program
+    base, upper = gap
+    for spec, bound, seconds in tried:
+        whole = upper - base
+        closed = (bound - base) / whole if np.isfinite(whole) and whole > 0 else float(bound > base)
+        # a share s needs about log(1 / (1 - s)) fewer levels of cuts
+        worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
+        if closed > 0.1 and worth > most:
+            best, most = spec, worth
+    return best
