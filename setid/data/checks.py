@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.errors import DataError, SetidError
 
 __all__ = [
+    "FrozenMapping",
     "channels_of",
     "frozen",
     "entries_of",
@@ -22,6 +23,49 @@ __all__ = [
     "starts_of",
     "switch",
 ]
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class FrozenMapping(Mapping[K, V]):
+    """A read-only copy of a mapping, in its order; pickles, and compares like a dict.
+
+    Parameters
+    ----------
+    items : mapping
+
+    Examples
+    --------
+    >>> FrozenMapping({"a1": -0.5})
+    {'a1': -0.5}
+    """
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[K, V]) -> None:
+        self._items = dict(items)
+
+    def __getitem__(self, key: K) -> V:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __reduce__(self) -> tuple[type[FrozenMapping[K, V]], tuple[dict[K, V]]]:
+        return type(self), (self._items,)
+
+    def __or__(self, other: Mapping[K, V]) -> dict[K, V]:
+        return {**self._items, **other}
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._items.items()))
+
+    def __repr__(self) -> str:
+        return repr(self._items)
 
 
 def frozen(array: NDArray) -> NDArray:

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen
+from setid.data.checks import FrozenMapping, frozen
 from setid.data.record import IOData
 from setid.errors import SetidError
 
@@ -146,4 +145,4 @@ class LayoutBuilder:
         if len(places) != len(self._names):
             twice = sorted({name for name in self._names if self._names.count(name) > 1})
             raise SetidError(f"priors: found two that ask for {twice[0]}; is one given twice?")
-        return Layout(tuple(self._names), MappingProxyType(self._groups), self._starts, places)
+        return Layout(tuple(self._names), FrozenMapping(self._groups), self._starts, places)

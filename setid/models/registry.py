@@ -8,9 +8,9 @@ A structure is any frozen class with what :class:`setid.models.equations.Structu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Protocol
 
+from setid.data.checks import FrozenMapping
 from setid.errors import ModelError
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
@@ -91,7 +91,7 @@ def families() -> Mapping[str, Family]:
     >>> "TransferFunction" in families()
     True
     """
-    return MappingProxyType({name: family for name, (_, family) in _FAMILIES.items()})
+    return FrozenMapping({name: family for name, (_, family) in _FAMILIES.items()})
 
 
 def family_of(kind: str | type) -> Family | None:

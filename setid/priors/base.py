@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 import sparsepop_py as sp
-from setid.data.checks import entries_of, number
+from setid.data.checks import FrozenMapping, entries_of, number
 from setid.errors import PriorError
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
@@ -149,7 +148,7 @@ def finite(given: Any, field: str) -> float:
 
 def stored(prior: Any, field: str, values: Mapping[str, Any]) -> None:
     """Put a read-only copy into a frozen field."""
-    object.__setattr__(prior, field, MappingProxyType(dict(values)))
+    object.__setattr__(prior, field, FrozenMapping(dict(values)))
 
 
 def denominators(model: Structure) -> list[tuple[str, ...]]:

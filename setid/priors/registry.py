@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
+from setid.data.checks import FrozenMapping
 from setid.errors import PriorError
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, Known, Sign
@@ -77,7 +77,7 @@ def prior_kinds() -> Mapping[str, type[Prior]]:
     >>> "Stable" in prior_kinds()
     True
     """
-    return MappingProxyType(dict(_KINDS))
+    return FrozenMapping(dict(_KINDS))
 
 
 def read_prior(text: str) -> Prior:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options
@@ -68,16 +68,16 @@ def result_of(
     points = [w for item in intervals for w in item.witnesses if w is not None]
     return Identification(
         formulation=formulation,
-        intervals=MappingProxyType({item.name: item for item in intervals}),
+        intervals=FrozenMapping({item.name: item for item in intervals}),
         problem=formulation.problem if outcome.problem is None else outcome.problem,
         options=settings,
         assumptions=formulation.assumptions,
         box=outcome.box,
         bounds=outcome.bounds,
         results=outcome.results,
-        active=MappingProxyType(active_priors(formulation, points) if points else {}),
+        active=FrozenMapping(active_priors(formulation, points) if points else {}),
         samples=outcome.samples,
-        timings=MappingProxyType(dict(timings)),
+        timings=FrozenMapping(dict(timings)),
         notes=outcome.notes,
         unbounded=outcome.unbounded,
         reference=outcome.reference,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import frozen, real_array
+from setid.data.checks import FrozenMapping, frozen, real_array
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
@@ -133,13 +132,13 @@ def simulate_record(
     internal = {name: frozen(v) for name, v in found.items() if channel_of(name) is None}
     return Simulated(
         IOData(inputs + xi, outputs + eta, Ts),
-        MappingProxyType(values),
+        FrozenMapping(values),
         frozen(inputs),
         frozen(outputs),
         frozen(eta),
         frozen(xi),
         frozen(e),
-        MappingProxyType(internal),
+        FrozenMapping(internal),
     )
 
 
