@@ -239,7 +239,7 @@ def _used_products(
     single = generators.count(len(problem.constraints), problem.dimension)
     needed = np.zeros(single + products.shape[0], bool)
     needed[generator] = True
-    for layer in reversed(generators.levels(products, single)):
+    for layer in reversed(generators.layers(products, single)):
         inside = np.array(layer)[needed[single + np.array(layer)]]
         needed[products[inside].ravel()] = True
     kept = np.flatnonzero(needed[single:])

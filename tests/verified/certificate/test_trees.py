@@ -229,7 +229,7 @@ def test_a_malformed_cut_proves_nothing_even_if_the_parts_would():
     for cut in ((0, np.nan), (0, INF), (-1, 0.5), (1, 0.5), (True, 0.5), (0.0, 0.5)):
         root = Node(branch=cut, children=(Node(), Node()))
         verdict = Certificate(problem.fingerprint, -1.0, root).verify(problem)
-        assert verdict == (False, -INF, "a cut is malformed")
+        assert verdict == (False, -INF, "a branch is malformed")
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -247,7 +247,7 @@ def test_a_tree_of_five_thousand_levels_needs_no_recursion(side):
     assert verdict.bound == 0.0
     assert certificate.leaves == 5001
     assert certificate.uses_cutoff
-    assert "5001 parts" in str(certificate)
+    assert "5001 leaves" in str(certificate)
 
 
 # ---- trees of the solver ----------------------------------------------------------------------
