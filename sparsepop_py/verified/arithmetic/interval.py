@@ -38,8 +38,8 @@ __all__ = [
     "up",
 ]
 
-_UNIT = 2.0**-53
-_TINY = 2.0**-1022
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
+_TINY = 2.0**-1022  # least normal double
 
 
 def require_ieee() -> None:
