@@ -1,7 +1,7 @@
 """Problems, certificates and results as JSON, exactly.
 
 A certificate that is read back is verified like any other: it is multipliers and claims, and
-nothing in a file is believed. Trees are written as lists of parts with the numbers of their
+nothing in a file is believed. Trees are written as lists of nodes with the numbers of their
 children, and certificates that quote others as lists with those quoted first.
 """
 
@@ -43,12 +43,16 @@ _DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is 
 
 
 def to_json(value: Problem | Certificate | Result) -> str:
-    """A problem, certificate or result as JSON text.
+    """Convert a problem, certificate or result to JSON text.
 
     Parameters
     ----------
     value : Problem, Certificate or Result
         A result is written without its relaxation and solution, on which nothing rests.
+
+    Returns
+    -------
+    str
 
     Raises
     ------
@@ -74,7 +78,7 @@ def to_json(value: Problem | Certificate | Result) -> str:
 
 
 def from_json(source: str) -> Any:
-    """What :func:`to_json` wrote.
+    """Read the JSON text of :func:`to_json`.
 
     Parameters
     ----------
@@ -88,6 +92,13 @@ def from_json(source: str) -> Any:
     ------
     ProblemError
         If the text is malformed; the message names the place.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> sp.from_json(sp.to_json(sp.Problem(x**2, lower=-1)))
+    <Problem: 1 variables, 0 inequalities, 0 equalities, degree 2>
     """
     try:
         found = json.loads(source)
@@ -105,7 +116,7 @@ def from_json(source: str) -> Any:
 
 
 def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
-    """Write what :func:`to_json` makes to a file.
+    """Write a problem, certificate or result to a JSON file.
 
     Parameters
     ----------
@@ -115,13 +126,24 @@ def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
     Raises
     ------
     ProblemError
-        If it is something else.
+        If the value is something else.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> x, = sp.variables(1)
+    >>> result = sp.solve(sp.Problem(x, lower=0, upper=1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sp.write_json(result, pathlib.Path(folder) / "result.json")
+    ...     again = sp.read_json(pathlib.Path(folder) / "result.json")
+    >>> again.lower_bound == result.lower_bound, again.certificate.verify(result.problem).ok
+    (True, True)
     """
     Path(path).write_text(to_json(value), encoding="utf-8")
 
 
 def read_json(path: str | Path) -> Any:
-    """Read a file that :func:`write_json` wrote.
+    """Read a file of :func:`write_json`.
 
     Parameters
     ----------
@@ -137,6 +159,16 @@ def read_json(path: str | Path) -> Any:
         If the file cannot be read.
     ProblemError
         If its text is malformed.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> x, = sp.variables(1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "problem.json"
+    ...     sp.write_json(sp.Problem(x, lower=0, upper=1), path)
+    ...     print(sp.read_json(path).upper)
+    [1.]
     """
     try:
         source = Path(path).read_text(encoding="utf-8")
@@ -253,7 +285,7 @@ def _status(found: Any, place: str) -> Status:
 
 
 def _result(**parts: Any) -> Result:
-    """The result, if certificate and attained point prove the bounds that the text states."""
+    """Build the result if certificate and point prove the bounds that the text states."""
     result = Result(**parts, relaxation=None, solution=None)
     proved = -math.inf
     if result.certificate is not None:

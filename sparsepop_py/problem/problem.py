@@ -143,7 +143,7 @@ class Problem:
 
     @cached_property
     def equality(self) -> NDArray[np.bool_]:
-        """Which constraints are equalities, shape (m,)."""
+        """Equalities among the constraints, shape (m,)."""
         return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
 
     @cached_property
@@ -157,7 +157,7 @@ class Problem:
         return constant_above(self.objective, self.squares)
 
     def violation(self, x: ArrayLike) -> float:
-        """Largest violation of constraints and bounds at ``x``, in the user's units.
+        """Compute the largest violation of constraints and bounds at ``x``.
 
         Parameters
         ----------
@@ -166,8 +166,8 @@ class Problem:
         Returns
         -------
         float
-            0.0 when every constraint and bound holds as evaluated in floating point. A
-            matrix is violated by its negative eigenvalues.
+            In the user's units; 0.0 when every constraint and bound holds as evaluated in floating
+            point. A matrix is violated by its negative eigenvalues.
         """
         point = np.asarray(x, float)
         if point.shape != (self.dimension,):
@@ -183,7 +183,7 @@ class Problem:
 
     @cached_property
     def bound_rows(self) -> NDArray[np.bool_]:
-        """Which constraints are linear in one variable, that is, bounds in disguise, shape (m,)."""
+        """Constraints that are linear in one variable, that is, bounds, shape (m,)."""
         return np.array(
             [c.polynomial.degree == 1 and c.polynomial.support.size == 1 for c in self.constraints],
             bool,
@@ -216,7 +216,17 @@ class Problem:
         return Problem(self.objective, self.constraints, lower, upper, self.names)
 
     def with_objective(self, objective: Polynomial) -> Problem:
-        """The same feasible set with another objective."""
+        """Return the same feasible set with another objective.
+
+        Parameters
+        ----------
+        objective : Polynomial
+            In as many variables.
+
+        Returns
+        -------
+        Problem
+        """
         if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
             raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")
         other = copy.copy(self)

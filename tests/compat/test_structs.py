@@ -114,7 +114,7 @@ def test_loadmat_of_one_term_and_one_variable(options: dict[str, bool]) -> None:
     assert str(problem) == "min 5*x1^2\n  s.t. -8 + x1^3 == 0\n  0 <= x1 <= 9"
 
 
-def test_squeezed_row_and_shapes_of_coefficients() -> None:
+def test_rows_without_a_dimension_and_shapes_of_coefficients() -> None:
     one = struct([[1, 2]], [3]) | {"supports": np.array([1, 2]), "coef": 3.0}
     assert str(from_structs(one, [], [0, 0], [1, 1]).objective) == "3*x1*x2^2"
     row = struct([[1, 0], [0, 1]], [3, 4]) | {"coef": np.array([[3.0, 4.0]])}
