@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -37,6 +37,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sub
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "split_box", "prove"]
 
 Argument = Identity | LinearDual | ExactGram
+_OLDER = "it was written by an older version, with that version's fingerprint"
 
 
 class Verdict(NamedTuple):
@@ -193,13 +194,17 @@ class Certificate:
         -------
         Verdict
             ``ok`` is true exactly when the problem is the one that was certified and the
-            recomputed bound is at least the claimed one.
+            recomputed bound is at least the claimed one. A certificate of an older version
+            is recognised by the hash of that version, which different problems may share;
+            what is recomputed holds for ``problem`` all the same.
         """
-        if problem.fingerprint != self.fingerprint:
-            return Verdict(False, -np.inf, "the certificate belongs to another problem")
+        old = not self.fingerprint.startswith("v2:")
+        if self.fingerprint != (fingerprint_v1(problem) if old else problem.fingerprint):
+            reason = "the certificate belongs to another problem"
+            return Verdict(False, -np.inf, f"{reason}; {_OLDER}" if old else reason)
         recomputed, _, reason = self.recompute(problem, known)
         if recomputed >= self.bound:
-            return Verdict(True, recomputed, "")
+            return Verdict(True, recomputed, _OLDER if old else "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
 
