@@ -87,7 +87,8 @@ class Options:
         ``"quote"`` (bounds of one objective used for others), ``"cutoff"``, ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
-        far is returned, with status LIMIT where the gap is open.
+        far is returned, with status LIMIT where the gap is open. The last verification of
+        the certificate comes on top.
     accuracy : float, optional
         Gap and residuals at which a conic solver may stop, in scaled units; chosen where
         left out.

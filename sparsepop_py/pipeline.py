@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, tee
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +85,7 @@ def solve(
             "Options.gap_kind: found 'width', which needs pairs of objectives (solve_each)"
         )
     context = SolveContext(problem, options, Stages(options.progress), Deadline(options.time_limit))
-    return _result(_solve_one(context, _start_vectors(problem, start), None))
+    return _result(_solve_one(context, _start_vectors(problem, start), None), {})
 
 
 @one_thread
@@ -174,7 +175,8 @@ def solve_each(
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
         )
-        return [_result(state) for state in family.run()]
+        states = family.run()
+        return [_result(state, family.known) for state in states]
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         try:
@@ -182,7 +184,7 @@ def solve_each(
                 model = relaxed(problem, tuple(objectives), first, options)
         except KeyboardInterrupt:
             deadline.stop()
-    states: list[SearchState] = []
+    states = []
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not states else {})
@@ -192,7 +194,8 @@ def solve_each(
         if INTERRUPTED in states[-1].notes:
             deadline.stop()  # the others end with what is known
         told(number, states[-1])
-    return [_result(state) for state in _with_widths(states, objectives, options)]
+    known: dict[Any, Any] = {}
+    return [_result(state, known) for state in _with_widths(states, objectives, options)]
 
 
 @dataclass(frozen=True)
@@ -284,8 +287,35 @@ def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArr
     yield from random_starts(problem, box, options)  # a box is found only if they are asked for
 
 
-def _result(state: SearchState) -> Result:
-    context, bound, near = state.context, state.outcome, state.near
+def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
+    """The state with claims that verification confirms, the certificate's and those on the way.
+
+    An interrupt here asks for the result, which this is the last step to; a second one ends it.
+    """
+    problem, outcome = state.context.problem, state.outcome
+    certificate = outcome.certificate
+    if certificate is None:
+        return state
+    with state.context.stages.stage("verify"):
+        try:
+            certificate = certificate.settled(problem, known)
+        except KeyboardInterrupt:
+            state.context.deadline.stop()
+            certificate = certificate.settled(problem, known)
+    state.context.stages.close()
+    if certificate is outcome.certificate:
+        return state
+    most = lower_bound(certificate)
+    history = tuple(
+        replace(entry, lower_bound=min(entry.lower_bound, most)) for entry in state.history
+    )
+    return replace(state, outcome=replace(outcome, certificate=certificate), history=history)
+
+
+def _result(state: SearchState, known: dict[Any, Any]) -> Result:
+    """The result, whose bound is what verification recomputes; ``known`` is shared by it."""
+    state = _verified(state, known)
+    context, bound = state.context, state.outcome
     problem, best = context.problem, context.best
     lower = lower_bound(bound.certificate)
     upper = best.value if best is not None else np.inf
@@ -294,20 +324,8 @@ def _result(state: SearchState) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    notes = [*bound.model.notes, *state.notes]
-    if context.deadline.stopped and not state.notes:
-        notes.append(INTERRUPTED)
-    status = Status.BOUNDED
-    if lower == np.inf:
-        status = Status.INFEASIBLE
-    elif context.closed(lower):
-        status = Status.OPTIMAL
-    elif lower == -np.inf:
-        status, note = _unproved(problem, bound, best)
-        notes += note
-    elif context.deadline.over or state.notes:
-        status = Status.LIMIT
-    points = _points(problem, best, near)
+    status, notes = _status(state, lower)
+    points = _points(problem, best, state.near)
     return Result(
         problem=problem,
         options=context.options,
@@ -323,8 +341,26 @@ def _result(state: SearchState) -> Result:
         solver_value=bound.value,
         history=state.history,
         timings=context.stages.seconds,
-        notes=tuple(notes),
+        notes=notes,
     )
+
+
+def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
+    context, bound = state.context, state.outcome
+    notes = [*bound.model.notes, *state.notes]
+    if context.deadline.stopped and not state.notes:
+        notes.append(INTERRUPTED)
+    status = Status.BOUNDED
+    if lower == np.inf:
+        status = Status.INFEASIBLE
+    elif context.closed(lower):
+        status = Status.OPTIMAL
+    elif lower == -np.inf:
+        status, note = _unproved(context.problem, bound, context.best)
+        notes += note
+    elif context.deadline.over or state.notes:
+        status = Status.LIMIT
+    return status, tuple(notes)
 
 
 def _unproved(

@@ -17,7 +17,7 @@ claim weak.) Without any cutoff, parts that are all empty prove that nothing is 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -227,6 +227,25 @@ class Certificate:
                 raise
         found: tuple[float, float, str] = known[key][1]
         return found
+
+    def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
+        """Lower the claim to what verification reaches; None where that is nothing.
+
+        A search shrinks its box while the cutoff falls, and verification replays all steps with
+        the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
+
+        Parameters
+        ----------
+        problem : Problem
+            What the certificate is about.
+        known : dict, optional
+            As in :meth:`verify`.
+        """
+        bound, correction, _ = self.recompute(problem, known)
+        if bound >= self.bound:
+            return self
+        lowered = claim(Proved(bound, correction, ""))
+        return replace(self, bound=lowered) if lowered > -np.inf else None
 
     def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
         """As :meth:`recompute`; parts are visited one at a time, so memory does not grow."""
