@@ -1,16 +1,19 @@
-"""For all tests: pictures are drawn without a display, and results are verified as they come."""
+"""For all tests: no display, no clock that makes a test fail, and results that are verified."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import matplotlib
+from hypothesis import HealthCheck, settings
 
 from sparsepop_py import pipeline
 from sparsepop_py.io.json_ import from_json, to_json
 from sparsepop_py.result import Result
 
 matplotlib.use("Agg")
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 
 def confirmed(result: Result) -> Result:

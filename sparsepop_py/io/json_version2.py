@@ -8,7 +8,7 @@ from typing import Any
 from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.certificate.steps import Replay
 
-__all__ = ["refingerprint", "rename"]
+__all__ = ["refingerprint", "rename", "rename_skipped"]
 
 # The class of a step, and the name of one of its fields in version 2 and now.
 _FIELDS = {
@@ -16,6 +16,7 @@ _FIELDS = {
     "Tightening": ("cutoff", "uses_cutoff"),
     "Sublevel": ("level", "cutoff"),
 }
+_STEPS = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}
 
 
 def rename(certificates: Any) -> None:
@@ -35,6 +36,20 @@ def rename(certificates: Any) -> None:
                 kind = step.get("is")
                 if isinstance(kind, str) and kind in _FIELDS:
                     _rename(step, *_FIELDS[kind])
+
+
+def rename_skipped(options: Any) -> None:
+    """Give the steps that options leave out the names of version 3, in place.
+
+    Parameters
+    ----------
+    options : object
+        As the JSON parser returned it.
+    """
+    for one in _objects([options]):
+        skip = one.get("skip")
+        if isinstance(skip, list):
+            one["skip"] = [_STEPS.get(s, s) if isinstance(s, str) else s for s in skip]
 
 
 def refingerprint(certificates: Any, problem: Problem) -> None:

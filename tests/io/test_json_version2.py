@@ -104,6 +104,13 @@ def test_an_old_result_whose_fingerprint_fits_no_problem_is_refused(number: int)
         assert result.certificate.verify(result.problem).ok
 
 
+def test_steps_that_were_left_out_have_new_names() -> None:
+    assert sp.read_json(FOLDER / "haverly1.result.json").options.skip[-1] == "obbt_sdp"
+    found = content("hill.result.json")
+    found["result"]["options"]["skip"] = ["narrow", "cutoff"]
+    assert sp.from_json(json.dumps(found)).options.skip == ("obbt_lp", "cutoff")
+
+
 @pytest.mark.parametrize("version", [0, 1, 4, 2.0, 3.0, "3", True, None, [3]])
 def test_other_versions_are_refused(version: Any) -> None:
     found = content("circle.problem.json") | {"version": version}
@@ -112,7 +119,7 @@ def test_other_versions_are_refused(version: Any) -> None:
 
 
 def test_old_names_are_no_names_of_version_3() -> None:
-    for name in ("hill.result.json", "haverly1.result.json"):
+    for name in ("hill.result.json", "each_region1.result.json"):
         found = content(name) | {"version": 3}
         with pytest.raises(sp.ProblemError, match=r"found nothing, expected a value"):
             sp.from_json(json.dumps(found))
