@@ -301,7 +301,7 @@ def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArr
 
 
 def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
-    """The state with claims that verification confirms, the certificate's and those on the way.
+    """Lower the claims of a state, also those on the way, to what verification confirms.
 
     An interrupt here asks for the result, which this is the last step to; a second one ends it.
     """
@@ -311,22 +311,22 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
         return state
     with state.context.stages.stage("verify"):
         try:
-            certificate = certificate.settled(problem, known)
+            settled = certificate.settled(problem, known)
         except KeyboardInterrupt:
             state.context.deadline.stop()
-            certificate = certificate.settled(problem, known)
+            settled = certificate.settled(problem, known)
     state.context.stages.close()
-    if certificate is outcome.certificate:
+    if settled is certificate:
         return state
-    most = lower_bound(certificate)
+    most = lower_bound(settled)
     history = tuple(
         replace(entry, lower_bound=min(entry.lower_bound, most)) for entry in state.history
     )
-    return replace(state, outcome=replace(outcome, certificate=certificate), history=history)
+    return replace(state, outcome=replace(outcome, certificate=settled), history=history)
 
 
 def _result(state: SearchState, known: dict[Any, Any]) -> Result:
-    """The result, whose bound is what verification recomputes; ``known`` is shared by it."""
+    """Make the result; its bound is what verification recomputes, with the shared ``known``."""
     state = _verified(state, known)
     context, bound = state.context, state.outcome
     problem, best = context.problem, context.best
