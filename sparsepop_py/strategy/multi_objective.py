@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,8 @@ class MultiObjectiveSearch:
         Improves candidate vectors before local searches.
     points : list of ProvedPoint
         Known feasible points; with any, no local search runs before the first turn.
+    known : dict
+        What verification of certificates found, for those that quote them.
     """
 
     problem: Problem
@@ -79,6 +82,7 @@ class MultiObjectiveSearch:
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
+    known: dict[Any, Any] = field(default_factory=dict)
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
@@ -222,13 +226,18 @@ class MultiObjectiveSearch:
         gained = certificate.bound - (box.lo[variable] if side > 0 else -box.hi[variable])
         if gained <= 1e-4 * (box.hi[variable] - box.lo[variable]):
             return
+        with self.stages.stage("verify"):
+            certificate = certificate.settled(auto.context.problem, self.known)
+            auto.outcome = replace(auto.outcome, certificate=certificate)
+        if certificate is None:
+            return
         with self.stages.stage("presolve"):
             self.quoted[variable, side] = certificate
             bounds = tuple((v, s, proof) for (v, s), proof in self.quoted.items())
             variables, sides = np.array(list(self.quoted), np.int64).T
             values = np.array([proof.bound for _, _, proof in bounds])
             known = Known(bounds)
-            # their certificates were made by the code that verifies them: no need to replay
+            # their certificates are verified: no need to replay
             box = shrunk(self.base.box, variables, sides, values)
             replay = Replay(self.problem, None)
             if is_empty(box):
