@@ -1,11 +1,10 @@
-"""Recovering squares: exact Gram matrices from nearly exact ones.
+"""Exact Gram matrices by rounding nearly exact ones.
 
 Monomials are those whose squares occur in the objective, entries those whose products do.
-A solver finds a nearly semidefinite matrix; what the coefficients leave open in it is rounded
+A solver finds a nearly semidefinite matrix. What the coefficients leave open in it is rounded
 to ever finer binary fractions, until elimination in rationals shows that the matrix is
-semidefinite. That succeeds where the Gram matrix is simple, as in objectives that somebody
-wrote as a sum of squares with few digits; the fewer squares there are to choose from, the more
-likely it is.
+semidefinite. That succeeds where the Gram matrix is simple, as in objectives written as a sum
+of squares with few digits; the fewer squares there are to choose from, the more likely it is.
 
 References
 ----------
@@ -26,6 +25,7 @@ from scipy.sparse.linalg import spsolve
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.assemble import assemble, split_dual
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, stacked_groups
@@ -36,15 +36,11 @@ from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
 __all__ = ["estimate", "exact_grams"]
 
-_BITS = (0, 2, 6, 12)  # binary places that entries are rounded to
-_SHIFT = 1e-10  # relative; keeps singular matrices from stopping an estimate
-_TRACE = 0.1  # weight of the trace beside the constant: it prefers few squares
-
 
 def exact_grams(
     objective: Polynomial, relaxation: Relaxation, time_limit: float | None = None
 ) -> Iterator[ExactGram]:
-    """Candidates for an exact Gram matrix of the objective, coarse ones first.
+    """Yield candidates for an exact Gram matrix of the objective, coarse ones first.
 
     Parameters
     ----------
@@ -52,6 +48,11 @@ def exact_grams(
     relaxation : Relaxation
         Of the problem of that objective, unscaled but for a factor, with moment matrices only.
     time_limit : float, optional
+        Seconds for the solver.
+
+    Yields
+    ------
+    ExactGram
     """
     linear = np.any(monomials.degrees(objective.words) == 1)
     for constant in (True,) if linear else (False, True):
@@ -63,13 +64,13 @@ def exact_grams(
 def _rounded(
     objective: Polynomial, sparse: Relaxation, time_limit: float | None
 ) -> Iterator[ExactGram]:
-    """Matrices of growing precision from one solution."""
+    """Round the Gram matrix of one solution with growing precision."""
     program = assemble(sparse, objective)
     rows = _row_weights(objective, sparse)
     matrix = sps.csc_array(sps.diags_array(rows) @ program.A)
     columns = 1.0 / np.maximum(abs(matrix).max(axis=0).toarray().ravel(), 1e-300)
     matrix = sps.csc_array(matrix @ sps.diags_array(columns))
-    traced = rows * program.b + _TRACE * np.concatenate(
+    traced = rows * program.b + BOUNDING.trace * np.concatenate(
         [np.tile(np.equal(*group.pairs), group.count) for group in sparse.groups]
     )
     normed = replace(program, q=columns * program.q, A=matrix, b=traced)
@@ -77,14 +78,14 @@ def _rounded(
     if solution.status not in ("solved", "almost"):
         return
     basis, first, second, value = _entries(sparse, rows * solution.z)
-    for bits in _BITS:
+    for bits in BOUNDING.bits:
         yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
 def _where_terms_are(
     objective: Polynomial, relaxation: Relaxation, constant: bool
 ) -> Relaxation | None:
-    """The relaxation on monomials whose squares occur and on entries whose products occur."""
+    """Restrict the relaxation to squares and products that occur, None if too few."""
     n = objective.dimension
     blocks: dict[int, Blocks] = {}
     for group in relaxation.groups:
@@ -113,7 +114,7 @@ def _where_terms_are(
 
 
 def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.float64]:
-    """d_i d_j for each row, d_i^2 being the coefficient of the square of monomial i."""
+    """Compute d_i d_j for each row, where d_i^2 is the coefficient of monomial i squared."""
     weights = [np.zeros(0)]
     for group in relaxation.groups:
         square = monomials.multiply(group.basis, group.basis).reshape(-1, 2 * group.basis.shape[2])
@@ -129,7 +130,7 @@ def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.fl
 def _entries(
     relaxation: Relaxation, z: NDArray[np.float64]
 ) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Basis and entries of the sum of all Gram matrices, diagonal entries first."""
+    """Sum all Gram matrices: basis, rows, columns and values, diagonal entries first."""
     n, groups = relaxation.problem.dimension, relaxation.groups
     width = max(g.basis.shape[2] for g in groups)
     flat = [monomials.widen(g.basis, width).reshape(-1, width) for g in groups]
@@ -153,7 +154,7 @@ def _entries(
 
 
 def estimate(gram: ExactGram, objective: Polynomial) -> float:
-    """About what a matrix would prove if it is semidefinite, in floating point."""
+    """Estimate in floating point the bound that a semidefinite Gram matrix would prove."""
     n, size = objective.dimension, gram.basis.shape[0]
     product = monomials.multiply(gram.basis[gram.first], gram.basis[gram.second])
     distinct, number = monomials.collect(product, n)
@@ -167,6 +168,6 @@ def estimate(gram: ExactGram, objective: Polynomial) -> float:
     upper = sps.csc_array((value, (gram.first, gram.second)), shape=(size, size))
     matrix = sps.csc_array(upper + sps.triu(upper, 1).T)
     inner, row = matrix[1:][:, 1:], matrix[[0]].toarray().ravel()[1:]
-    shift = _SHIFT * np.maximum(1.0, np.abs(inner.diagonal()))
+    shift = BOUNDING.shift * np.maximum(1.0, np.abs(inner.diagonal()))
     hidden = row @ spsolve(sps.csc_array(inner + sps.diags_array(shift)), row)
     return float(objective.constant_term - hidden)

@@ -11,7 +11,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay
@@ -43,18 +43,18 @@ def test_a_quoted_bound_that_is_false_or_no_number_is_ignored(bound):
     problem, proof = known_set()
     verdict = quoting(problem, (0, 1, replace(proof, bound=bound))).verify(problem)
     assert verdict.bound == pytest.approx(-2.0, abs=1e-12)
-    level = replace(proof, bound=bound, cutoff=0.25)  # its steps do not use the level
-    assert quoting(problem, (0, 1, level)).verify(problem).bound <= -0.5
+    cutoff = replace(proof, bound=bound, cutoff=0.25)  # its steps do not use the cutoff
+    assert quoting(problem, (0, 1, cutoff)).verify(problem).bound <= -0.5
 
 
-def test_a_quoted_bound_cannot_exceed_its_own_level():
+def test_a_quoted_bound_cannot_exceed_its_own_cutoff():
     problem, proof = known_set()
     root = Node(BoxProof((Propagation(3, True),)))
-    for level in (0.25, 0.0, -2.0):
-        quoted = replace(proof, root=root, cutoff=level)
+    for cutoff in (0.25, 0.0, -2.0):
+        quoted = replace(proof, root=root, cutoff=cutoff)
         assert quoting(problem, (0, 1, quoted)).verify(problem).bound == pytest.approx(-2.0)
-        low = replace(quoted, bound=level)
-        expected = max(level, -1.0) - 1.0
+        low = replace(quoted, bound=cutoff)
+        expected = max(cutoff, -1.0) - 1.0
         assert quoting(problem, (0, 1, low)).verify(problem).bound == pytest.approx(expected)
 
 
@@ -117,12 +117,12 @@ def test_a_certificate_that_quotes_itself_proves_nothing_by_it():
 def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
     x, y = sp.variables(2)
     rows = ([x + y >= 1.5, x * y <= 0.75], [x + y >= 0.5, x * y <= 0.75])
-    narrow, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
-    box = Interval(narrow.lower, narrow.upper)
-    mccormick = LinearRelaxation.of(narrow, box, find_cliques(narrow))
-    _, step, _ = tightened(Replay(narrow, None), mccormick, box, [0, 1])
+    box_problem, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
+    box = Interval(box_problem.lower, box_problem.upper)
+    mccormick = LinearRelaxation.of(box_problem, box, find_cliques(box_problem))
+    _, step, _ = tighten_bounds(Replay(box_problem, None), mccormick, box, [0, 1])
     root, memo = Node(BoxProof((step,))), {}
-    for problem, true in ((narrow, 0.5), (wide, 0.0), (narrow, 0.5)):
+    for problem, true in ((box_problem, 0.5), (wide, 0.0), (box_problem, 0.5)):
         found = Certificate(problem.fingerprint, 0.0, root).verify(problem, memo).bound
         assert found <= true
         assert found == pytest.approx(true, abs=1e-6)
@@ -159,8 +159,8 @@ def test_deep_trees_and_long_chains_can_be_stored_and_printed():
         for _ in range(300):
             ((variable, side, again),) = again.quotes
             assert (variable, side) == (0, 1)
-        cuts = [(part.branch, len(part.children), part.box.steps) for part in again.root]
-        assert cuts == [(part.branch, len(part.children), part.box.steps) for part in node]
+        branches = [(node.branch, len(node.children), node.box.steps) for node in again.root]
+        assert branches == [(n.branch, len(n.children), n.box.steps) for n in node]
     assert "1 bounds of other objectives" in repr(certificate)
 
 
