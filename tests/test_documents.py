@@ -52,7 +52,7 @@ def test_code_of_a_page_runs_and_prints_what_the_page_shows(
     for number, (block, shown) in enumerate(code(name)):
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            exec(compile(block, f"{name} block {number}", "exec"), scope)
+            exec(compile(block, f"{name} block {number}", "exec", dont_inherit=True), scope)
         assert shown.rstrip() in printed.getvalue(), f"{name} block {number}"
 
 
