@@ -16,17 +16,18 @@ from .errors import (
     SolverNotFound,
     SparsePOPError,
 )
+from .formats import read, write
 from .io.gams import read_gms, write_gms
 from .io.json_ import from_json, read_json, to_json, write_json
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
+from .pipeline import solve, solve_each
 from .problem.problem import Problem
 from .relaxation.assemble import assemble
 from .relaxation.moment import Relaxation, relax
 from .relaxation.sparsepop.relaxation import Switches
 from .result import Point, Result, Status
-from .pipeline import solve, solve_each
 from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
 from .verified.certificate.certificate import Certificate, Verdict
@@ -64,6 +65,7 @@ __all__ = [
     "parse",
     "problems",
     "psd",
+    "read",
     "read_gms",
     "read_json",
     "read_mat",
@@ -78,6 +80,7 @@ __all__ = [
     "to_structs",
     "total",
     "variables",
+    "write",
     "write_gms",
     "write_json",
     "write_mat",

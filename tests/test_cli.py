@@ -70,7 +70,7 @@ def test_exit_codes(folder: pathlib.Path, name: str, options: list[str], code: i
         ),
         (["solve", "{closed}", "--plot", "no/such/folder.png"], "--plot: found"),
         (["solve", "{broken}"], "broken.gms:2: statement 'e1.. objvar - x1 =Q= 0': found '=Q='"),
-        (["solve"], "the following arguments are required: FILE.gms"),
+        (["solve"], "the following arguments are required: FILE"),
         (["prove", "{closed}"], "invalid choice: 'prove'"),
         ([], "the following arguments are required: COMMAND"),
     ],

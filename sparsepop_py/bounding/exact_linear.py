@@ -1,7 +1,7 @@
-"""Linear problems in few unknowns, solved exactly: before any box exists, and without rounding.
+"""Exact linear programs in few unknowns, without a box and without rounding.
 
 HiGHS proposes the rows that are active at the optimum; exact pivots do the rest (see
-:mod:`sparsepop_py.lp.exact_simplex`). What comes out is always settled: an optimal vertex,
+:mod:`sparsepop_py.lp.exact_simplex`). The result is always decided: an optimal vertex,
 multipliers that prove emptiness (Farkas), or a ray along which the objective falls.
 """
 
@@ -29,7 +29,7 @@ __all__ = ["LinearBound", "linear_bounds"]
 
 @dataclass(frozen=True, eq=False)
 class LinearBound:
-    """A linear objective over linear constraints, settled without rounding.
+    """Exact optimum of a linear objective over linear constraints.
 
     Parameters
     ----------
@@ -48,6 +48,14 @@ class LinearBound:
         The optimum.
     vertex, ray : tuple of Fraction or None
         A feasible point; where unbounded, a direction along which the objective falls.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> (bound,) = sp.linear_bounds(sp.Problem(x, [3 * x >= 1, y >= x]), [x + y])
+    >>> bound.value, bound.multipliers
+    (Fraction(2, 3), ((0, Fraction(2, 3)), (1, Fraction(1, 1))))
     """
 
     status: Status
@@ -71,6 +79,11 @@ class LinearBound:
         -------
         Verdict
             With the bound that the multipliers prove.
+
+        Raises
+        ------
+        ProblemError
+            If the objective or a constraint is not linear.
         """
         _check(problem, [objective])
         rows = Polyhedron.of(problem)
@@ -79,7 +92,7 @@ class LinearBound:
         return Verdict(not point, bound, point)
 
     def _bound(self, rows: Polyhedron, objective: Polynomial) -> tuple[float, str]:
-        """What the multipliers prove, and what is wrong with them."""
+        """Compute the bound that the multipliers prove, and a reason if they fail."""
         if self.status is Status.UNBOUNDED:
             return -np.inf, ""
         total, rest = Fraction(0), [-Fraction(c) for c in _cost(objective)]
@@ -103,7 +116,7 @@ class LinearBound:
         return bound, "" if bound >= self.lower else "the multipliers prove less than is claimed"
 
     def _point_fails(self, rows: Polyhedron, objective: Polynomial) -> str:
-        """What is wrong with the attained point or the ray, if anything."""
+        """Describe the fault of the attained point or ray, empty if there is none."""
         if self.status is Status.INFEASIBLE:
             return ""
         if self.vertex is None or len(self.vertex) != rows.dimension:
@@ -197,7 +210,7 @@ def _check(problem: Problem, objectives: Sequence[Polynomial]) -> None:
 
 
 def _cost(objective: Polynomial) -> list[float]:
-    """Coefficients of the variables."""
+    """List the coefficients of the variables."""
     cost = np.zeros(objective.dimension)
     letter = objective.words[:, -1]
     cost[letter[letter > 0] - 1] = objective.coefficients[letter > 0]
@@ -210,7 +223,7 @@ def _value(objective: Polynomial, point: Sequence[Fraction]) -> Fraction:
 
 
 def _holds(rows: Polyhedron, point: Sequence[Fraction], weight: int) -> bool:
-    """Whether all rows hold at a point (weight 1), or along a direction (weight 0)."""
+    """Check all rows at a point (weight 1), or along a direction (weight 0)."""
     total = lcm(*(v.denominator for v in point))
     whole = [v.numerator * (total // v.denominator) for v in point]
     signs = rows.signs(whole, weight * total, total)

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve_each
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import Result
-from sparsepop_py.pipeline import solve_each
 from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["error_bounds", "index_sets"]

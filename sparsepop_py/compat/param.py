@@ -20,6 +20,7 @@ from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.errors import ParameterWarning, ProblemError
 from sparsepop_py.options import Options
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+from sparsepop_py.solvers import SOLVERS, solver_names
 
 __all__ = [
     "CHECKS",
@@ -167,7 +168,6 @@ def check_error_bounds(values: Mapping[str, Any]) -> None:
 
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
-_OURS = ("auto", "clarabel", "clarabel-moment", "cliquetree")
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
@@ -415,10 +415,10 @@ def _local(value: Any, strict: bool, says: list[str]) -> str:
 
 def _solver(value: Any, says: list[str]) -> tuple[str, str]:
     """The name as given, and the solver it stands for."""
-    expected = "one of " + ", ".join(map(repr, (*_SOLVERS, *_OURS))) + " or 'cvxpy:NAME'"
+    expected = "one of " + ", ".join(map(repr, (*_SOLVERS, *solver_names())))
     if not isinstance(value, str):
         wrong("SDPsolver", value, expected)
-    if value in _OURS or value.startswith("cvxpy:"):
+    if value in ("auto", *SOLVERS) or value.startswith("cvxpy:"):
         return value, value
     if value not in _SOLVERS:
         wrong("SDPsolver", value, expected)

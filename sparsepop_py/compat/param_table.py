@@ -55,7 +55,7 @@ _SAME = "The same."
 _NAMED = "test_fields_without_effect_are_named"
 _INSTALLED = "test_fields_that_follow_the_installation_are_silent"
 _WITHOUT = tuple(
-    Field(name, value, "none", "", text, "No effect: " + why, "test_parameters.py::" + test, legal)
+    Field(name, value, "none", "", text, "No effect: " + why, "test_param.py::" + test, legal)
     for name, value, text, why, test, legal in (
         *(
             (name, 0, original, "it is no matter of the problem or its relaxation.", _NAMED, ())
@@ -88,7 +88,7 @@ _OLD_NAMES = tuple(
         option,
         f"SparsePOP 2's name of {new}.",
         _SAME,
-        "test_parameters.py::test_names_of_version_two",
+        "test_param.py::test_names_of_version_two",
         legal,
     )
     for old, default, option, new, legal in (
@@ -151,7 +151,7 @@ FIELDS: tuple[Field, ...] = (
         "`tighten = 0`, the multiplier of a constraint g has only products of at most "
         "floor(order / deg g - 1/2) of its own terms, as in that paper; such a relaxation proves "
         "no more than that of 0 or 1. With `tighten = 1` they are 0 and 1, with a warning.",
-        "test_narrow.py::test_multipliers_are_made_of_terms_of_their_constraints",
+        "test_obbt_lp.py::test_multipliers_are_made_of_terms_of_their_constraints",
         (0, 1, 2, 3),
     ),
     Field(
@@ -225,7 +225,7 @@ FIELDS: tuple[Field, ...] = (
         "1: monomials of degree two and more whose squares nothing can match go, until nothing "
         "changes. 2: those of the constraints' multipliers too; as in the original before bounds "
         "of moments are added, so that with `boundSW` the value may be smaller. " + _MULTIPLIERS,
-        "test_narrow.py::test_eliminated_monomials_change_no_value",
+        "test_obbt_lp.py::test_eliminated_monomials_change_no_value",
         (0, 1, 2),
         True,
     ),
@@ -237,7 +237,7 @@ FIELDS: tuple[Field, ...] = (
         "A developer's switch: moment matrices lose variables too, and with them the candidate "
         "solution.",
         "The same, 2 as 1; `POP.xVect` is empty where a first moment has left. " + _MULTIPLIERS,
-        "test_narrow.py::test_an_aggressive_reduction_may_lose_the_point",
+        "test_obbt_lp.py::test_an_aggressive_reduction_may_lose_the_point",
         (0, 1, 2),
         True,
     ),
@@ -297,7 +297,7 @@ FIELDS: tuple[Field, ...] = (
         "All six are replaced by `'auto'`; `'auto'`, `'clarabel'`, `'clarabel-moment'`, "
         "`'cliquetree'` and `'cvxpy:NAME'` are taken as they are. The bound is recomputed from "
         "whatever multipliers a solver returns.",
-        "test_parameters.py::test_solvers",
+        "test_param.py::test_solvers",
     ),
     Field(
         "SDPsolverSW",

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.algebra.polynomial import Constraint, Kind
-from sparsepop_py.bounding.relaxation_bound import Model, relaxed
+from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
+from sparsepop_py.budget import Deadline
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
 from sparsepop_py.compat.output import CpuTime, POPOutput, SparsePOPOutput
 from sparsepop_py.compat.param import Parameters, read_parameters
@@ -31,17 +32,16 @@ from sparsepop_py.compat.report import check_files, write_files, write_report
 from sparsepop_py.compat.sdp_sizes import BuiltSDP, sizes_of, solver_info
 from sparsepop_py.compat.structs import from_structs
 from sparsepop_py.context import SolveContext
-from sparsepop_py.deadline import Deadline
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.io.gams import read_gms
 from sparsepop_py.local_search.incumbents import search_incumbent
 from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
-from sparsepop_py.pipeline import solve
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -287,7 +287,7 @@ def _unsolved(problem: Problem, options: Options) -> Result:
     with stages.stage("presolve"):
         model = Model(*find_box(problem, None, options))
     with stages.stage("relax"):
-        model = relaxed(problem, (problem.objective,), model, options)
+        model = build_relaxations(problem, (problem.objective,), model, options)
     built = "SDPsolverSW = 0: the SDP was built and not solved" if model.relaxations else None
     stages.close()
     return Result(
@@ -343,7 +343,9 @@ def _point(
 def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint | None, Status]:
     """A point that is attained there, from one of the larger set, and what is then known."""
     options = result.options
-    context = SolveContext(problem, options, Stages(False), Deadline(options.time_limit))
+    context = SolveContext(
+        problem, options, Stages(False), Deadline(options.time_limit, options.work_limit)
+    )
     best, _ = search_incumbent(problem, [] if result.x is None else [result.x], context)
     context = replace(context, best=best)
     if result.status is Status.INFEASIBLE:

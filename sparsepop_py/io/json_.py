@@ -31,7 +31,6 @@ from sparsepop_py.io.json_codecs import (
 )
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import HistoryEntry, Point, Result, Status
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -212,10 +211,11 @@ def _simple(kind: type) -> Codec:
         return [plain(v) for v in value] if isinstance(value, (list, tuple)) else _scalar(value)
 
     def read(found: Any, place: str) -> Any:
-        values = {name: codecs.field_of(found, name, place) for name in names}
+        given = codecs.fields_of(found, place)
+        values = {name: given[name] for name in names if name in given}  # others: as by default
         made = {k: tuple(v) if isinstance(v, list) else _special(v) for k, v in values.items()}
-        if "switches" in found:
-            made["switches"] = optional(_simple(Switches)).read(found["switches"], place)
+        if found.get("switches") is not None:
+            made["switches"] = _switches().read(found["switches"], place)
         try:
             return kind(**made)
         except TypeError as error:
@@ -224,10 +224,17 @@ def _simple(kind: type) -> Codec:
     def write(value: Any) -> dict[str, Any]:
         made = {name: plain(getattr(value, name)) for name in names}
         if kind is Options:
-            made["switches"] = optional(_simple(Switches)).write(value.switches)
+            made["switches"] = value.switches and _switches().write(value.switches)
         return made
 
     return Codec(write, read)
+
+
+def _switches() -> Codec:
+    # Loaded where it is used: reading stored results must not load relaxations.
+    from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+
+    return optional(_simple(Switches))
 
 
 def _scalar(value: Any) -> Any:

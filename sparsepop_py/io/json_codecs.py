@@ -59,6 +59,19 @@ def field_of(found: Any, name: str, place: str) -> Any:
     return found[name]
 
 
+def fields_of(found: Any, place: str) -> dict[str, Any]:
+    """Return the fields of a JSON object.
+
+    Raises
+    ------
+    ProblemError
+        If it is no object.
+    """
+    if not isinstance(found, dict):
+        raise wrong(place, found, "an object")
+    return found
+
+
 def _write_number(value: Any) -> Any:
     value = float(value)
     return value if np.isfinite(value) else str(value)

@@ -14,8 +14,11 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import spend
+
 __all__ = ["LinearModel", "LinearSolution", "solve_lp"]
 
+_PROGRAM_WORK, _PIVOT_WORK = 2e-4, 2e-8  # a program, and a pivot for each row and column
 _OPTIONS: dict[str, bool | int | float | str] = {
     "output_flag": False,
     "threads": 1,
@@ -38,7 +41,7 @@ _STATUS = {
 
 @dataclass(frozen=True, eq=False)
 class LinearSolution:
-    """What HiGHS returned.
+    """Output of HiGHS for a linear program.
 
     Parameters
     ----------
@@ -132,6 +135,8 @@ class LinearModel:
         end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
         highs.setOptionValue("time_limit", end)
         highs.run()
+        pivots = max(0, highs.getInfo().simplex_iteration_count)
+        spend(_PROGRAM_WORK + (1 + pivots) * _PIVOT_WORK * (m + n))
         status = _STATUS.get(highs.getModelStatus(), "failed")
         self._feasible = status == "solved"
         if status == "solved":
@@ -170,7 +175,7 @@ def solve_lp(
     equalities: tuple[sps.csr_array, NDArray[np.float64]],
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64] | None:
-    """Minimise cost'(d, t) subject to G d - w t >= -g, H d = r and bounds.
+    """Minimise cost'(d, t) for G d - w t >= -g, H d = r.
 
     Parameters
     ----------

@@ -1,11 +1,10 @@
-"""Relaxations that fit: what to do when the one asked for is too large to solve.
+"""Relaxations that fit into memory and time.
 
-An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2
-bytes, r being the number s (s + 1) / 2 of entries of each semidefinite block and c the
-number of moments of each clique. The lean form of a
-relaxation often gives the same bound at a tenth of that, so it goes first, and stays
-alone where the full form is too large; where even it does not fit, the order comes
-down. Each change is noted; every bound stays proved.
+An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2 bytes,
+r being the number s (s + 1) / 2 of entries of each semidefinite block and c the number of
+moments of each clique. The lean form of a relaxation often gives the same bound at a tenth of
+that, so it goes first, and stays alone where the full form is too large. Where even it does
+not fit, the order is lowered. Each change is noted; every bound stays proved.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ from sparsepop_py.sparsity.correlative import Cliques
 __all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
-_TINY = 1e5  # a step; below, the full form is as good as free
-_BYTES = 5e9
+_TINY = 1e5  # a step; below, the full form takes no time
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
 
 
@@ -36,18 +34,18 @@ _NOTHING: Fitting = ((), ())
 
 
 def solver_bytes(relaxation: Relaxation) -> float:
-    """About how much memory an interior-point solver needs for the blocks."""
+    """Estimate the memory in bytes that an interior-point solver needs for the blocks."""
     return float(sum(12.0 * _entries(s) ** 2 * k for s, k in relaxation.block_sizes.items()))
 
 
 def worth_building(cliques: Cliques, order: int) -> bool:
-    """Whether the basis of the largest clique is small enough to look at the relaxation at all."""
+    """Check that the basis of the largest clique is small enough to build the relaxation."""
     return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
 
 
-def affordable(relaxation: Relaxation) -> bool:
-    """Whether a solver has the memory for a relaxation, and the time for a step."""
-    return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= _BYTES
+def affordable(relaxation: Relaxation, memory: float) -> bool:
+    """Check that a solver has memory for a relaxation and time for a step."""
+    return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= memory
 
 
 def _entries(size: int) -> float:
@@ -55,7 +53,7 @@ def _entries(size: int) -> float:
 
 
 def _operations(relaxation: Relaxation) -> float:
-    """Operations of one interior-point step, counting blocks and the moments of each clique."""
+    """Count operations of one interior-point step, for blocks and moments of each clique."""
     blocks = sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items())
     clique = np.concatenate([np.repeat(g.clique, g.rows_each) for g in relaxation.groups])
     columns = relaxation.entries.indices.astype(np.int64)
@@ -73,7 +71,7 @@ def fitting_relaxations(
     *,
     constrained: bool,
 ) -> tuple[tuple[Relaxation, ...], tuple[str, ...]]:
-    """The relaxation that was asked for behind its lean form, as far as they fit.
+    """Build the relaxation asked for behind its lean form, as far as they fit.
 
     Parameters
     ----------
@@ -85,7 +83,7 @@ def fitting_relaxations(
         With effort ``"plain"`` nothing is changed: the relaxation fits or there is none.
     constrained : bool
         Whether products of constraints and bounds are worth adding: not where the only
-        bounds come from a cut-off.
+        bounds come from a cutoff.
 
     Returns
     -------
@@ -94,11 +92,11 @@ def fitting_relaxations(
     notes : tuple of str
     """
     least = least_order(problem, objectives)
-    asked = options.order or least
+    asked, memory = options.order or least, options.memory_limit
     if options.switches is not None:
         whole = plain_relaxation(problem, cliques, objectives, options.switches)
-        fits = solver_bytes(whole) <= _BYTES
-        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order))
+        fits = solver_bytes(whole) <= memory
+        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order, memory))
     notes: tuple[str, ...] = ()
     if asked < least:
         notes = (f"order {asked} raised to {least}, the least for these degrees",)
@@ -113,33 +111,33 @@ def fitting_relaxations(
     )
     largest, top = max(len(c) for c in cliques.members), max(asked, least)
     if plain:
-        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > _BYTES:
-            return (), _too_large(asked)
+        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > memory:
+            return (), _too_large(asked, memory)
         return (full,), notes
-    fitting, order = _fitting(build, largest, top), top
-    if not fitting[0] and options.effort != "auto":  # there the ladder has been at lower orders
-        fitting, order = _largest_that_fits(partial(_fitting, build, largest), least, top)
+    fitting, order = _fitting(build, largest, memory, top), top
+    if not fitting[0] and options.effort != "auto":  # "auto" has solved lower orders before
+        fitting, order = _largest_that_fits(partial(_fitting, build, largest, memory), least, top)
     if not fitting[0]:
-        return (), _too_large(asked)
+        return (), _too_large(asked, memory)
     if order < top:
         notes += (f"order {asked} lowered to {order}: it would be too large",)
     return fitting[0], notes + fitting[1]
 
 
-def _fitting(build: Callable[..., Relaxation], largest: int, order: int) -> Fitting:
-    """What fits of an order, by the size of its largest clique before anything is built."""
+def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, order: int) -> Fitting:
+    """Build the forms of an order that fit; its largest clique may exclude all before."""
     basis = comb(largest + order, order)
-    parts = 2**largest  # as many as sign symmetry makes of a basis, at most
-    least = parts * _entries(basis // parts) ** 3 / 3.0
+    blocks = 2**largest  # as many as sign symmetry makes of a basis, at most
+    least = blocks * _entries(basis // blocks) ** 3 / 3.0
     if basis > _BASIS or least > _OPERATIONS:
         return _NOTHING
-    return _worthwhile(build(order), build(order, lean=True))
+    return _worthwhile(build(order), build(order, lean=True), memory)
 
 
 def _largest_that_fits(
     fitting_of: Callable[[int], Fitting], least: int, too_large: int
 ) -> tuple[Fitting, int]:
-    """By bisection: where one order fits, all below do."""
+    """Bisect for the largest order that fits: where one fits, all below do."""
     fitting, low, high = _NOTHING, least - 1, too_large
     while high - low > 1:
         middle = (low + high) // 2
@@ -151,18 +149,18 @@ def _largest_that_fits(
     return fitting, low
 
 
-def _worthwhile(full: Relaxation, lean: Relaxation) -> Fitting:
-    """The lean form where it is much cheaper, and the full one where it can be afforded."""
-    cheap, dear = _operations(lean), _operations(full)
-    if affordable(full):
-        return ((lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)), ()
-    if not affordable(lean):
+def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
+    """Choose the lean form where much cheaper, the full one where affordable."""
+    cheap, costly = _operations(lean), _operations(full)
+    if affordable(full, memory):
+        return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()
+    if not affordable(lean, memory):
         return _NOTHING
     return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
 
 
-def _too_large(order: int) -> tuple[str, ...]:
+def _too_large(order: int, memory: float) -> tuple[str, ...]:
     return (
-        f"the relaxation of order {order} needs more than {_BYTES / 1e9:.0f} GB; "
+        f"the relaxation of order {order} needs more than {memory / 1e9:.3g} GB; "
         "lower the order or exploit more sparsity",
     )

@@ -215,4 +215,57 @@ def test_histogram():
     assert str(find_cliques(problems.rosenbrock(5))).splitlines() == [
         "4 cliques of 5 variables",
         "       4 of size 2",
+        "running intersection property: holds",
+        "clique tree (shared with parent):",
+        "  x1 x2",
+        "    x2 x3  (x2)",
+        "      x3 x4  (x3)",
+        "        x4 x5  (x4)",
     ]
+
+
+def test_a_long_clique_tree_is_cut_short_when_printed():
+    lines = str(find_cliques(problems.rosenbrock(40))).splitlines()
+    assert lines[-1].strip() == "... 27 more"  # 39 cliques, 12 shown
+
+
+def near_points(seed, count=200, reach=0.0115):
+    """Graph of random points of the unit square that are near each other."""
+    points = np.random.default_rng(seed).random((count, 2))
+    square = ((points[:, None] - points[None]) ** 2).sum(axis=-1)
+    return sps.csr_array((square < reach) & ~np.eye(count, dtype=bool))
+
+
+def largest_clique(extended):
+    return max(map(len, nx.chordal_graph_cliques(as_networkx(extended))))
+
+
+METHODS = ("min-degree", "min-fill", "mcs-m")
+
+
+@pytest.mark.parametrize("seed", [3, 4, 9])
+def test_auto_takes_the_smallest_largest_clique(seed):
+    graph = near_points(seed)
+    sizes = {method: largest_clique(chordal_extension(graph, method)[0]) for method in METHODS}
+    assert len(set(sizes.values())) > 1  # the choice matters
+    assert largest_clique(chordal_extension(graph)[0]) == min(sizes.values())
+
+
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_heuristic_returns_a_chordal_graph_and_a_perfect_order(method, seed):
+    graph = near_points(seed, 60, 0.04)
+    extended, order = chordal_extension(graph, method)
+    plain = as_networkx(extended)
+    assert nx.is_chordal(plain)
+    assert all(plain.has_edge(*edge) for edge in as_networkx(graph).edges)
+    place = {vertex: k for k, vertex in enumerate(order.tolist())}
+    assert sorted(place) == list(range(60))
+    for vertex in plain:
+        later = [u for u in plain[vertex] if place[u] > place[vertex]]
+        assert all(plain.has_edge(a, b) for a in later for b in later if a != b)
+
+
+def test_an_unknown_heuristic_is_refused():
+    with pytest.raises(ProblemError, match="method: found 'metis', expected one of 'auto'"):
+        chordal_extension(near_points(0, 10), "metis")

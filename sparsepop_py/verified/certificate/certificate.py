@@ -34,7 +34,7 @@ from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sublevel, Tightening
 
-__all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "split_box", "prove"]
+__all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "prove", "split_box"]
 
 Argument = Identity | LinearDual | ExactGram
 

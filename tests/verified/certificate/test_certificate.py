@@ -68,7 +68,7 @@ def test_verification_needs_no_solver(results, make, monkeypatch):
 
     monkeypatch.setattr(solvers, "solve_conic", refuse)
     monkeypatch.setattr(relaxation_bound, "solve_conic", refuse)
-    for name in ("solve_squares_form", "solve_moment_form"):
+    for name in ("squares_form", "moment_form"):
         monkeypatch.setattr(clarabel_, name, refuse)
     monkeypatch.setattr("scipy.optimize.linprog", refuse)
     monkeypatch.setattr("scipy.optimize.minimize", refuse)
