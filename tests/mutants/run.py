@@ -41,6 +41,7 @@ import tempfile
 import time
 import tomllib
 from collections import Counter
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,24 +110,29 @@ def read_list(path: Path) -> list[Fault]:
     return faults
 
 
-def digests(faults: list[Fault]) -> list[str]:
-    """Names of results: they change with fault, package, tests and their helpers."""
+def of_files(paths: Iterable[Path]) -> bytes:
+    """A hash of files and their names."""
+    total = hashlib.sha256()
+    for path in sorted(set(paths)):
+        total.update(f"{path.relative_to(ROOT)} ".encode() + path.read_bytes())
+    return total.digest()
 
-    def of(paths: list[Path]) -> bytes:
-        total = hashlib.sha256()
-        for path in sorted(paths):
-            total.update(f"{path.relative_to(ROOT)} ".encode() + path.read_bytes())
-        return total.digest()
 
+def digests(faults: list[Fault]) -> tuple[str, list[str]]:
+    """Names of results, of the tests without a fault and of each fault.
+
+    They change with the fault, the package, the tests and their helpers.
+    """
     packages = {f.file.split("/")[0] for f in faults} | {"sparsepop_py"}
-    code = of([p for package in packages for p in (ROOT / package).rglob("*.py")])
-    helpers = of(list((ROOT / "tests").glob("*.py")))
-    found = []
-    for fault in faults:
-        tests = of([ROOT / test for test in fault.tests])
-        about = repr((fault.file, fault.find, fault.put, fault.tests)).encode()
-        found.append(hashlib.sha256(code + helpers + tests + about).hexdigest())
-    return found
+    code = of_files(p for package in packages for p in (ROOT / package).rglob("*.py"))
+    code += of_files((ROOT / "tests").glob("*.py"))
+
+    def name(tests: Iterable[str], about: str) -> str:
+        found = of_files(ROOT / test for test in tests)
+        return hashlib.sha256(code + found + about.encode()).hexdigest()
+
+    whole = name([test for fault in faults for test in fault.tests], "")
+    return whole, [name(f.tests, repr((f.file, f.find, f.put, f.tests))) for f in faults]
 
 
 class Workshop:
@@ -157,12 +163,12 @@ class Workshop:
         finally:
             path.write_text(text)
 
-    def run(self, tests: tuple[str, ...]) -> tuple[int, str]:
+    def run(self, tests: tuple[str, ...], longest: float = LONGEST) -> tuple[int, str]:
         """Exit code and output of pytest on these files, -1 if it did not end in time."""
         output = self.folder / "output.txt"
         process = FRESH.Process(target=run_pytest, args=(self.folder, output, tests))
         process.start()
-        process.join(LONGEST)
+        process.join(longest)
         if process.exitcode is None:
             os.killpg(process.pid, signal.SIGKILL)
             process.join()
@@ -210,13 +216,13 @@ def write_store(known: dict[str, list]) -> None:
 def healthy(shop: Workshop, faults: list[Fault]) -> bool:
     """Whether all tests of the list pass without a fault."""
     tests = tuple(dict.fromkeys(test for fault in faults for test in fault.tests))
-    code, output = shop.run(tests)
+    code, output = shop.run(tests, LONGEST * 5)
     if code:
         print(output[-4000:], "\nthe tests fail without a fault")
     return code == 0
 
 
-def try_all(faults: list[Fault], names: list[str], workers: int) -> dict[str, list] | None:
+def try_all(faults: list[Fault], whole: str, names: list[str], workers: int) -> dict | None:
     """Try the faults whose results are not known; None if the tests fail without any."""
     known = read_store()
     left = [(f, name) for f, name in zip(faults, names, strict=True) if name not in known]
@@ -227,10 +233,11 @@ def try_all(faults: list[Fault], names: list[str], workers: int) -> dict[str, li
         for number in range(workers):
             (Path(folder) / str(number)).mkdir()
             free.put(Workshop(Path(folder) / str(number)))
-        shop = free.get()
-        if not healthy(shop, [f for f, _ in left]):
-            return None
-        free.put(shop)
+        if whole not in known:
+            if not healthy(free.queue[0], faults):
+                return None
+            write_store(known | {whole: ["healthy", "", 0.0]})
+            known = read_store()
 
         def attempt(fault: Fault) -> list:
             shop, start = free.get(), time.monotonic()
@@ -282,10 +289,10 @@ def main() -> int:
         print("\n".join(wrong))
         return 2
     faults = [fault for fault in faults if given.only in fault.name]
-    names = digests(faults)
+    whole, names = digests(faults)
     if given.again:
         write_store({name: r for name, r in read_store().items() if name not in names})
-    known = try_all(faults, names, given.workers)
+    known = try_all(faults, whole, names, given.workers)
     if known is None:
         return 2
     return 1 if report(faults, [known[name] for name in names]) else 0
