@@ -44,6 +44,7 @@ from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
@@ -140,6 +141,7 @@ class Workshop:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.process: BaseProcess | None = None
         for name in COPIED:
             if (ROOT / name).is_dir():
                 shutil.copytree(ROOT / name, folder / name)
@@ -168,12 +170,18 @@ class Workshop:
         output = self.folder / "output.txt"
         process = FRESH.Process(target=run_pytest, args=(self.folder, output, tests))
         process.start()
+        self.process = process
         process.join(longest)
         if process.exitcode is None:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.join()
+            self.stop()
             return -1, ""
         return process.exitcode, output.read_text()
+
+    def stop(self) -> None:
+        """End what runs, with the processes that tests have started."""
+        if self.process is not None and self.process.is_alive():
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.join()
 
 
 def run_pytest(folder: Path, output: Path, tests: tuple[str, ...]) -> None:
@@ -229,31 +237,42 @@ def try_all(faults: list[Fault], whole: str, names: list[str], workers: int) -> 
     if not left:
         return known
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        free: queue.Queue[Workshop] = queue.Queue()
-        for number in range(workers):
-            (Path(folder) / str(number)).mkdir()
-            free.put(Workshop(Path(folder) / str(number)))
-        if whole not in known:
-            if not healthy(free.queue[0], faults):
-                return None
-            write_store(known | {whole: ["healthy", "", 0.0]})
-            known = read_store()
-
-        def attempt(fault: Fault) -> list:
-            shop, start = free.get(), time.monotonic()
-            try:
-                return [*shop.attempt(fault), round(time.monotonic() - start, 1)]
-            finally:
-                free.put(shop)
-
-        with ThreadPoolExecutor(workers) as pool:
-            running = {pool.submit(attempt, fault): (fault, name) for fault, name in left}
-            for number, done in enumerate(as_completed(running), start=1):
-                fault, name = running[done]
-                known[name] = done.result()
-                write_store(known)
-                print(f"{number}/{len(left)} {known[name][0]:9} {fault.name}", flush=True)
+        shops = [Workshop(Path(folder) / str(number)) for number in range(workers)]
+        try:
+            if whole not in known:
+                if not healthy(shops[0], faults):
+                    return None
+                known[whole] = ["healthy", "", 0.0]
+            try_each(left, known, shops)
+        finally:
+            for shop in shops:
+                shop.stop()
     return known
+
+
+def try_each(left: list[tuple[Fault, str]], known: dict, shops: list[Workshop]) -> None:
+    """Try faults in all workshops at once, and store each result."""
+    free: queue.Queue[Workshop] = queue.Queue()
+    for shop in shops:
+        free.put(shop)
+
+    def attempt(fault: Fault) -> list:
+        shop, start = free.get(), time.monotonic()
+        try:
+            return [*shop.attempt(fault), round(time.monotonic() - start, 1)]
+        finally:
+            free.put(shop)
+
+    pool = ThreadPoolExecutor(len(shops))
+    running = {pool.submit(attempt, fault): (fault, name) for fault, name in left}
+    try:
+        for number, done in enumerate(as_completed(running), start=1):
+            fault, name = running[done]
+            known[name] = done.result()
+            write_store(known)
+            print(f"{number}/{len(left)} {known[name][0]:9} {fault.name}", flush=True)
+    finally:  # an interrupt waits for nothing
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def report(faults: list[Fault], results: list[list]) -> int:
@@ -282,6 +301,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="faults whose name contains this")
     parser.add_argument("--again", action="store_true", help="forget what earlier runs found")
     given = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(2))
     os.environ.update(ENVIRONMENT)  # bytecode of a copy must not outlive its fault
     faults = [fault for path in given.lists for fault in read_list(path)]
     wrong = [f"{f.file}: {f.says}: {f.wrong()}" for f in faults if f.wrong()]
