@@ -39,7 +39,7 @@ def fingerprint(given: Problem) -> str | None:
 
 def prepare(given: Problem) -> Problem:
     """The problem, with the precision of intervals set so that its numbers are exact."""
-    iv.set_precision(max(256, given.bits() + 200))
+    iv.set_precision(1152)
     return given
 
 
