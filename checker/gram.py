@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from .polynomial import INF, Polynomial
-from .reading import Malformed, array, indices, item, reals, word
+from .reading import Malformed, alike, below, fields
 
 Rows = dict[int, dict[int, Fraction]]
 
@@ -59,15 +59,15 @@ class ExactGram:
     """f - c = b' Q b with entries of Q as stored, but for one a monomial, which takes the rest."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        basis = array(item(found, "basis", place), "i", 2, f"{place}.basis")
-        self.basis = [word(letters, n, f"{place}.basis") for letters in basis]
-        size = len(self.basis)
-        self.first = indices(item(found, "first", place), size, f"{place}.first")
-        self.second = indices(item(found, "second", place), size, f"{place}.second")
-        self.value: list[float] = reals(item(found, "value", place), 1, f"{place}.value")
-        if not len(self.first) == len(self.second) == len(self.value):
-            raise Malformed(f"{place}: its arrays do not belong together")
-        if self.basis.count(()) != 1 or self.basis[0]:
+        kinds = {"basis": "w2", "first": "i1", "second": "i1", "value": "f1"}
+        got = fields(found, place, n, **kinds)
+        self.basis, self.entries = (
+            got.basis,
+            list(zip(got.first, got.second, got.value, strict=False)),
+        )
+        alike(place, got.first, got.second, got.value)
+        below([*got.first, *got.second], len(got.basis), place)
+        if got.basis.count(()) != 1 or got.basis[0]:
             raise Malformed(f"{place}.basis: the constant has to be the first word and no other")
 
     def prove(self, objective: Polynomial) -> Any:
@@ -75,7 +75,7 @@ class ExactGram:
         rest = objective.open()
         rows: Rows = {i: {} for i in range(len(self.basis))}
         taker: dict[tuple[int, ...], tuple[int, int]] = {}
-        for i, j, value in zip(self.first, self.second, self.value, strict=True):
+        for i, j, value in self.entries:
             letters = tuple(sorted(self.basis[i] + self.basis[j]))
             if letters not in taker:
                 taker[letters] = i, j

@@ -2,92 +2,85 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
+from .interval import times_end
 from .polynomial import INF, Polynomial, Substitution, Word, dyadic, powers
-from .reading import (
-    Constraint,
-    Malformed,
-    array,
-    finite,
-    indices,
-    item,
-    items,
-    optional,
-    reals,
-    word,
-)
+from .reading import Constraint, Malformed, alike, array, below, fields, items
 
+Range = tuple[Any, Any]  # rational ends, INF or -INF
 ONE = Polynomial({(): 1})
 
 
-@dataclass
-class Row:
+class Row(NamedTuple):
     """A polynomial that is >= 0, or zero, on the feasible set."""
 
     polynomial: Polynomial
     equality: bool
 
 
+class Proved(NamedTuple):
+    """A lower bound (-INF for none), what is left of the floors, and why there is no bound."""
+
+    bound: Any
+    floor: Any = 0
+    reason: str = ""
+
+
 class Scaling:
-    """x = centre + scale * t with low <= t <= high, as a file states it for n variables."""
+    """x = centre + scale * t with low <= t <= high."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        self.centre, self.scale = (reals(item(found, k, place), 1, place) for k in CENTRE_SCALE)
-        self.boxed: list[bool] = array(item(found, "boxed", place), "b", 1, f"{place}.boxed")
-        side: list[int] = array(item(found, "side", place), "i", 1, f"{place}.side")
-        given = optional(item(found, "ends", place), items, f"{place}.ends")
-        arrays = [self.centre, self.scale, self.boxed, side]
-        if given is not None:
-            if len(given) != 2:
-                raise Malformed(f"{place}.ends: not two arrays")
-            arrays += [array(end, "f", 1, f"{place}.ends") for end in given]
-        if any(len(values) != n for values in arrays):
-            raise Malformed(f"{place}: not {n} numbers each")
-        self.low: list[Any] = [0.0 if s > 0 else -INF for s in side]
-        self.high: list[Any] = [0.0 if s < 0 else INF for s in side]
+        kinds = {"centre": "f1", "scale": "f1", "boxed": "b1", "side": "i1"}
+        got = fields(found, place, n, ends=_ends, **kinds)
+        self.centre, self.scale, self.boxed = got.centre, got.scale, got.boxed
+        alike(place, got.centre, got.scale, got.boxed, got.side, *(got.ends or ()), range(n))
+        self.low = [0.0 if s > 0 else -INF for s in got.side]
+        self.high = [0.0 if s < 0 else INF for s in got.side]
         for v in range(n):
-            if self.boxed[v]:
-                reach = 0.0 if self.scale[v] == 0 else 1.0
-                self.low[v], self.high[v] = -reach, reach
-        if given is not None:
-            self.low, self.high = arrays[4], arrays[5]
-        for v in range(n):
+            if got.boxed[v]:
+                self.high[v] = 0.0 if got.scale[v] == 0 else 1.0
+                self.low[v] = -self.high[v]
+        if got.ends is not None:
+            self.low, self.high = got.ends
+        for v, (low, high, scale) in enumerate(zip(self.low, self.high, self.scale, strict=True)):
             far = 1.0 if self.boxed[v] else INF
-            low, high = self.low[v], self.high[v]
-            fits = -far <= low <= high <= far and low != INF and high != -INF
-            if not fits or self.scale[v] < 0 or (self.scale[v] == 0 and not self.boxed[v]):
-                raise Malformed(f"{place}: variable {v + 1} has a malformed range")
+            sensible = -far <= low <= high <= far and low < INF and high > -INF
+            if not sensible or scale < 0 or (scale == 0 and not self.boxed[v]):
+                raise Malformed(f"{place}: a range of t{v + 1} that makes no sense")
         self.substitution = Substitution(self.centre, self.scale)
 
-    def holds(self, ends: list[tuple[Any, Any]]) -> bool:
-        """Whether the box of x, ends as Fractions, lies in centre + scale * [low, high]."""
+    def holds(self, ends: list[Range]) -> bool:
+        """Whether the box of x with these ends lies in centre + scale * [low, high]."""
         for v, (low, high) in enumerate(ends):
             centre, scale = Fraction(self.centre[v]), Fraction(self.scale[v])
-            if self.low[v] != -INF and not centre + scale * Fraction(self.low[v]) <= low:
+            if self.low[v] != -INF and centre + scale * Fraction(self.low[v]) > low:
                 return False
-            if self.high[v] != INF and not centre + scale * Fraction(self.high[v]) >= high:
+            if self.high[v] != INF and centre + scale * Fraction(self.high[v]) < high:
                 return False
         return True
 
 
-CENTRE_SCALE = ("centre", "scale")
+def _ends(found: Any, n: int, place: str) -> list[list[float]] | None:
+    if found is None:
+        return None
+    if len(items(found, place)) != 2:
+        raise Malformed(f"{place}: not two arrays")
+    return [array(end, "F", 1, place) for end in found]
 
 
 class Generators:
     """What multipliers multiply, in t: 1, the rows, three families of bounds, products."""
 
-    def __init__(self, rows: list[Row], scaling: Scaling, products: list[list[int]]) -> None:
-        self.rows, self.scaling, self.products = rows, scaling, products
-        self.single = 1 + len(rows) + 3 * len(scaling.centre)
+    def __init__(self, rows: list[Row], argument: Any) -> None:
+        self.rows, self.scaling, self.products = rows, argument.scaling, argument.products
+        self.single = 1 + len(rows) + 3 * len(self.scaling.centre)
+        self.count = self.single + len(self.products)
         self._made: dict[int, Polynomial] = {0: ONE}
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return self.single + len(self.products)
+        for k, pair in enumerate(self.products):
+            alike(argument.where, pair, range(2))
+            below(pair, self.single + k, f"{argument.where}.products")
 
     def __getitem__(self, k: int) -> Polynomial:
         if k not in self._made:
@@ -105,9 +98,9 @@ class Generators:
         needed = ((low, high), (low,), (high,))[family]
         if not low < high or INF in needed or -INF in needed:
             return Polynomial()
-        above = Polynomial.affine(v + 1, 1, -low) if family != 2 else ONE  # t - low
-        below = Polynomial.affine(v + 1, -1, high) if family != 1 else ONE  # high - t
-        return above.times(below)
+        above = Polynomial.affine(v + 1, 1.0, -low) if family != 2 else ONE  # t - low
+        under = Polynomial.affine(v + 1, -1.0, high) if family != 1 else ONE  # high - t
+        return above.times(under)
 
     def equality(self, k: int) -> bool:
         """Whether a generator is zero on the feasible set and may have a free multiplier."""
@@ -121,95 +114,81 @@ class Generators:
         if not len(self.rows) < k < self.single or family == 0:
             return None
         end, other = self.scaling.low[v], self.scaling.high[v]
-        if family == 2:
-            end, other = -other, -end
+        end, other = (end, other) if family == 1 else (-other, -end)
         return (v + 1,) if end == 0 and other == INF else None
 
 
-def products_of(found: Any, single: int, place: str) -> list[list[int]]:
-    """Pairs of generators, each of them before the pair; ``single`` come before all pairs."""
-    pairs: list[list[int]] = array(found, "i", 2, place)
-    for k, pair in enumerate(pairs):
-        if len(pair) != 2 or not all(0 <= g < single + k for g in pair):
-            raise Malformed(f"{place}[{k}]: not two generators before it")
-    return pairs
+def cost(terms: dict[Word, Fraction]) -> Fraction:
+    """An upper bound of -(sum of c w) for words w in variables of [-1, 1], none of them 1."""
+    odd = {word: any(n % 2 for _, n in powers(word)) for word in terms}
+    sizes = (abs(c) if odd[word] else max(-c, Fraction(0)) for word, c in terms.items())
+    return sum(sizes, Fraction(0))
 
 
-def cost(words: dict[Word, Fraction]) -> Fraction:
-    """An upper bound of -(sum of c w) for words in variables of [-1, 1], none of them 1."""
-    total = Fraction(0)
-    for letters, value in words.items():
-        odd = any(n % 2 for _, n in powers(letters))
-        total += abs(value) if odd else max(-value, Fraction(0))
-    return total
-
-
-# ---- identities of squares -----------------------------------------------------------------
+def linear(word: Word, value: float) -> Polynomial:
+    """A double times a monomial."""
+    return Polynomial.of([word], [value])
 
 
 class Group:
     """Multipliers of one shape: free ones of equalities, or squares L L' + floor * identity."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        self.generator: list[int] = array(item(found, "generator", place), "i", 1, place)
-        basis = array(item(found, "basis", place), "i", 3, f"{place}.basis")
-        self.basis = [[word(letters, n, f"{place}.basis") for letters in b] for b in basis]
-        values = item(found, "values", place)
-        self.free = len(items(item(values, "shape", place), place)) == 2
-        self.values: list[Any] = reals(values, 2 if self.free else 3, f"{place}.values")
-        self.floor = finite(item(found, "floor", place), f"{place}.floor")
-        self.place: list[list[int]] | None = optional(
-            item(found, "place", place), lambda f, p: array(f, "i", 2, p), f"{place}.place"
-        )
-        tables: list[list[Any]] = [self.basis, self.values]
-        tables += [] if self.place is None else [self.place]
-        counts = {len(table) for table in tables} | {len(self.generator)}
-        sizes = {len(block) for table in tables for block in table}
-        if len(counts) != 1 or len(sizes) != 1 or self.floor < 0:
-            raise Malformed(f"{place}: its arrays do not belong together")
-        if self.free and self.place is not None:
-            raise Malformed(f"{place}: a free multiplier of a matrix")
+        kinds = {"generator": "i1", "basis": "w3", "floor": "f", "place": "i2?"}
+        got = fields(found, place, n, values=_values, **kinds)
+        self.generator, self.basis, self.floor = got.generator, got.basis, got.floor
+        self.values, self.place, self.free = got.values, got.place, _rank(found["values"]) == 2
+        tables = [got.basis, got.values] + ([] if got.place is None else [got.place])
+        alike(place, got.generator, *tables)
+        for blocks in zip(*tables, strict=True):
+            alike(place, *blocks)
+        if got.floor < 0 or not all(got.basis) or (self.free and got.place is not None):
+            raise Malformed(f"{place}: floor {got.floor}, an empty block, or a free matrix")
 
     def gram(self, k: int) -> Polynomial:
-        """L L' of block k without the floor: words (i, j) with i >= j, not of monomials."""
+        """L L' + floor * identity of block k: the words are places (i, j) with i >= j."""
         flat, exp = dyadic([v for row in self.values[k] for v in row])
-        width = len(flat) // len(self.values[k])
-        rows = [flat[i * width : (i + 1) * width] for i in range(len(self.values[k]))]
-        pairs = ((i, j) for i in range(len(rows)) for j in range(i + 1))
-        dot = {(i, j): sum(map(int.__mul__, rows[i], rows[j])) for i, j in pairs}
-        floor, shift = dyadic([self.floor])
-        found = Polynomial(dot, 2 * exp)
-        found.add(Polynomial({(i, i): floor[0] for i in range(len(rows))}, shift))
+        size = len(self.values[k])
+        width = len(flat) // size
+        rows = [flat[i * width : (i + 1) * width] for i in range(size)]
+        found = Polynomial({}, 2 * exp)
+        for i in range(size):
+            for j in range(i + 1):
+                found.terms[i, j] = sum(map(int.__mul__, rows[i], rows[j]))
+        (floor,), exp = dyadic([self.floor])
+        found.add(Polynomial({(i, i): floor for i in range(size)}, exp))
         return found
 
 
-@dataclass
-class Proved:
-    """What an argument proves: a bound (-INF for none), the floor that is left, why not."""
+def _rank(found: Any) -> int:
+    return len(found["shape"]) if isinstance(found, dict) and "shape" in found else 0
 
-    bound: Any
-    floor: Any = 0
-    reason: str = ""
+
+def _values(found: Any, n: int, place: str) -> list[Any]:
+    return array(found, "f", 2 if _rank(found) == 2 else 3, place)
+
+
+def _groups(found: Any, n: int, place: str) -> list[Group]:
+    return [Group(group, n, f"{place}[{k}]") for k, group in enumerate(items(found, place))]
+
+
+def _priced(found: Any, n: int, place: str) -> list[tuple[Word, float]]:
+    if found is None:
+        return []
+    got = fields(found, place, n, words="w2", values="f1")
+    alike(place, got.words, got.values)
+    return list(zip(got.words, got.values, strict=True))
 
 
 class Identity:
-    """Multipliers of an objective."""
+    """Multipliers of one objective."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        self.scaling = Scaling(item(found, "scaling", place), n, f"{place}.scaling")
-        given = items(item(found, "multipliers", place), f"{place}.multipliers")
-        self.groups = [Group(g, n, f"{place}.multipliers[{k}]") for k, g in enumerate(given)]
-        self.products = item(found, "products", place)
-        self.priced: list[tuple[Word, float]] = []
-        self.place = place
-        if (priced := item(found, "priced", place)) is not None:
-            here = f"{place}.priced"
-            words = array(item(priced, "words", here), "i", 2, here)
-            values = reals(item(priced, "values", here), 1, here)
-            if len(words) != len(values):
-                raise Malformed(f"{here}: not one word a value")
-            pairs = zip(words, values, strict=True)
-            self.priced = [(word(letters, n, here), value) for letters, value in pairs]
+        kinds: dict[str, Any] = {"multipliers": _groups, "priced": _priced}
+        got = fields(found, place, n, scaling=Scaling, products="i2", **kinds)
+        self.scaling, self.products, self.where = got.scaling, got.products, place
+        self.groups: list[Group] = got.multipliers
+        self.priced: list[tuple[Word, float]] = got.priced
 
     def prove(
         self, rows: list[Row], constraints: list[Constraint], objective: Polynomial
@@ -218,187 +197,135 @@ class Identity:
 
         ``rows`` are what generators 1, 2, ... are; ``constraints`` hold the matrices.
         """
-        n = len(self.scaling.centre)
-        pairs = products_of(self.products, 1 + len(rows) + 3 * n, f"{self.place}.products")
-        made = Generators(rows, self.scaling, pairs)
-        rest = Polynomial()
-        rest.add(self.scaling.substitution.into(objective))
-        for letters, value in self.priced:
-            rest.add(Polynomial.of([letters], [value]), -1)
+        made = Generators(rows, self)
+        rest = self.scaling.substitution.into(objective)
+        for word, value in self.priced:
+            rest.add(linear(word, value), -1)
         for group in self.groups:
             for k in range(len(group.generator)):
-                rest.add(self._times(group, k, made, constraints), -1)
-        boxed = self.scaling.boxed
-        covered, left = {}, {}
-        for letters, coefficient in rest.open().items():
-            inside = all(boxed[v - 1] for v in letters)
-            (covered if inside else left)[letters] = coefficient
-        floor, reason = self._absorb(left, made)
-        if reason:
-            return Proved(-INF, 0, reason)
+                rest.add(self._product(group, k, made, constraints), -1)
+        terms = rest.open()
+        open_ = {w: c for w, c in terms.items() if not all(self.scaling.boxed[v - 1] for v in w)}
+        floor, reason = self._absorb(dict(open_), made)
         least = self._least()
-        if least == -INF:
-            return Proved(-INF, 0, "a priced monomial has no least value")
-        return Proved(rest.coefficient() + least - cost(covered), floor)
+        if reason or least == -INF:
+            return Proved(-INF, 0, reason or "a priced monomial has no least value")
+        paid = cost({word: c for word, c in terms.items() if word not in open_})
+        return Proved(rest.coefficient() + least - paid, floor)
 
-    def _times(
+    def _product(
         self, group: Group, k: int, made: Generators, constraints: list[Constraint]
     ) -> Polynomial:
         """Multiplier k of a group times its generator, or its matrix."""
         number, basis = group.generator[k], group.basis[k]
-        if not 0 <= number < made.count:
-            raise Malformed(f"{self.place}: generator {number} of {made.count}")
+        below([number], made.count, f"{self.where}: generator")
         if group.free:
             if not made.equality(number):
-                raise Malformed(f"{self.place}: a free multiplier of an inequality")
+                raise Malformed(f"{self.where}: a free multiplier of an inequality")
             multiplier = Polynomial()
-            for letters, value in zip(basis, group.values[k], strict=True):
-                multiplier.add(Polynomial.of([letters], [value]))
+            for word, value in zip(basis, group.values[k], strict=True):
+                multiplier.add(linear(word, value))
             return multiplier.times(made[number])
         gram = group.gram(k)
-        factors: dict[int, Polynomial] = {}  # of an entry of the matrix, or of the generator (-1)
+        factors: dict[int, Polynomial] = {}  # of an entry of the matrix; of the generator: -1
         for (i, j), value in gram.terms.items():
             entry = -1
             if group.place is not None:
-                entry = self._entry(number, group.place[k][i], group.place[k][j], constraints)
+                rows = group.place[k]
+                below([number - 1], len(constraints), f"{self.where}: matrix")
+                below(rows, constraints[number - 1].side, f"{self.where}: row of a matrix")
+                entry = constraints[number - 1].place(rows[i], rows[j])
                 if entry < 0:
                     continue
             terms = factors.setdefault(entry, Polynomial({}, gram.exp)).terms
-            letters = tuple(sorted(basis[i] + basis[j]))
-            terms[letters] = terms.get(letters, 0) + value * (1 if i == j else 2)
+            word = tuple(sorted(basis[i] + basis[j]))
+            terms[word] = terms.get(word, 0) + value * (1 if i == j else 2)
         found = Polynomial()
         for entry, multiplier in factors.items():
-            if entry < 0:
-                found.add(multiplier.times(made[number]))
-            else:
-                given = constraints[number - 1].entries[entry]
-                found.add(multiplier.times(self.scaling.substitution.into(given)))
+            into = self.scaling.substitution.into
+            other = made[number] if entry < 0 else into(constraints[number - 1].entries[entry])
+            found.add(multiplier.times(other))
         return found
-
-    def _entry(self, number: int, i: int, j: int, constraints: list[Constraint]) -> int:
-        """Which entry of a matrix stands in row i and column j, -1 for a zero."""
-        if not 1 <= number <= len(constraints) or not (
-            0 <= i < constraints[number - 1].side and 0 <= j < constraints[number - 1].side
-        ):
-            raise Malformed(f"{self.place}: no row {i}, {j} of a matrix of generator {number}")
-        return constraints[number - 1].place(i, j)
 
     def _least(self) -> Any:
         """The sum of the least values of the priced monomials over the box of t."""
         total = Fraction(0)
-        for letters, value in self.priced:
-            low, high = self._range(letters)
-            least = low if value > 0 else high
-            if value and least in (INF, -INF):
+        for word, value in self.priced:
+            ends: Range = Fraction(value), Fraction(value)
+            for v, n in powers(word):
+                ends = _times(ends, _power((self.scaling.low[v], self.scaling.high[v]), n))
+            if ends[0] == -INF:
                 return -INF
-            total += Fraction(value) * Fraction(least) if value else 0
+            total += ends[0]
         return total
-
-    def _range(self, letters: Word) -> tuple[Any, Any]:
-        """The range of a monomial over the box of t, exactly."""
-        found: tuple[Any, Any] = Fraction(1), Fraction(1)
-        for v, n in powers(letters):
-            ends = [self.scaling.low[v], self.scaling.high[v]]
-            first, second = (_power(end, n) for end in ends)
-            low, high = min(first, second), max(first, second)
-            if n % 2 == 0 and ends[0] <= 0 <= ends[1]:
-                low = Fraction(0)
-            four = [_product(a, b) for a in found for b in (low, high)]
-            found = min(four), max(four)
-        return found
 
     def _absorb(self, left: dict[Word, Fraction], made: Generators) -> tuple[Any, str]:
         """Move monomials without a range into the floors; what moment blocks keep, or a reason."""
-        blocks = []  # those that may take something: group, block, what its generator is
         kept = []
         for group in self.groups:
             if group.free or not group.floor:
                 continue
             signs = [made.sign_of(number) for number in group.generator]
-            if group.place is not None or None in signs:
-                if 0 in group.generator:
-                    kept.append(Fraction(group.floor))
-                continue
-            blocks += [(group, k, sign) for k, sign in enumerate(signs) if sign is not None]
-        sums: list[dict[int, Fraction]] = [{} for _ in blocks]
-        for place, (group, k, sign) in enumerate(blocks):
-            if not left:
-                break
-            basis = group.basis[k]
-            for i in range(len(basis)):
-                for j in range(i + 1):
-                    letters = tuple(sorted(basis[i] + basis[j] + sign))
-                    if letters not in left:
-                        continue
-                    share = abs(left.pop(letters)) * (1 if i == j else Fraction(1, 2))
-                    for row in {i, j}:
-                        sums[place][row] = sums[place].get(row, Fraction(0)) + share
-        if left:
-            return 0, f"the remainder holds a monomial without a range: {min(left)}"
-        for (group, _, sign), rows in zip(blocks, sums, strict=True):
-            room = Fraction(group.floor) - max(rows.values(), default=Fraction(0))
-            if room < 0:
-                return 0, "the remainder is larger than the floor of a block"
-            if not sign:
-                kept.append(room)
-        return min(kept, default=Fraction(0)), ""
+            usable = group.place is None and None not in signs
+            for basis, sign in zip(group.basis, signs, strict=True):
+                spent = _taken(left, basis, sign) if usable and sign is not None else Fraction(0)
+                if spent > group.floor:
+                    return 0, "the remainder is larger than the floor of a block"
+                if sign == ():
+                    kept.append(Fraction(group.floor) - spent)
+        reason = f"the remainder has a monomial without a range: {min(left)}" if left else ""
+        return min(kept, default=Fraction(0)), reason
 
 
-def _power(end: Any, n: int) -> Any:
-    if end in (INF, -INF):
-        return INF if end > 0 or n % 2 == 0 else -INF
-    return Fraction(end) ** n
+def _taken(left: dict[Word, Fraction], basis: list[Word], sign: Word) -> Fraction:
+    """Take monomials into a Gram matrix; the largest row sum of what was added to it."""
+    sums = [Fraction(0)] * len(basis)
+    for i in range(len(basis) if left else 0):
+        for j in range(i + 1):
+            size = abs(left.pop(tuple(sorted(basis[i] + basis[j] + sign)), Fraction(0)))
+            for row in {i, j}:
+                sums[row] += size if i == j else size / 2
+    return max(sums)
 
 
-def _product(a: Any, b: Any) -> Any:
-    if not a or not b:
-        return Fraction(0)
-    if a in (INF, -INF) or b in (INF, -INF):
-        return INF if (a > 0) == (b > 0) else -INF
-    return a * b
+def _times(x: Range, y: Range) -> Range:
+    """The product of two intervals, exactly."""
+    ends = [times_end(a, b) for a in x for b in y]
+    return min(ends), max(ends)
 
 
-# ---- linear duals --------------------------------------------------------------------------
+def _power(x: Range, n: int) -> Range:
+    """The range of t^n over an interval."""
+    ends = [end**n if end in (INF, -INF) else Fraction(end) ** n for end in x]
+    return (0 if n % 2 == 0 and x[0] <= 0 <= x[1] else min(ends)), max(ends)
 
 
 class LinearDual:
     """Constant multipliers, and monomials for equalities, of K objectives at a time."""
 
     def __init__(self, found: Any, n: int, place: str) -> None:
-        self.scaling = Scaling(item(found, "scaling", place), n, f"{place}.scaling")
-        self.products = item(found, "products", place)
-        self.generator: list[int] = array(item(found, "generator", place), "i", 1, place)
-        words = array(item(found, "word", place), "i", 2, f"{place}.word")
-        self.words = [word(letters, n, f"{place}.word") for letters in words]
-        self.value: list[float] = reals(item(found, "value", place), 1, f"{place}.value")
-        self.owner = indices(item(found, "owner", place), 2**31, f"{place}.owner")
-        self.place = place
-        if len({len(a) for a in (self.generator, self.words, self.value, self.owner)}) > 1:
-            raise Malformed(f"{place}: its arrays do not belong together")
+        kinds: dict[str, Any] = {"generator": "i1", "word": "w2", "value": "f1", "owner": "i1"}
+        self.given = fields(found, place, n, scaling=Scaling, products="i2", **kinds)
+        alike(place, self.given.generator, self.given.word, self.given.value, self.given.owner)
+        self.scaling: Scaling = self.given.scaling
 
     def prove(self, rows: list[Row], objectives: list[Polynomial]) -> list[Any]:
         """The bound of each objective on the box of the scaling, -INF for none."""
-        n = len(self.scaling.centre)
-        pairs = products_of(self.products, 1 + len(rows) + 3 * n, f"{self.place}.products")
-        made = Generators(rows, self.scaling, pairs)
-        rests = []
-        for objective in objectives:
-            rests.append(Polynomial())
-            rests[-1].add(self.scaling.substitution.into(objective))
-        given = zip(self.generator, self.words, self.value, self.owner, strict=True)
-        for number, letters, value, owner in given:
-            if not 0 <= number < made.count or owner >= len(rests):
-                raise Malformed(f"{self.place}: generator {number} or owner {owner}")
-            free = made.equality(number)
-            if letters and not free:
-                raise Malformed(f"{self.place}: a monomial multiplies an inequality")
-            if value > 0 or free:
-                part = Polynomial.of([letters], [value]).times(made[number])
-                rests[owner].add(part, -1)
+        got = self.given
+        made = Generators(rows, got)
+        below(got.generator, made.count, f"{got.where}.generator")
+        below(got.owner, len(objectives), f"{got.where}.owner")
+        rests = [self.scaling.substitution.into(objective) for objective in objectives]
+        for k, word, value, owner in zip(
+            got.generator, got.word, got.value, got.owner, strict=True
+        ):
+            if word and not made.equality(k):
+                raise Malformed(f"{got.where}: a monomial multiplies an inequality")
+            if value > 0 or made.equality(k):
+                rests[owner].add(linear(word, value).times(made[k]), -1)
         return [self._bound(rest) for rest in rests]
 
     def _bound(self, rest: Polynomial) -> Any:
-        words = rest.open()
-        if not all(self.scaling.boxed[v - 1] for letters in words for v in letters):
-            return -INF
-        return rest.coefficient() - cost(words)
+        terms = rest.open()
+        covered = all(self.scaling.boxed[v - 1] for word in terms for v in word)
+        return rest.coefficient() - cost(terms) if covered else -INF

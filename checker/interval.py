@@ -1,9 +1,10 @@
 """Interval arithmetic in fixed point: whole multiples of 2**-K, rounded outwards.
 
-A number z stands for z * 2**-K. Sums are exact; products, quotients and roots are rounded down
-at lower ends and up at upper ends. K is chosen so large that all doubles of a problem are whole
-multiples with 200 bits to spare; no operation of doubles is finer than that, so a box that is
-computed here lies in the one that the same steps give in doubles. Infinite ends are ``INF``.
+A whole number z stands for z * 2**-K. Sums are exact; products, quotients and roots are rounded
+down at lower ends and up at upper ends. K is so large that every double is a whole multiple of
+2**-K: where rounded operations of doubles give a box, the same operations here give one that lies
+in it, since a number that lies below a double is rounded up to at most that double. Infinite ends
+are ``INF``.
 """
 
 from __future__ import annotations
@@ -20,13 +21,7 @@ Interval = tuple[End, End]
 WHOLE: Interval = (-INF, INF)
 ZERO: Interval = (0, 0)
 
-_K = 256
-
-
-def set_precision(bits: int) -> None:
-    """Use multiples of 2**-bits from here on."""
-    global _K
-    _K = bits
+_K = 1152  # the least positive double is 2**-1074
 
 
 def below(value: Fraction | float | int) -> End:
@@ -47,14 +42,15 @@ def exact(end: End) -> Any:
 
 
 def scaled(value: int, exp: int) -> Interval:
-    """value * 2**exp."""
+    """The number value * 2**exp."""
     shift = exp + _K
     if shift >= 0:
         return value << shift, value << shift
     return value >> -shift, -(-value >> -shift)
 
 
-def _end(a: End, b: End) -> End:
+def times_end(a: End, b: End) -> End:
+    """The product of two ends, not rounded and not scaled; 0 times infinity is 0."""
     if not a or not b:
         return 0
     if a in (INF, -INF) or b in (INF, -INF):
@@ -64,7 +60,7 @@ def _end(a: End, b: End) -> End:
 
 def times(x: Interval, y: Interval) -> Interval:
     """The product; 0 times infinity is 0, as for limits of numbers."""
-    ends = [_end(a, b) for a in x for b in y]
+    ends = [times_end(a, b) for a in x for b in y]
     low, high = min(ends), max(ends)
     return (low if low == -INF else low >> _K), (high if high == INF else -(-high >> _K))
 
@@ -100,7 +96,7 @@ def _powered(end: End, n: int) -> Interval:
 
 
 def divided(a: End, b: End, up: bool) -> End:
-    """a / b for b > 0 or b = INF, rounded; b = 0 stands for a limit from above."""
+    """The quotient a / b for b > 0 or b = INF, rounded; b = 0 stands for a limit from above."""
     if not a or b == INF:
         return 0
     if a in (INF, -INF) or not b:

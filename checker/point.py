@@ -11,7 +11,7 @@ from . import interval as iv
 from .gram import semidefinite
 from .interval import Interval
 from .polynomial import INF, Polynomial, power_of_two
-from .reading import Constraint, Malformed, Problem, finite, indices, item, number, reals, text
+from .reading import Constraint, Malformed, Problem, alike, below, fields
 
 RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first
 
@@ -20,20 +20,19 @@ class ProvedPoint:
     """A point near ``x``, at most ``radius`` away, whose objective is at most ``value``."""
 
     def __init__(self, found: Any, problem: Problem, place: str) -> None:
-        self.problem = problem
         n, m = problem.dimension, len(problem.constraints)
-        self.x = [Fraction(v) for v in reals(item(found, "x", place), 1, f"{place}.x")]
-        self.value = number(item(found, "value", place), f"{place}.value")
-        self.radius = Fraction(finite(item(found, "radius", place), f"{place}.radius"))
-        self.proof = text(item(found, "proof", place), f"{place}.proof")
-        self.rows = indices(item(found, "rows", place), m, f"{place}.rows")
-        self.solved = indices(item(found, "solved", place), n, f"{place}.solved")
-        if len(self.x) != n or self.proof not in ("exact", "krawczyk"):
-            raise Malformed(f"{place}: {len(self.x)} coordinates, proof {self.proof!r:.20}")
-        if len(self.rows) != len(self.solved):
-            raise Malformed(f"{place}: {len(self.rows)} rows for {len(self.solved)} variables")
-        if any(len(set(v)) < len(v) for v in (self.rows, self.solved)):
-            raise Malformed(f"{place}: a row or a variable stands twice")
+        kinds = {"x": "f1", "value": "F", "radius": "f", "proof": "t", "rows": "i1", "solved": "i1"}
+        got = fields(found, place, n, **kinds)
+        self.problem, self.value, self.proof = problem, got.value, got.proof
+        self.rows, self.solved = got.rows, got.solved
+        self.x, self.radius = [Fraction(v) for v in got.x], Fraction(got.radius)
+        alike(place, got.x, range(n))
+        alike(place, got.rows, got.solved)
+        below(got.rows, m, f"{place}.rows")
+        below(got.solved, n, f"{place}.solved")
+        twice = any(len(set(v)) < len(v) for v in (got.rows, got.solved))
+        if twice or got.proof not in ("exact", "krawczyk"):
+            raise Malformed(f"{place}: a row or variable twice, or proof {got.proof!r:.20}")
 
     def fails(self) -> str:
         """Why the claims about the point are not proved; empty where they are."""

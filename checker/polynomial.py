@@ -44,9 +44,9 @@ class Polynomial:
         return Polynomial({w: c for w, c in zip(words, numbers, strict=True) if c}, exp)
 
     @staticmethod
-    def affine(variable: int, slope: float | int, constant: float | int) -> Polynomial:
-        """slope * x + constant."""
-        return Polynomial.of([(variable,), ()], [float(slope), float(constant)])
+    def affine(variable: int, slope: float, constant: float) -> Polynomial:
+        """The polynomial slope * x + constant."""
+        return Polynomial.of([(variable,), ()], [slope, constant])
 
     def add(self, other: Polynomial, sign: int = 1) -> None:
         """Add another polynomial, in place."""

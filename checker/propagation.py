@@ -20,7 +20,7 @@ Factors = list[tuple[int, int]]
 
 
 class Box:
-    """Intervals of all variables; ``None`` in place of a box says that it holds no point.
+    """Intervals of all variables; it holds no point where a lower end lies above the upper one.
 
     ``stale`` holds the variables that changed since the last sweep with and without a cut-off:
     a row none of whose variables changed says what it said before.
@@ -75,8 +75,8 @@ class Rows:
         self.rows = rows
         self.minors = minors
 
-    def sweep(self, box: Box, cutoff: bool) -> bool:
-        """One sweep, in place; false where it proves that the box holds no point."""
+    def sweep(self, box: Box, cutoff: bool) -> None:
+        """One sweep, in place; the box is empty where it proves that it holds no point."""
         stale = box.stale[cutoff]
         chosen = [r for r in self.rows if self.minors or not stale.isdisjoint(r.variables)]
         box.stale[cutoff] = set()
@@ -89,7 +89,7 @@ class Rows:
         for row, known, target in zip(chosen, ranges, targets, strict=True):
             allowed = _allowed(known, target)
             if allowed is None:
-                return False
+                return box.shrink(0, INF, -INF)
             for square, asked in zip(row.squares, allowed, strict=False):
                 _solve_square(box, begin, square, row.exp, asked)
             for (value, factors), asked in zip(row.terms, allowed[len(row.squares) :], strict=True):
@@ -101,7 +101,6 @@ class Rows:
         for place in reversed(range(len(work))):
             for factors, parts, value, asked in work[place]:
                 _solve_factor(box, place, factors, parts, value, asked)
-        return not box.empty
 
     def _targets(self, ranges: list[list[Interval]]) -> list[Interval]:
         """Where rows must lie, with |a| <= sqrt(b c) for the upper ends of b and c."""

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import isfinite, isqrt
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from .polynomial import INF, Polynomial, Word
 
 VERSIONS = (2, 3)
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
-TYPES = {"f8": float, "f4": float, "i8": int, "i4": int, "b1": bool}
 
 
 class Malformed(Exception):
@@ -67,14 +67,6 @@ class Problem:
         given = self.constraints, self.lower, self.upper, self.names
         return Problem(self.dimension, objective, *given)
 
-    def bits(self) -> int:
-        """The least k such that all numbers of the problem are whole multiples of 2**-k."""
-        rows = [self.objective, *(p for _, p in self.squares)]
-        rows += [p for c in self.constraints for p in (c.polynomial, *c.entries)]
-        ends = [end for end in (*self.lower, *self.upper) if end not in (INF, -INF)]
-        exponents = [-p.exp for p in rows]
-        return max([0, *exponents, *(end.denominator.bit_length() for end in ends)])
-
 
 # ---- JSON ------------------------------------------------------------------------------------
 
@@ -115,42 +107,9 @@ def item(found: Any, name: str, place: str) -> Any:
     return found[name]
 
 
-def items(found: Any, place: str) -> list[Any]:
-    """A list."""
-    if not isinstance(found, list):
-        raise Malformed(f"{place}: not a list")
-    return found
-
-
-def optional(found: Any, read: Callable[[Any, str], Any], place: str) -> Any:
-    """None where null stands."""
-    return None if found is None else read(found, place)
-
-
-def text(found: Any, place: str) -> str:
-    """A string."""
-    if not isinstance(found, str):
-        raise Malformed(f"{place}: not a string")
-    return found
-
-
-def flag(found: Any, place: str) -> bool:
-    """True or false."""
-    if not isinstance(found, bool):
-        raise Malformed(f"{place}: not true or false")
-    return found
-
-
-def whole(found: Any, place: str) -> int:
-    """A whole number."""
-    if type(found) is not int or abs(found) >= 2**63:
-        raise Malformed(f"{place}: not a whole number")
-    return found
-
-
 def number(found: Any, place: str) -> float:
     """A double, or one of the strings "inf" and "-inf"."""
-    if isinstance(found, str) and found in ("inf", "-inf"):
+    if found in ("inf", "-inf"):
         return INF if found == "inf" else -INF
     try:
         if type(found) in (int, float) and isfinite(value := float(found)):
@@ -162,117 +121,140 @@ def number(found: Any, place: str) -> float:
 
 def finite(found: Any, place: str) -> float:
     """A double that is finite."""
-    if not isfinite(value := number(found, place)):
-        raise Malformed(f"{place}: not finite")
+    if isinstance(found, str) or not isfinite(value := number(found, place)):
+        raise Malformed(f"{place}: not a finite number")
     return value
 
 
-def array(found: Any, kinds: str, rank: int, place: str) -> list[Any]:
-    """An array as nested lists; its type is one of 'f', 'i', 'b' and its rank is given."""
+def of_type(kind: type) -> Callable[[Any, str], Any]:
+    """A value of exactly that type."""
+
+    def read(found: Any, place: str) -> Any:
+        if type(found) is not kind:
+            raise Malformed(f"{place}: {found!r:.40} is no {kind.__name__}")
+        return found
+
+    return read
+
+
+whole, flag, text, items = map(of_type, (int, bool, str, list))
+READERS = {"f": finite, "F": number, "i": whole, "b": flag, "t": text, "l": items}
+
+
+def array(found: Any, kind: str, rank: int, place: str) -> list[Any]:
+    """An array as nested lists: of finite (f) or any (F) doubles, whole numbers (i), flags (b)."""
     name = text(item(found, "type", place), f"{place}.type")
     shape = [whole(n, f"{place}.shape") for n in items(item(found, "shape", place), place)]
     data = items(item(found, "data", place), f"{place}.data")
-    if name not in TYPES or name[0] not in kinds or len(shape) != rank:
-        raise Malformed(f"{place}: an array of type {name!r} and rank {len(shape)}")
-    if name[0] == "f":
-        data = [number(value, place) for value in data]
-    elif any(type(value) is not TYPES[name] for value in data):
-        raise Malformed(f"{place}: data of another type than {name!r}")
     size = 1
     for length in shape:
         size *= length
-    if min(shape, default=0) < 0 or size != len(data):
-        raise Malformed(f"{place}: {len(data)} numbers do not fit the shape {shape}")
-    return nested(data, shape)
+    fits = len(shape) == rank and 0 <= min(shape) <= max(shape) < 10**7 and size == len(data)
+    if name not in ("f8", "f4", "i8", "i4", "b1") or name[0] != kind.lower() or not fits:
+        raise Malformed(f"{place}: {len(data)} numbers as an array {name!r:.9} of shape {shape}")
+    values = [READERS[kind](value, f"{place}.data") for value in data]
+    return nested(values, shape)
 
 
-def nested(data: list[Any], shape: list[int]) -> list[Any]:
+def nested(values: list[Any], shape: list[int]) -> list[Any]:
     """A flat list as lists of lists."""
-    if len(shape) <= 1:
-        return data
-    size = len(data) // shape[0] if shape[0] else 0
-    rows = [data[k * size : (k + 1) * size] for k in range(shape[0])]
-    return [nested(row, shape[1:]) for row in rows]
+    if len(shape) == 1:
+        return values
+    size = len(values) // shape[0] if shape[0] else 0
+    parts = (values[k * size : (k + 1) * size] for k in range(shape[0]))
+    return [nested(part, shape[1:]) for part in parts]
 
 
-def reals(found: Any, rank: int, place: str) -> list[Any]:
-    """An array of finite doubles."""
-    flat = array(found, "f", rank, place)
-    if any(not isfinite(value) for value in item(found, "data", place) if type(value) is float):
-        raise Malformed(f"{place}: not finite")
-    if any(type(value) is str for value in item(found, "data", place)):
-        raise Malformed(f"{place}: not finite")
-    return flat
-
-
-def indices(found: Any, stop: int, place: str, start: int = 0) -> list[int]:
-    """A list of whole numbers from ``start`` to below ``stop``."""
-    values = array(found, "i", 1, place)
-    if any(not start <= value < stop for value in values):
-        raise Malformed(f"{place}: a number outside {start}..{stop - 1}")
-    return values
-
-
-def word(letters: list[int], n: int, place: str) -> Word:
-    """A monomial: the letters of a row without its zeros."""
-    if any(type(v) is not int or not 0 <= v <= n for v in letters):
+def words(rows: list[list[int]], n: int, place: str) -> list[Word]:
+    """Rows of letters as words in n variables."""
+    if any(not 0 <= letter <= n for row in rows for letter in row):
         raise Malformed(f"{place}: a variable outside 1..{n}")
-    return tuple(sorted(letter for letter in letters if letter))
+    return [tuple(sorted(letter for letter in row if letter)) for row in rows]
+
+
+def fields(found: Any, place: str, n: int, /, **kinds: Any) -> Any:
+    """The fields of an object, by what they have to be.
+
+    A kind is a letter of ``READERS``; with a digit an array of that rank; "w" and a digit an array
+    of words in n variables; or a class or function of (found, n, place). "?" allows null.
+    """
+    got = SimpleNamespace(where=place)
+    for name, kind in kinds.items():
+        here, value = f"{place}.{name}", item(found, name, place)
+        if isinstance(kind, str) and kind.endswith("?") and value is None:
+            pass
+        elif not isinstance(kind, str):
+            value = kind(value, n, here)
+        elif kind == "w2":
+            value = words(array(value, "i", 2, here), n, here)
+        elif kind == "w3":
+            value = [words(rows, n, here) for rows in array(value, "i", 3, here)]
+        elif kind[1:2].isdigit():
+            value = array(value, kind[0], int(kind[1]), here)
+        else:
+            value = READERS[kind[0]](value, here)
+        setattr(got, name, value)
+    return got
+
+
+def alike(place: str, *lists: Sized) -> None:
+    """Refuse lists of several lengths."""
+    if len({len(values) for values in lists}) > 1:
+        raise Malformed(f"{place}: its arrays do not belong together")
+
+
+def below(values: list[int], stop: int, place: str) -> None:
+    """Refuse numbers that are not in 0, ..., stop - 1."""
+    if any(not 0 <= value < stop for value in values):
+        raise Malformed(f"{place}: a number outside 0..{stop - 1}")
 
 
 # ---- problems --------------------------------------------------------------------------------
 
 
-def polynomial(found: Any, n: int | None, place: str) -> tuple[Polynomial, int]:
-    """A polynomial and its number of variables, which has to be n."""
-    dimension = whole(item(found, "dimension", place), f"{place}.dimension")
-    if dimension < 1 or (n is not None and dimension != n):
-        raise Malformed(f"{place}: {dimension} variables")
-    rows = array(item(found, "words", place), "i", 2, f"{place}.words")
-    values = reals(item(found, "coefficients", place), 1, f"{place}.coefficients")
-    words = [word(row, dimension, place) for row in rows]
-    if len(words) != len(values) or len(set(words)) < len(words):
-        raise Malformed(f"{place}: words and coefficients do not belong together")
-    return Polynomial.of(words, values), dimension
+def polynomial(found: Any, n: int, place: str) -> Polynomial:
+    """A polynomial in n variables; its words have to be distinct."""
+    got = fields(found, place, n, dimension="i", words="w2", coefficients="f1")
+    alike(place, got.words, got.coefficients)
+    if got.dimension != n or len(set(got.words)) < len(got.words):
+        raise Malformed(f"{place}: {got.dimension} variables, or a word that stands twice")
+    return Polynomial.of(got.words, got.coefficients)
+
+
+def polynomials(found: Any, n: int, place: str) -> list[Polynomial]:
+    """A list of polynomials."""
+    return [polynomial(p, n, f"{place}[{k}]") for k, p in enumerate(items(found, place))]
 
 
 def constraint(found: Any, n: int, place: str) -> Constraint:
     """A constraint of a problem in n variables."""
-    kind = text(item(found, "kind", place), f"{place}.kind")
-    given = items(item(found, "entries", place), f"{place}.entries")
-    entries = [polynomial(entry, n, f"{place}.entries[{k}]")[0] for k, entry in enumerate(given)]
-    own = polynomial(item(found, "polynomial", place), n, f"{place}.polynomial")[0]
-    made = Constraint(kind, own, entries)
-    matrix = kind in ("SECOND_ORDER", "PSD")
-    triangle = kind != "PSD" or len(entries) == made.side * (made.side + 1) // 2
-    if kind not in KINDS or matrix != (made.side > 1) or not triangle:
-        raise Malformed(f"{place}: kind {kind!r} with {len(entries)} entries")
+    got = fields(found, place, n, kind="t", polynomial=polynomial, entries=polynomials)
+    made = Constraint(got.kind, got.polynomial, got.entries)
+    matrix = made.kind in ("SECOND_ORDER", "PSD")
+    triangle = made.kind != "PSD" or len(got.entries) == made.side * (made.side + 1) // 2
+    if made.kind not in KINDS or matrix != (made.side > 1) or not triangle:
+        raise Malformed(f"{place}: kind {made.kind!r:.20} with {len(got.entries)} entries")
     return made
+
+
+def weighted(found: Any, n: int, place: str) -> tuple[Fraction, Polynomial]:
+    """A weight >= 0 and a polynomial."""
+    if len(items(found, place)) != 2 or not finite(found[0], place) >= 0:
+        raise Malformed(f"{place}: not a weight >= 0 and a polynomial")
+    return Fraction(found[0]), polynomial(found[1], n, place)
 
 
 def problem(found: Any, place: str = "problem") -> Problem:
     """A problem."""
-    objective, n = polynomial(item(found, "objective", place), None, f"{place}.objective")
-    rows = items(item(found, "constraints", place), f"{place}.constraints")
-    ends = []
-    for name in ("lower", "upper"):
-        values = array(item(found, name, place), "f", 1, f"{place}.{name}")
-        ends.append([v if v in (INF, -INF) else Fraction(v) for v in values])
-    lower, upper = ends
-    if len(lower) != n or len(upper) != n or INF in lower or -INF in upper:
-        raise Malformed(f"{place}: bounds that do not fit {n} variables")
-    if any(low > high for low, high in zip(lower, upper, strict=True)):
-        raise Malformed(f"{place}: a lower bound above the upper one")
-    squares = []
-    for k, pair in enumerate(items(item(found, "squares", place), f"{place}.squares")):
-        here = f"{place}.squares[{k}]"
-        if len(items(pair, here)) != 2 or finite(pair[0], here) < 0:
-            raise Malformed(f"{here}: not a weight >= 0 and a polynomial")
-        squares.append((Fraction(finite(pair[0], here)), polynomial(pair[1], n, here)[0]))
-    given = items(item(found, "names", place), f"{place}.names")
-    names = [text(name, f"{place}.names") for name in given]
-    if len(names) != n:
-        raise Malformed(f"{place}: {len(names)} names for {n} variables")
-    sense = text(item(found, "sense", place), f"{place}.sense")
-    made = [constraint(row, n, f"{place}.constraints[{k}]") for k, row in enumerate(rows)]
-    return Problem(n, objective, made, lower, upper, names, squares, sense)
+    n = whole(item(item(found, "objective", place), "dimension", place), place)
+    kinds = {"constraints": "l", "lower": "F1", "upper": "F1", "names": "l", "squares": "l"}
+    got = fields(found, place, n, objective=polynomial, sense="t", **kinds)
+    alike(place, got.lower, got.upper, got.names, range(n))
+    ends = [[v if v in (INF, -INF) else Fraction(v) for v in e] for e in (got.lower, got.upper)]
+    for low, high in zip(*ends, strict=True):
+        if not low <= high or low == INF or high == -INF:
+            raise Malformed(f"{place}: bounds {low}, {high}")
+    rows = [constraint(c, n, f"{place}.constraints[{k}]") for k, c in enumerate(got.constraints)]
+    names = [text(name, f"{place}.names") for name in got.names]
+    squares = [weighted(pair, n, f"{place}.squares[{k}]") for k, pair in enumerate(got.squares)]
+    return Problem(n, got.objective, rows, ends[0], ends[1], names, squares, got.sense)

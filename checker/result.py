@@ -5,11 +5,10 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from . import interval as iv
 from .certificate import Certificates
 from .point import ProvedPoint, falls_without_limit
 from .polynomial import INF
-from .reading import Malformed, Problem, finite, item, items, number, optional, problem, text
+from .reading import Malformed, Problem, fields, finite, item, problem
 
 STATUSES = ("OPTIMAL", "BOUNDED", "UNPROVED", "INFEASIBLE", "UNBOUNDED", "LIMIT", "FAILED")
 
@@ -37,12 +36,6 @@ def fingerprint(given: Problem) -> str | None:
     return None
 
 
-def prepare(given: Problem) -> Problem:
-    """The problem, with the precision of intervals set so that its numbers are exact."""
-    iv.set_precision(1152)
-    return given
-
-
 def proved_bound(certificates: Certificates, claim: Any) -> str:
     """The sentence about a lower bound; raises where it is not proved."""
     bound, why = certificates.prove()
@@ -57,46 +50,50 @@ def proved_bound(certificates: Certificates, claim: Any) -> str:
 
 def check_certificate(given: Problem, found: Any) -> list[str]:
     """The claims of a certificate of a problem."""
-    certificates = Certificates(found, prepare(given))
+    certificates = Certificates(found, given)
     return [proved_bound(certificates, certificates.claim)]
 
 
 def check_result(found: Any, given: Problem | None = None) -> list[str]:
     """The claims of a result; of its own problem, or of one that is given."""
-    about = prepare(problem(item(found, "problem", "result"), "result.problem"))
-    about = about if given is None else prepare(given)
-    lines = []
-    lower = number(item(found, "lower_bound", "result"), "result.lower_bound")
-    upper = number(item(found, "upper_bound", "result"), "result.upper_bound")
-    status = text(item(found, "status", "result"), "result.status")
-    if status not in STATUSES:
-        raise Malformed(f"result.status: {status!r:.20} is not one of {', '.join(STATUSES)}")
-    given_list = item(found, "certificate", "result")
-    if given_list is not None:
-        certificates = Certificates(given_list, about, "result.certificate")
-        lines.append(proved_bound(certificates, lower))
-    elif lower != -INF:
-        raise NotProved(f"objective >= {shown(lower)}: there is no certificate")
-    if status == "INFEASIBLE" and lower != INF:
+    kinds = {"lower_bound": "F", "upper_bound": "F", "status": "t"}
+    got = fields(found, "result", 0, **kinds)
+    about = problem(item(found, "problem", "result"), "result.problem")
+    about = about if given is None else given
+    if got.status not in STATUSES:
+        raise Malformed(f"result.status: {got.status!r:.20} is not one of {', '.join(STATUSES)}")
+    return _lower(found, got, about) + _upper(found, got, about)
+
+
+def _lower(found: Any, got: Any, about: Problem) -> list[str]:
+    """What is proved of the lower bound, and of the status that no point is feasible."""
+    if got.status == "INFEASIBLE" and got.lower_bound != INF:
         raise NotProved("the status says that no point is feasible, the bound does not")
+    given = item(found, "certificate", "result")
+    if given is None and got.lower_bound != -INF:
+        raise NotProved(f"objective >= {shown(got.lower_bound)}: there is no certificate")
+    if given is None:
+        return []
+    return [proved_bound(Certificates(given, about, "result.certificate"), got.lower_bound)]
+
+
+def _upper(found: Any, got: Any, about: Problem) -> list[str]:
+    """What is proved of the upper bound, and of the status that there is no lower one."""
+    endless = got.status == "UNBOUNDED" or got.upper_bound == -INF
     point = item(found, "attained", "result")
     if point is None:
-        if upper != INF or status == "UNBOUNDED":
-            raise NotProved(f"objective <= {shown(upper)} is attained: there is no point")
-        return lines
+        if got.upper_bound != INF or endless:
+            raise NotProved(f"objective <= {shown(got.upper_bound)} is attained: there is no point")
+        return []
     attained = ProvedPoint(point, about, "result.attained")
-    if status == "UNBOUNDED" or upper == -INF:
-        ray = optional(found.get("ray"), _ray, "result.ray")
-        if not falls_without_limit(about, attained, ray):
+    if endless:
+        ray = [Fraction(finite(v, "result.ray")) for v in found.get("ray") or ()]
+        if not falls_without_limit(about, attained, ray or None):
             raise NotProved("the objective is unbounded: no feasible ray is known to prove it")
-        return [*lines, "proved: the objective falls without limit along a feasible ray"]
+        return ["proved: the objective falls without limit along a feasible ray"]
     reason = attained.fails()
+    if not reason and attained.value > got.upper_bound:
+        reason = "the point attains more"
     if reason:
-        raise NotProved(f"objective <= {shown(attained.value)} is attained: {reason}")
-    if attained.value > upper:
-        raise NotProved(f"objective <= {shown(upper)} is attained: the point attains more")
-    return [*lines, f"proved: objective <= {shown(upper)} is attained"]
-
-
-def _ray(found: Any, place: str) -> list[Fraction]:
-    return [Fraction(finite(value, place)) for value in items(found, place)]
+        raise NotProved(f"objective <= {shown(got.upper_bound)} is attained: {reason}")
+    return [f"proved: objective <= {shown(got.upper_bound)} is attained"]

@@ -23,7 +23,7 @@ def ours(found: dict) -> tuple[bool, float, str]:
     """Whether the second checker proves a result, the bound, and what it says."""
     try:
         lines = result.check_result(found)
-        about = result.prepare(reading.problem(found["problem"]))
+        about = reading.problem(found["problem"])
         bound = -math.inf
         if found["certificate"] is not None:
             bound = Certificates(found["certificate"], about).prove()[0]

@@ -23,7 +23,7 @@ import random_cases  # noqa: E402
 import random_matrices  # noqa: E402
 
 import sparsepop_py as sp  # noqa: E402
-from sparsepop_py import problems  # noqa: E402
+from sparsepop_py import Switches, problems  # noqa: E402
 
 INF = float("inf")
 Solved = Iterator[tuple[str, sp.Result]]
@@ -122,7 +122,9 @@ def inverses(count: int = 16) -> Solved:
         theta, errors = x[:size], np.array(x[size:]).reshape(rows, size)
         equations = []
         for k in range(rows):
-            terms = [(float(clean[k, j] - noise[k, j]) + errors[k, j]) * theta[j] for j in range(size)]
+            terms = [
+                (float(clean[k, j] - noise[k, j]) + errors[k, j]) * theta[j] for j in range(size)
+            ]
             equations.append(sp.total(terms) == float(clean[k] @ truth))
         low = np.append(np.full(size, -INF), np.full(rows * size, -0.05))
         problem = sp.Problem(theta[0], equations, low, -low)
@@ -182,6 +184,44 @@ def unbounded() -> Solved:
     yield "matrix", sp.solve(sp.Problem(-x - y, [sp.psd([[x, 1.0], [1.0, y]])]))
 
 
+def switches(every: int = 2) -> Solved:
+    """SparsePOP's relaxation: prices of moments, scaling without a shift."""
+    for path in sorted((HERE.parent / "zoo").glob("*.toml")):
+        for entry in tomllib.loads(path.read_text())["problem"][::every]:
+            problem = sp.parse(entry["text"])
+            order = entry["orders"][0]
+            if problem.dimension ** (2 * order) > 3e5:
+                continue
+            chosen = Switches(order=order, moment_bounds=1)
+            yield entry["name"], sp.solve(problem, sp.Options(effort="plain", switches=chosen))
+    for seed in range(16):
+        problem = random_cases.random_case(2000 + seed).problem
+        chosen = Switches(moment_bounds=1 + seed % 2, scaled=bool(seed % 4))
+        yield f"random-{seed}", sp.solve(problem, sp.Options(effort="plain", switches=chosen))
+
+
+def deep() -> Solved:
+    """Larger trees: pooling and random problems in four variables, by linear relaxations."""
+    pooling = sp.read_gms(HERE.parent.parent / "examples" / "problems" / "pooling.gms")
+    skip = ("star", "split", "mixed", "full", "monomials", "partners", "chordal", "components")
+    more = {"skip": skip, "node_limit": 400, "gap": 1e-5}
+    yield "pooling", sp.solve(pooling, sp.Options(effort="auto", time_limit=20, **more))
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        x = sp.variables(4)
+        f = random_cases.some_polynomial(rng, x, 4) + random_cases.some_polynomial(rng, x, 3)
+        rows = [random_cases.some_polynomial(rng, x, 2) + 1.0 >= 0]
+        problem = sp.Problem(f, rows, -1, 1)
+        yield str(seed), sp.solve(problem, sp.Options(effort="auto", time_limit=20, **more))
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        x = sp.variables(7)
+        q = rng.integers(-8, 9, (7, 7)) / 4.0
+        f = sp.total([float(q[i, j]) * x[i] * x[j] for i in range(7) for j in range(i + 1)])
+        problem = sp.Problem(f, [sp.total(x) <= 2, x[0] * x[1] >= 0.1], -1, 1)
+        yield f"dense-{seed}", sp.solve(problem, sp.Options(effort="auto", time_limit=30, **more))
+
+
 GROUPS: dict[str, Callable[[], Solved]] = {
     "known": known,
     "zoo": zoo,
@@ -196,6 +236,8 @@ GROUPS: dict[str, Callable[[], Solved]] = {
     "families": families,
     "empty": empty,
     "unbounded": unbounded,
+    "switches": switches,
+    "deep": deep,
 }
 
 
