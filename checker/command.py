@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from . import reading
+from . import reading, text
 from .reading import Malformed, Problem
 from .result import NotProved, check_certificate, check_result
 
@@ -56,8 +56,6 @@ def problem_of(path: str) -> Problem:
         elif name != "problem":
             raise Malformed(f"{path} holds a {name}, not a problem")
         return reading.problem(found)
-    from . import text
-
     return text.problem_of(path)
 
 
