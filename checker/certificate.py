@@ -16,6 +16,7 @@ from .propagation import Row as BoxRow
 from .reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
 
 Holds = Callable[[int, int, int], "Fraction | None"]
+MOST_SWEEPS = 200  # the box of fewer sweeps is larger, so that nothing false follows
 ARGUMENTS: dict[str, Any] = {"Identity": Identity, "LinearDual": LinearDual, "ExactGram": ExactGram}
 
 
@@ -137,7 +138,7 @@ class Propagation(Step):
     def apply(self, replay: Replay, box: Box) -> None:
         """See the class."""
         rows = replay.rows(self.cutoff)
-        for _ in range(self.given.sweeps):
+        for _ in range(min(self.given.sweeps, MOST_SWEEPS)):
             if box.empty or not box.stale[self.cutoff]:
                 break
             rows.sweep(box, self.cutoff)
