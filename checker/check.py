@@ -2,9 +2,11 @@
 
     python checker/check.py problem.json certificate.json
     python checker/check.py result.json
+    python checker/check.py --record record.csv identification.json
 
 A problem may also be given as a text, "min ...; s.t. ...", or as a .gms file. Exit code 0: every
-claim is proved, and printed; 1: some claim is not, and why; 2: the input is malformed.
+claim is proved, and printed; 1: some claim is not, and why; 2: the input is malformed; 3: proved
+but for what is "taken as given".
 """
 
 from __future__ import annotations

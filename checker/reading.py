@@ -13,7 +13,7 @@ from typing import Any
 
 from .polynomial import INF, Polynomial, Word
 
-VERSIONS = (2, 3)
+VERSIONS = {"sparsepop-py": (2, 3), "setid": (1,)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 
@@ -91,11 +91,10 @@ def load(path: str | Path) -> Any:
 
 def content(found: Any, place: str) -> tuple[str, Any]:
     """The kind of a file and what it holds, if its format and version are known."""
-    if item(found, "format", place) != "sparsepop-py":
-        raise Malformed(f"{place}: its format is not 'sparsepop-py'")
-    version = item(found, "version", place)
-    if type(version) is not int or version not in VERSIONS:
-        raise Malformed(f"{place}: version {version!r} is not one of {VERSIONS}")
+    name = text(item(found, "format", place), f"{place}.format")
+    version = whole(item(found, "version", place), f"{place}.version")
+    if version not in VERSIONS.get(name, ()):
+        raise Malformed(f"{place}: {name!r:.40} of version {version} is not known")
     name = text(item(found, "is", place), f"{place}.is")
     return name, item(found, name, place)
 
