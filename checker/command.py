@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 from . import reading, text
 from .reading import Malformed, Problem
 from .record import Identification
@@ -36,7 +38,7 @@ def main(arguments: list[str]) -> int:
 
 def told(words: str, code: int) -> int:
     """Print, and return the exit code."""
-    print(words)
+    sys.stdout.write(words + "\n")
     return code
 
 
