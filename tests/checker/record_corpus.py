@@ -1,6 +1,6 @@
 """Records of all kinds and what setid proves of them, as files for the second checker.
 
-``python tests/checker/records.py folder [from] [to]`` identifies them and writes one file each.
+``python tests/checker/record_corpus.py folder [from] [to]`` identifies them and writes one file each.
 """
 
 from __future__ import annotations
@@ -85,7 +85,9 @@ def several() -> Iterator[Case]:
     """Several channels, missing samples, structures that come as rows."""
     rng = np.random.default_rng(5)
     u = rng.choice([-1.0, 1.0], (14, 2))
-    y = response(u[:, 0], [-0.5], [1.0], np.zeros(14)) + response(u[:, 1], [0.3], [0.5], np.zeros(14))
+    y = response(u[:, 0], [-0.5], [1.0], np.zeros(14)) + response(
+        u[:, 1], [0.3], [0.5], np.zeros(14)
+    )
     y = y + rng.uniform(-0.02, 0.02, 14)
     two = setid.IOData(u, y)
     common = setid.TransferFunction(1, 2, inputs=2, common_denominator=True)

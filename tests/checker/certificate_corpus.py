@@ -1,6 +1,6 @@
 """Problems of all kinds and what the package proves of them, as files for the second checker.
 
-``python tests/checker/corpus.py folder [group ...]`` solves them and writes ``group-name.json``,
+``python tests/checker/certificate_corpus.py folder [group ...]`` solves them and writes ``group-name.json``,
 one result a file. Only the public face of the package is used.
 """
 

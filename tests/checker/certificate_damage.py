@@ -1,4 +1,4 @@
-"""Damaged files: ``python tests/checker/damage.py folder count`` changes results field by field.
+"""Damaged files: ``python tests/checker/certificate_damage.py folder count`` changes results field by field.
 
 A damaged result may be accepted only where what it claims is still true. Whether it is follows
 from the undamaged result, whose bound is proved and whose point is attained: a lower bound above

@@ -1,4 +1,4 @@
-"""Both checkers on the same files: ``python tests/checker/compare.py folder``."""
+"""Both checkers on the same files: ``python tests/checker/compare_checkers.py folder``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
 
-from corpus import kinds  # noqa: E402
+from certificate_corpus import kinds  # noqa: E402
 
 import sparsepop_py as sp  # noqa: E402
 from checker import reading, result  # noqa: E402
