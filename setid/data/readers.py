@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from setid.data.checks import real_array
@@ -147,6 +146,8 @@ def read_mat_columns(
     DataError
         If a variable is missing or not a real matrix.
     """
+    import scipy.io  # loaded by those who read such files
+
     try:
         version = scipy.io.matlab.matfile_version(os.fspath(path))
         found = {} if version[0] > 1 else scipy.io.loadmat(os.fspath(path))
