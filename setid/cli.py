@@ -14,8 +14,8 @@ from typing import Any, Literal, get_args
 import sparsepop_py as sp
 from setid.consistency import Consistency, consistency
 from setid.data.noise import Noise
-from setid.data.readers import text_lines
 from setid.data.record import IOData
+from setid.data.tables import has_names
 from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.identify import identify
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method
@@ -176,10 +176,8 @@ def _columns(given: list[str] | None) -> list[str | int]:
 
 
 def _default_columns(path: str) -> tuple[str | int, str | int]:
-    """U and y where the first line holds names, else the first two columns."""
-    first = next((line for _, line in text_lines(path)), "")
-    named = any(character.isalpha() and character not in "eEnNaA" for character in first)
-    return ("u", "y") if named else (0, 1)
+    """Take u and y where the first line holds names, else the first two columns."""
+    return ("u", "y") if has_names(path) else (0, 1)
 
 
 def _parts(

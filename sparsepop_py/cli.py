@@ -1,4 +1,4 @@
-"""The command line: ``sparsepop solve FILE.gms`` and ``sparsepop info FILE.gms``."""
+"""Command line: ``sparsepop solve FILE.gms`` and ``sparsepop info FILE.gms``."""
 
 from __future__ import annotations
 
@@ -108,7 +108,9 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
         "--plain", action="store_true", help="the bounds as given, no search for tighter ones"
     )
     effort.add_argument(
-        "--auto", action="store_true", help="higher orders too while the gap is open"
+        "--auto",
+        action="store_true",
+        help="more relaxations and branch and bound while the gap is open",
     )
     command.add_argument(
         "--solver",
@@ -161,7 +163,7 @@ def _solve(arguments: argparse.Namespace) -> int:
 
 
 def _interval(result: Result) -> tuple[float, float]:
-    """Where the optimal value lies, in the sense of the file."""
+    """Return the interval of the optimal value, in the sense of the file."""
     low, high = result.lower_bound, result.upper_bound
     return (-high, -low) if result.problem.sense == "max" else (low, high)
 
@@ -205,7 +207,7 @@ def _point(result: Result) -> list[str]:
 
 
 def _number(value: float) -> float | str | None:
-    """A number that JSON knows, infinities as the strings that ``float`` reads."""
+    """Convert a number to JSON, infinities to the strings that ``float`` reads."""
     if math.isnan(value):
         return None
     return value if math.isfinite(value) else str(value)

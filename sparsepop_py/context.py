@@ -1,4 +1,4 @@
-"""What every stage of a solve needs: the problem, the options, the clock, the best point."""
+"""Context of one solve: problem, options, deadline, incumbent."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ __all__ = ["SolveContext"]
 
 @dataclass(frozen=True, eq=False)
 class SolveContext:
-    """One objective: what is asked, how, and the best attained point so far.
+    """Context of the search for one objective: problem, options, deadline, incumbent.
 
     Parameters
     ----------
     problem : Problem
     options : Options
     stages : Stages
-    clock : Clock
+    deadline : Deadline
     best : ProvedPoint or None
+        The incumbent: the best point whose existence is proved.
     unit : float or None
-        What the gap is relative to; None: as ``options.gap_kind`` says.
+        Value that the gap is relative to; None: as ``options.gap_kind`` says.
     repair : callable or None
         Given a candidate vector (n,), a better one to start a local search from.
     objectives : int
-        How many objectives share its feasible set.
+        Number of objectives that share the feasible set.
     below : bool
-        Whether the cut-off lies a little below the attained value, see :meth:`replay`.
+        Whether the cutoff lies a little below the attained value, see :meth:`replay`.
     aim : float or None
         A bound at which solvers may end; None: one that closes the gap.
     """
@@ -54,7 +55,7 @@ class SolveContext:
 
     @property
     def upper(self) -> float:
-        """The attained value, +inf without one."""
+        """The attained value of the incumbent, +inf without one."""
         return self.best.value if self.best is not None else np.inf
 
     @property
@@ -72,7 +73,7 @@ class SolveContext:
 
     @property
     def goal(self) -> float | None:
-        """A bound at which solvers may end: one that closes the gap with something to spare."""
+        """A bound at which solvers may end; None: at their own accuracy."""
         if self.aim is not None:
             return self.aim
         if self.best is None or self.options.effort != "auto":
@@ -80,13 +81,14 @@ class SolveContext:
         return self.target + 0.2 * self.allowed
 
     def closed(self, bound: float) -> bool:
-        """Whether a proved bound closes the gap, or says that nothing is feasible."""
+        """Check whether a proved bound closes the gap, or proves that nothing is feasible."""
         return bound == np.inf or (self.best is not None and bound >= self.target)
 
     def enough(self, bound: float) -> float:
-        """What shorter multipliers have to prove: that the gap is closed, or nearly the same.
+        """Return a bound that shorter multipliers have to prove.
 
-        Points that are found later may make the allowed gap smaller, but not than this.
+        It closes the gap, or is nearly the bound given. Points that are found later may make the
+        allowed gap smaller, but not than this.
         """
         if bound == np.inf or self.best is None:
             return bound
@@ -96,19 +98,27 @@ class SolveContext:
 
     @property
     def cutoff(self) -> float:
-        """The cut-off under which boxes shrink, +inf without one."""
+        """The cutoff with which boxes are tightened, +inf without one."""
         cutoff = self.replay().cutoff
         return np.inf if cutoff is None else cutoff
 
     def replay(self, *, below: bool | None = None) -> Replay:
-        """The problem with the cut-off at the attained value.
+        """Attach the cutoff to the problem: the attained value, or a little below it.
 
-        Where ``below`` (of the task, if not given), the cut-off lies a little below it, by most
-        of the allowed gap, so that parts of the box can become empty; a bound can then not
-        exceed that level.
+        A cutoff below the attained value, by most of the allowed gap, lets nodes become empty; a
+        bound can then not exceed the cutoff.
+
+        Parameters
+        ----------
+        below : bool, optional
+            Place the cutoff below the attained value; as the context says when left out.
+
+        Returns
+        -------
+        Replay
         """
-        idle = self.best is None or "cutoff" in self.options.skip
-        cutoff = None if idle else self.upper
+        without = self.best is None or "cutoff" in self.options.skip
+        cutoff = None if without else self.upper
         if (self.below if below is None else below) and cutoff is not None:
             # falls with the attained value, whatever the gap, so that boxes found before hold
             cutoff -= 0.9 * min(self.allowed, max(1.0, abs(cutoff)))

@@ -1,8 +1,9 @@
-"""How to solve: one frozen class, stored in every result."""
+"""Options of a solve: one frozen class, stored in every result."""
 
 from __future__ import annotations
 
 import numbers
+import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -28,12 +29,14 @@ SKIPPED = (
     "chordal",
     "components",
     "inverse",
-    "narrow",
-    "squeeze",
+    "obbt_lp",
+    "obbt_sdp",
     "quote",
     "cutoff",
     "branch",
 )
+
+_OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until the version after next
 
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
@@ -53,8 +56,8 @@ class Options:
         Relaxation order; the least legal one when left out, raised to it when smaller.
     effort : {"presolve", "plain", "auto"}
         ``"plain"``: scaling and exactly the relaxation of that order. ``"presolve"``:
-        finite boxes too, by interval propagation and an objective cut-off. ``"auto"``: a
-        ladder of relaxations, linear to high orders, and branch and bound, while the gap
+        finite boxes too, by interval propagation and an objective cutoff. ``"auto"``: a
+        hierarchy of relaxations, linear to high orders, and branch and bound, while the gap
         is open, starting at ``order`` when given; give a ``time_limit`` with it.
     gap : float
         The gap that counts as closed.
@@ -75,19 +78,20 @@ class Options:
     refine : {"scipy", "ipopt", "none"}
         Local search for attained points; ``"ipopt"`` needs the extra of that name.
     branch_on : sequence of int, optional
-        Variables (from 0) that branch and bound may cut; those that cover all products
+        Variables (from 0) for branch and bound to branch on; those that cover all products
         when left out.
     node_limit : int, optional
-        Most parts that branch and bound looks at; 0 switches it off.
+        Most nodes that branch and bound processes; 0 switches it off.
     executor : concurrent.futures.Executor, optional
-        Where the parts of branch and bound are worked on.
+        Processes the nodes of branch and bound.
     skip : sequence of str, optional
-        Parts of effort ``"auto"`` to leave out, for comparisons: rungs by shape
+        Steps of effort ``"auto"`` to leave out, for comparisons: relaxations by shape
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
         (``"monomials"``, ``"partners"``) or by terms (``"chordal"``, ``"components"``);
-        ``"inverse"`` (first bounds from linear rows), ``"narrow"`` (bounds tightened by
-        linear programs), ``"squeeze"`` (... by semidefinite relaxations, in branch and bound),
-        ``"quote"`` (bounds of one objective used for others), ``"cutoff"``, ``"branch"``.
+        ``"inverse"`` (first bounds from linear rows), ``"obbt_lp"`` (bound tightening by
+        linear programs), ``"obbt_sdp"`` (... by semidefinite relaxations, in branch and
+        bound), ``"quote"`` (bounds of one objective used for others), ``"cutoff"``,
+        ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open.
@@ -106,7 +110,8 @@ class Options:
         Most iterations of a conic solver (Clarabel and the clique-tree method).
     switches : Switches, optional
         With effort ``"plain"``: the relaxation of Waki, Kim, Kojima and Muramatsu under
-        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
+        SparsePOP's switches, its order among them; see
+        :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
     seed : int
         Seed of random starting points.
     progress : bool
@@ -116,6 +121,16 @@ class Options:
     ------
     ProblemError
         If a value is outside its range; the message names the option.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> sp.Options(order=2, effort="auto", time_limit=60.0).gap
+    1e-06
+    >>> sp.Options(order=0)
+    Traceback (most recent call last):
+    ...
+    sparsepop_py.errors.ProblemError: Options.order: found 0, expected a positive integer
     """
 
     order: int | None = None
@@ -158,6 +173,7 @@ class Options:
             if not isinstance(value, numbers.Real) or not float(value) >= 0:
                 raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
         self._check_kinds()
+        self._check_skip()
         self._check_solver()
 
     def _check_solver(self) -> None:
@@ -190,6 +206,14 @@ class Options:
 
             require_solver(self.solver)
 
+    def _check_skip(self) -> None:
+        object.__setattr__(self, "skip", _renamed(self.skip))
+        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
+        if not named or any(name not in SKIPPED for name in self.skip):
+            raise ProblemError(
+                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
+            )
+
     def _check_kinds(self) -> None:
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
@@ -209,11 +233,6 @@ class Options:
             raise ProblemError(
                 f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
             )
-        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
-        if not named or any(name not in SKIPPED for name in self.skip):
-            raise ProblemError(
-                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
-            )
         if self.executor is not None and not isinstance(self.executor, Executor):
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
         self._check_solver_name()
@@ -224,3 +243,17 @@ class Options:
                 raise ProblemError(
                     f"Options.{name}: found {getattr(self, name)!r}, expected True or False"
                 )
+
+
+def _renamed(skip: Sequence[str]) -> Sequence[str]:
+    """Replace names of earlier versions by those of today, with a DeprecationWarning."""
+    if isinstance(skip, str) or not isinstance(skip, Iterable):
+        return skip  # refused by the caller
+    names = tuple(skip)
+    old = [name for name in names if isinstance(name, str) and name in _OLD_SKIPPED]
+    for name in old:
+        text = f"Options.skip: {name!r} is now called {_OLD_SKIPPED[name]!r}"
+        warnings.warn(text, DeprecationWarning, stacklevel=5)
+    if not old:
+        return skip
+    return tuple(_OLD_SKIPPED[name] if name in old else name for name in names)

@@ -1,8 +1,9 @@
-"""The pipeline: from a problem to a proved bound, an attained point, the gap and a status.
+"""Pipeline from a problem to proved bound, attained point, gap and status.
 
     search -> box -> scale -> cliques -> relax -> assemble -> solve -> certify -> extract
 
-The stages are in :mod:`sparsepop_py.bounding.relaxation_bound`, their repetition in :mod:`sparsepop_py.strategy.order_loop`.
+One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
+:mod:`sparsepop_py.strategy.order_loop`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import CertifiedBound, Model, lower_bound, relaxed
+from sparsepop_py.bounding.relaxation_bound import (
+    CertifiedBound,
+    Model,
+    build_relaxations,
+    lower_bound,
+)
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError
@@ -46,12 +52,13 @@ __all__ = ["solve", "solve_each"]
 def solve(
     problem: Problem, options: Options | None = None, *, start: NDArray | None = None
 ) -> Result:
-    """Proved lower bound, attained upper bound and minimisers of a polynomial problem.
+    """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
     Parameters
     ----------
     problem : Problem
     options : Options, optional
+        Defaults: relaxation of least order, with presolve.
     start : (n,) array_like, optional
         A point to start the local search from.
 
@@ -101,11 +108,11 @@ def solve_each(
     branch_on: Sequence[int] | None = None,
     on_progress: Callable[[int, float, float], None] | None = None,
 ) -> list[Result]:
-    """Solve for several objectives over one feasible set, with one relaxation for all.
+    """Solve for several objectives over one feasible set, sharing box and relaxations.
 
-    The shared box uses arguments that hold for all objectives (no cut-off). Where it is
+    The shared box uses arguments that hold for all objectives (no cutoff). Where it is
     not finite in every variable, each objective gets a box and a relaxation of its own.
-    With effort ``"auto"`` a bound that one objective proves of a single variable shrinks
+    With effort ``"auto"`` a bound that one objective proves of a single variable tightens
     the box of the others, and its certificate is quoted in theirs.
 
     Parameters
@@ -113,9 +120,11 @@ def solve_each(
     problem : Problem
         Its own objective is ignored.
     objectives : sequence of Polynomial
-    options, start
-        As in :func:`solve`; ``time_limit`` is for all objectives together. With
-        ``gap_kind="width"`` every objective p needs its negative -p among the others.
+    options : Options, optional
+        ``time_limit`` is for all objectives together. With ``gap_kind="width"`` every
+        objective p needs its negative -p among the others.
+    start : (n,) array_like, optional
+        A point to start local searches from.
     repair : callable, optional
         Given a candidate vector (n,), a better one: used before local searches.
     points : sequence of ProvedPoint
@@ -134,6 +143,8 @@ def solve_each(
     ------
     ProblemError
         If an argument is malformed.
+    SolverNotFound
+        If the chosen solver is not installed.
 
     Examples
     --------
@@ -153,7 +164,7 @@ def solve_each(
         return []
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     stages, starts = Stages(options.progress), _start_vectors(problem, start)
-    told = _ProgressReporter(on_progress)
+    report = _ProgressReporter(on_progress)
     deadline = Deadline(options.time_limit, options.work_limit)
     first = Model(BoxProof(), Interval(problem.lower, problem.upper))
     try:
@@ -164,7 +175,7 @@ def solve_each(
     box = first.box
     if options.effort == "auto" and finite(box) and not is_empty(box):
         starts += [] if deadline.over else first_starts(problem, box, options)
-        family = MultiObjectiveSearch(
+        search = MultiObjectiveSearch(
             problem,
             objectives,
             options,
@@ -172,34 +183,34 @@ def solve_each(
             starts,
             stages,
             deadline,
-            told,
+            report,
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
         )
-        return [_result(state) for state in family.run()]
+        return [_result(state) for state in search.run()]
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         try:
             with stages.stage("relax"):
-                model = relaxed(problem, tuple(objectives), first, options)
+                model = build_relaxations(problem, tuple(objectives), first, options)
         except KeyboardInterrupt:
             deadline.stop()
     states: list[SearchState] = []
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not states else {})
-        part, count = problem.with_objective(objective), len(objectives)
-        context = SolveContext(part, options, own, deadline, repair=repair, objectives=count)
+        one, count = problem.with_objective(objective), len(objectives)
+        context = SolveContext(one, options, own, deadline, repair=repair, objectives=count)
         states.append(_solve_one(context, starts, model))
         if INTERRUPTED in states[-1].notes:
             deadline.stop()  # the others end with what is known
-        told(number, states[-1])
+        report(number, states[-1])
     return [_result(state) for state in _with_widths(states, objectives, options)]
 
 
 @dataclass(frozen=True)
 class _ProgressReporter:
-    """Tells the caller how far an objective is."""
+    """Callback that reports the bounds of an objective to the caller."""
 
     on_progress: Callable[[int, float, float], None] | None
 
@@ -242,7 +253,7 @@ def _check_problem(problem: Problem, options: Options) -> None:
 def _with_widths(
     states: list[SearchState], objectives: list[Polynomial], options: Options
 ) -> list[SearchState]:
-    """Gaps relative to the distance of the attained values of pairs, where asked for."""
+    """Make gaps relative to the distance of the attained values of pairs, if asked for."""
     if options.gap_kind != "width":
         return states
     paired, done = pairs(objectives), []
@@ -268,16 +279,16 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
 
 
 def _solve_one(context: SolveContext, starts: list[NDArray], shared: Model | None) -> SearchState:
-    """A local search, then the ladder; an interrupt ends both with what is proved."""
-    problem, near = context.problem, list[NDArray]()
+    """Search an incumbent, then loop over relaxations; an interrupt keeps what is proved."""
+    problem, candidates = context.problem, list[NDArray]()
     try:
         with context.stages.stage("search"):
             box = shared.box if shared else Interval(problem.lower, problem.upper)
-            first, later = tee(chain(starts, _random(problem, box, context.options)))
-            context, near = first_incumbent(context, first)
-        return run_orders(context, near, shared, later)
+            first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
+            context, candidates = first_incumbent(context, first)
+        return run_orders(context, candidates, shared, more_starts)
     except KeyboardInterrupt:
-        return unstarted_state(context, near)
+        return unstarted_state(context, candidates)
     finally:
         context.stages.close()
 
@@ -287,7 +298,7 @@ def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArr
 
 
 def _result(state: SearchState) -> Result:
-    context, bound, near = state.context, state.outcome, state.near
+    context, bound, candidates = state.context, state.outcome, state.candidates
     problem, best = context.problem, context.best
     lower = lower_bound(bound.certificate)
     upper = best.value if best is not None else np.inf
@@ -309,7 +320,7 @@ def _result(state: SearchState) -> Result:
         notes += note
     elif context.deadline.over or state.notes:
         status = Status.LIMIT
-    points = _points(problem, best, near)
+    points = _points(problem, best, candidates)
     return Result(
         problem=problem,
         options=context.options,
@@ -338,20 +349,24 @@ def _unproved(
             shown = ", ".join(f"{v:g}" for v in ray[:8]) + (", ..." if ray.size > 8 else "")
             return Status.UNBOUNDED, [f"the objective falls along the ray ({shown}) from x"]
     box = bound.model.box
-    endless = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
-    if endless.size:
-        names = ", ".join(problem.names[v] for v in endless[:8])
-        more = f" and {endless.size - 8} more" if endless.size > 8 else ""
+    unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
+    if unbounded.size:
+        names = ", ".join(problem.names[v] for v in unbounded[:8])
+        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
         return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
     return Status.FAILED, []
 
 
-def _points(problem: Problem, best: ProvedPoint | None, near: list[NDArray]) -> tuple[Point, ...]:
-    """Distinct candidates, the attained one first, then by value."""
+def _points(
+    problem: Problem, best: ProvedPoint | None, candidates: list[NDArray]
+) -> tuple[Point, ...]:
+    """Select distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []
-    least = min([problem.objective(x) for x in vectors + near], default=np.inf)
-    near = [x for x in near if problem.objective(x) <= least + 1e-3 * (1.0 + abs(least))]
-    rated = sorted(near, key=problem.objective)
+    least = min([problem.objective(x) for x in vectors + candidates], default=np.inf)
+    candidates = [
+        x for x in candidates if problem.objective(x) <= least + 1e-3 * (1.0 + abs(least))
+    ]
+    rated = sorted(candidates, key=problem.objective)
     for x in rated:
         if all(np.abs(x - kept).max() > 1e-4 * (1.0 + np.abs(kept).max()) for kept in vectors):
             vectors.append(x)

@@ -1,4 +1,4 @@
-"""Problems of known minima and states of the outer loop."""
+"""Problems of known minima, and options of the search."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem
 from sparsepop_py.relaxation.hierarchy import relaxation_specs
 
-CATALOGUE = relaxation_specs
+ALL_SPECS = relaxation_specs
 
 
 A = np.array([1.0, -2.0, 1.5, 0.5, -1.0, 2.0])
@@ -49,7 +49,7 @@ def least_of_bilinear():
 CASES = {"star": (star, least_of_star), "bilinear": (bilinear, least_of_bilinear)}
 
 
-def climbing(**options):
-    """Options under which the shapes are climbed one after the other."""
+def hierarchy_options(**options):
+    """Return options under which the shapes are solved one after the other."""
     usual = {"gap": 0.0, "node_limit": 0, "time_limit": 20.0, "skip": ("full",)}
     return Options(effort="auto", **usual | options)

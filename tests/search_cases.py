@@ -12,8 +12,8 @@ import sparsepop_py as sp
 from sparsepop_py import Options, Problem
 from sparsepop_py.branch_and_bound.node import NodeSettings
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.context import SolveContext
 from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.progress import Stages
@@ -49,7 +49,7 @@ def search_of(problem, variables, start=None, options=None, local=False, **setti
     )
 
 
-def cuts_of(certificate):
+def branched_on(certificate):
     return {node.branch[0] for node in certificate.root if node.branch is not None}
 
 

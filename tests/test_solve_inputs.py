@@ -262,3 +262,11 @@ def test_what_is_no_problem_is_named():
         sp.solve(x**2)
     with pytest.raises(sp.ProblemError, match="problem: found str, expected a Problem"):
         sp.solve_each("min x1", [x])
+
+
+@pytest.mark.parametrize(("old", "new"), [("narrow", "obbt_lp"), ("squeeze", "obbt_sdp")])
+def test_earlier_names_of_steps_to_skip_are_accepted_with_a_warning(old, new):
+    with pytest.warns(DeprecationWarning, match=rf"Options.skip: '{old}' is now called '{new}'"):
+        options = sp.Options(skip=["branch", old])
+    assert options.skip == ("branch", new)
+    assert options == sp.Options(skip=("branch", new))

@@ -1,7 +1,7 @@
-"""Linear problems in few unknowns, solved exactly: before any box exists, and without rounding.
+"""Exact linear programs in few unknowns, without a box and without rounding.
 
 HiGHS proposes the rows that are active at the optimum; exact pivots do the rest (see
-:mod:`sparsepop_py.lp.exact_simplex`). What comes out is always settled: an optimal vertex,
+:mod:`sparsepop_py.lp.exact_simplex`). The result is always decided: an optimal vertex,
 multipliers that prove emptiness (Farkas), or a ray along which the objective falls.
 """
 

@@ -1,11 +1,10 @@
-"""Recovering squares: exact Gram matrices from nearly exact ones.
+"""Exact Gram matrices by rounding nearly exact ones.
 
 Monomials are those whose squares occur in the objective, entries those whose products do.
-A solver finds a nearly semidefinite matrix; what the coefficients leave open in it is rounded
+A solver finds a nearly semidefinite matrix. What the coefficients leave open in it is rounded
 to ever finer binary fractions, until elimination in rationals shows that the matrix is
-semidefinite. That succeeds where the Gram matrix is simple, as in objectives that somebody
-wrote as a sum of squares with few digits; the fewer squares there are to choose from, the more
-likely it is.
+semidefinite. That succeeds where the Gram matrix is simple, as in objectives written as a sum
+of squares with few digits; the fewer squares there are to choose from, the more likely it is.
 
 References
 ----------
@@ -44,7 +43,7 @@ _TRACE = 0.1  # weight of the trace beside the constant: it prefers few squares
 def exact_grams(
     objective: Polynomial, relaxation: Relaxation, time_limit: float | None = None
 ) -> Iterator[ExactGram]:
-    """Candidates for an exact Gram matrix of the objective, coarse ones first.
+    """Yield candidates for an exact Gram matrix of the objective, coarse ones first.
 
     Parameters
     ----------
@@ -52,6 +51,11 @@ def exact_grams(
     relaxation : Relaxation
         Of the problem of that objective, unscaled but for a factor, with moment matrices only.
     time_limit : float, optional
+        Seconds for the solver.
+
+    Yields
+    ------
+    ExactGram
     """
     linear = np.any(monomials.degrees(objective.words) == 1)
     for constant in (True,) if linear else (False, True):
@@ -63,7 +67,7 @@ def exact_grams(
 def _rounded(
     objective: Polynomial, sparse: Relaxation, time_limit: float | None
 ) -> Iterator[ExactGram]:
-    """Matrices of growing precision from one solution."""
+    """Round the Gram matrix of one solution with growing precision."""
     program = assemble(sparse, objective)
     rows = _row_weights(objective, sparse)
     matrix = sps.csc_array(sps.diags_array(rows) @ program.A)
@@ -84,7 +88,7 @@ def _rounded(
 def _where_terms_are(
     objective: Polynomial, relaxation: Relaxation, constant: bool
 ) -> Relaxation | None:
-    """The relaxation on monomials whose squares occur and on entries whose products occur."""
+    """Restrict the relaxation to squares and products that occur, None if too few."""
     n = objective.dimension
     blocks: dict[int, Blocks] = {}
     for group in relaxation.groups:
@@ -113,7 +117,7 @@ def _where_terms_are(
 
 
 def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.float64]:
-    """d_i d_j for each row, d_i^2 being the coefficient of the square of monomial i."""
+    """Compute d_i d_j for each row, where d_i^2 is the coefficient of monomial i squared."""
     weights = [np.zeros(0)]
     for group in relaxation.groups:
         square = monomials.multiply(group.basis, group.basis).reshape(-1, 2 * group.basis.shape[2])
@@ -129,7 +133,7 @@ def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.fl
 def _entries(
     relaxation: Relaxation, z: NDArray[np.float64]
 ) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Basis and entries of the sum of all Gram matrices, diagonal entries first."""
+    """Sum all Gram matrices: basis, rows, columns and values, diagonal entries first."""
     n, groups = relaxation.problem.dimension, relaxation.groups
     width = max(g.basis.shape[2] for g in groups)
     flat = [monomials.widen(g.basis, width).reshape(-1, width) for g in groups]
@@ -153,7 +157,7 @@ def _entries(
 
 
 def estimate(gram: ExactGram, objective: Polynomial) -> float:
-    """About what a matrix would prove if it is semidefinite, in floating point."""
+    """Estimate in floating point the bound that a semidefinite Gram matrix would prove."""
     n, size = objective.dimension, gram.basis.shape[0]
     product = monomials.multiply(gram.basis[gram.first], gram.basis[gram.second])
     distinct, number = monomials.collect(product, n)

@@ -1,4 +1,4 @@
-"""One rung: a relaxation of one box, and the best bound that it proves.
+"""Lower bound from one relaxation of one box.
 
 box -> scale -> cliques -> relax -> assemble -> solve -> certify
 """
@@ -20,7 +20,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
-from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
+from sparsepop_py.relaxation.sparsepop.reduction import ReducedProgram, reduce_program
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.solvers import preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
@@ -47,15 +47,15 @@ __all__ = [
     "bound_box",
     "certified_bound",
     "lower_bound",
-    "one_round",
-    "relaxed",
+    "bound_order",
+    "build_relaxations",
     "short_if",
     "solvers_for",
     "stronger",
-    "trivially",
+    "closed_without_relaxation",
 ]
 
-_SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; parts below may be left out
+_SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; smaller ones may be left out
 _ROUGH = 1e-4  # accuracy that is enough of a solver whose gap is that of its safe value
 _MOMENTS = 100  # from which residuals add up to more than the gap that a solver leaves
 _WHOLE: tuple[Joined, ...] = ("constraints",)
@@ -65,7 +65,22 @@ _MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What all objectives over one box share: the proof of the box and the relaxations on it."""
+    """Box of a problem with its proof, and the relaxations built on it.
+
+    All objectives over the box share it.
+
+    Parameters
+    ----------
+    proof : BoxProof
+        The steps that prove the box.
+    box : Interval
+    scaled : Scaled or None
+        The problem scaled to the box; None before relaxations are built.
+    relaxations : tuple of Relaxation
+        Relaxations to solve, one after the other.
+    notes : tuple of str
+        Sentences for the user.
+    """
 
     proof: BoxProof
     box: Interval
@@ -76,7 +91,18 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class CertifiedBound:
-    """What one rung proved and saw."""
+    """Certified bound from one relaxation, with the solver's output.
+
+    Parameters
+    ----------
+    model : Model
+    certificate : Certificate or None
+        None where nothing is proved.
+    relaxation : Relaxation or None
+    solution : ConicSolution or None
+    value : float
+        The solver's value in units of the objective: no bound.
+    """
 
     model: Model
     certificate: Certificate | None
@@ -87,13 +113,13 @@ class CertifiedBound:
 
 @dataclass(frozen=True, eq=False)
 class BoxBound:
-    """The best argument for a bound on one box, and the last solution behind such arguments.
+    """Best argument for a bound on one box, with the solver's last output.
 
     Parameters
     ----------
     proved : Proved
     node : Node
-        The argument; its steps, those that led to the box, are not part of it.
+        The argument, without the steps that prove the box.
     solution : ConicSolution or None
     value : float
         The solver's value in units of the objective: no bound.
@@ -112,7 +138,26 @@ def bound_box(
     relaxation: Relaxation,
     start: BoxBound | None = None,
 ) -> BoxBound:
-    """Solve one relaxation on a box; where variables have no box, with growing margins."""
+    """Solve one relaxation on a box and certify its bound.
+
+    Where variables have no finite box, growing margins are tried: a part of the objective that the
+    solver leaves to pay for residuals.
+
+    Parameters
+    ----------
+    context : SolveContext
+    box : Interval
+    scaled : Scaled
+        The problem scaled to the box.
+    relaxation : Relaxation
+        Of the scaled problem.
+    start : BoxBound, optional
+        A bound known before; the better one is kept.
+
+    Returns
+    -------
+    BoxBound
+    """
     replay = context.replay()
     outcome = start or BoxBound(prove(replay, box, None, False), Node())
     boxed = bool(np.all(scaled.scaling.boxed))
@@ -139,7 +184,7 @@ def bound_box(
                 break
         if outcome.proved.bound > -np.inf or context.deadline.over:
             break
-    if switches is not None and first is not None:  # later margins and solvers are for the proof
+    if switches is not None and first is not None:  # further margins and solvers are for the proof
         return replace(outcome, solution=first.solution, value=first.value)
     if context.options.effort != "auto":
         return outcome
@@ -149,16 +194,20 @@ def bound_box(
 
 def _programs(
     relaxation: Relaxation, scaled: Scaled, minimised: Polynomial, switches: Switches | None
-) -> tuple[ConicProgram, Condensed | None]:
-    """The program of a relaxation, and under switches the smaller one to be solved."""
+) -> tuple[ConicProgram, ReducedProgram | None]:
+    """Assemble the program, and under switches the reduced one that is solved instead."""
     if switches is None:
         return assemble(relaxation, minimised), None
-    small = condensed(relaxation, scaled, switches.perturbed(minimised, relaxation), switches)
+    small = reduce_program(relaxation, scaled, switches.perturbed(minimised, relaxation), switches)
     return small.whole, small
 
 
 def _solution(
-    context: SolveContext, program: ConicProgram, small: Condensed | None, solver: str, size: float
+    context: SolveContext,
+    program: ConicProgram,
+    small: ReducedProgram | None,
+    solver: str,
+    size: float,
 ) -> ConicSolution:
     solution = solve_conic(
         program if small is None else small.program,
@@ -173,7 +222,21 @@ def _solution(
 
 
 def short_if(needed: float, replay: Replay, box: Interval, box_bound: BoxBound) -> BoxBound:
-    """The argument in short floats, if it still proves what is needed."""
+    """Store an argument in 32 bits if it still proves what is needed.
+
+    Parameters
+    ----------
+    needed : float
+        The bound that the shortened argument has to prove.
+    replay : Replay
+    box : Interval
+    box_bound : BoxBound
+
+    Returns
+    -------
+    BoxBound
+        The shortened one, or ``box_bound`` itself.
+    """
     long = box_bound.node.argument
     if not isinstance(long, Identity) or long.short:
         return box_bound
@@ -188,9 +251,10 @@ def short_if(needed: float, replay: Replay, box: Interval, box_bound: BoxBound) 
 
 
 def _accuracy(context: SolveContext, size: float, solver: str, moments: int) -> float:
-    """How far a solver should go: a hundredth of the gap that counts as closed is enough.
+    """Choose a solver's accuracy: a hundredth of the gap that counts as closed.
 
-    Where it knows no safe value, the proof pays for residuals of either sign of all moments.
+    Where the solver knows no safe value, the proof pays for residuals of either sign of all
+    moments.
     """
     if context.options.accuracy is not None:
         return context.options.accuracy
@@ -203,7 +267,7 @@ def _accuracy(context: SolveContext, size: float, solver: str, moments: int) -> 
 
 
 def _loses(context: SolveContext, outcome: BoxBound) -> bool:
-    """Whether what the proof cost is a good part of what is missing."""
+    """Check whether the proof's correction is a good part of the missing gap."""
     bound, correction = outcome.proved.bound, outcome.proved.correction
     if bound == -np.inf:
         return True
@@ -214,7 +278,7 @@ def _loses(context: SolveContext, outcome: BoxBound) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One solution of one program, to be certified."""
+    """Solution of one program, to be certified."""
 
     replay: Replay
     box: Interval
@@ -226,7 +290,7 @@ class Attempt:
     share: float
 
     def box_bound(self, z: NDArray[np.float64]) -> BoxBound:
-        """What the multipliers z prove."""
+        """Certify the bound that multipliers z prove."""
         empty = self.solution.status == "infeasible"
         identity: Identity = identity_of(
             self.relaxation, self.scaled, z, 1.0 if empty else self.size, floor=self.share
@@ -238,7 +302,7 @@ class Attempt:
 
 
 def _certified(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> BoxBound:
-    """The best of: the old bound, the solver's multipliers, these repaired if they lose much."""
+    """Keep the best of the old bound, the solver's multipliers and repaired ones."""
     new = attempt.box_bound(attempt.solution.z)
     outcome = stronger(outcome, new)
     if attempt.solution.status == "infeasible" or context.options.effort == "plain":
@@ -253,14 +317,14 @@ def _certified(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> Bo
 
 
 def stronger(old: BoxBound, new: BoxBound) -> BoxBound:
-    """The argument with the larger bound, with the newest solver output."""
+    """Return the argument with the larger bound, with the newest solver output."""
     if new.proved.bound >= old.proved.bound:
         return new
     return replace(new, proved=old.proved, node=old.node)
 
 
 def solvers_for(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[str, ...]:
-    """The chosen solver; by default those that suit the relaxation, one after the other."""
+    """Select solvers: the chosen one, by default those that suit the relaxation, in order."""
     if options.solver != "auto":
         return (options.solver,)
     if options.effort == "plain":
@@ -272,41 +336,54 @@ def solvers_for(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[
 # ---- one round on one order -----------------------------------------------------------------
 
 
-def one_round(context: SolveContext, shared: Model | None) -> CertifiedBound:
-    """Box, relaxations, solver and certificate, once."""
+def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
+    """Bound one objective by one relaxation order: box, relaxations, solver, certificate.
+
+    Parameters
+    ----------
+    context : SolveContext
+    shared : Model or None
+        Box and relaxations that several objectives share; None: made here.
+
+    Returns
+    -------
+    CertifiedBound
+    """
     problem, options, best = context.problem, context.options, context.best
     model = shared
     if model is None:
         with context.stages.stage("presolve"):
-            model = Model(*find_box(problem, best, options, done=trivially(context)))
+            model = Model(
+                *find_box(problem, best, options, done=closed_without_relaxation(context))
+            )
         empty = _emptiness(problem, model)
         if empty is not None:
             return CertifiedBound(model, empty)
-        if trivially(context):
+        if closed_without_relaxation(context):
             return _prove(context, model)
         with context.stages.stage("relax"):
             typical = best.x if best is not None else None
-            scaled = relaxed(problem, (problem.objective,), model, options, typical)
+            scaled = build_relaxations(problem, (problem.objective,), model, options, typical)
         outcome = _prove(context, scaled)
         if _sensible(context, outcome) or options.effort == "plain":
             return outcome
         # a far attained point spoils the scale, a huge box the proof: try without either
         with context.stages.stage("relax"):
             bare = Model(*find_box(problem, best, options, done=True))
-            bare = relaxed(problem, (problem.objective,), bare, options)
+            bare = build_relaxations(problem, (problem.objective,), bare, options)
         return better(outcome, _prove(context, bare))
     return _prove(context, model)
 
 
 def _sensible(context: SolveContext, bound: CertifiedBound) -> bool:
-    """Whether the bound has the size of the attained value, or there is nothing to compare."""
+    """Check that the bound has the size of the attained value, if there is one."""
     if context.best is None:
         return True
     return lower_bound(bound.certificate) > context.upper - 1e3 * (1.0 + abs(context.upper))
 
 
 def _emptiness(problem: Problem, model: Model) -> Certificate | None:
-    """The proof that no point is feasible, if propagation finds one."""
+    """Certify that no point is feasible, if propagation shows it."""
     proof, box = model.proof, model.box
     replay = Replay(problem, None)
     if proof.uses_cutoff:
@@ -319,22 +396,37 @@ def _emptiness(problem: Problem, model: Model) -> Certificate | None:
     return certify(replay, Node(proof), prove(replay, box, None, False))
 
 
-def trivially(context: SolveContext) -> bool:
-    """Whether the given bounds or squares close the gap without any relaxation."""
+def closed_without_relaxation(context: SolveContext) -> bool:
+    """Check whether given bounds or squares close the gap without any relaxation."""
     if context.best is None or context.options.effort == "plain":
         return False
     start = Interval(context.problem.lower, context.problem.upper)
     return context.closed(prove(context.replay(), start, None, False).bound)
 
 
-def relaxed(
+def build_relaxations(
     problem: Problem,
     objectives: tuple[Polynomial, ...],
     model: Model,
     options: Options,
     typical: NDArray | None = None,
 ) -> Model:
-    """Scale the problem to the box of the model and build the relaxations on it."""
+    """Scale the problem to the box of a model and build the relaxations on it.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : tuple of Polynomial
+    model : Model
+    options : Options
+    typical : (n,) float, optional
+        Values of the variables at a typical point, for scales where no box is known.
+
+    Returns
+    -------
+    Model
+        With ``scaled``, ``relaxations`` and ``notes``.
+    """
     switches = options.switches
     if switches is None:
         scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
@@ -360,7 +452,7 @@ def relaxed(
 
 
 def _prove(context: SolveContext, model: Model) -> CertifiedBound:
-    """Solve the relaxations and certify, until the gap to the attained value is closed."""
+    """Solve the relaxations one by one and certify, until the gap is closed."""
     replay = context.replay()
     box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     used: Relaxation | None = None
@@ -385,19 +477,19 @@ def _prove(context: SolveContext, model: Model) -> CertifiedBound:
 def certified_bound(
     replay: Replay, model: Model, box_bound: BoxBound, relaxation: Relaxation | None = None
 ) -> CertifiedBound:
-    """The bound of the whole problem that an argument on the box of a model makes."""
+    """Certify a bound of the problem from an argument on its box."""
     node = replace(box_bound.node, box=model.proof)
     certificate = certify(replay, node, box_bound.proved)
     return CertifiedBound(model, certificate, relaxation, box_bound.solution, box_bound.value)
 
 
 def lower_bound(certificate: Certificate | None) -> float:
-    """The bound of a certificate, -inf without one."""
+    """Return the bound of a certificate, -inf without one."""
     return -np.inf if certificate is None else certificate.bound
 
 
 def better(old: CertifiedBound | None, new: CertifiedBound) -> CertifiedBound:
-    """The larger proved bound, with the newest solver output."""
+    """Return the larger certified bound, with the newest solver output."""
     if old is None or lower_bound(new.certificate) >= lower_bound(old.certificate):
         return new
     return replace(new, certificate=old.certificate)

@@ -1,10 +1,10 @@
-"""Bounds without any box, of the objective on the whole space.
+"""Bounds of the objective on the whole space, without any box.
 
 They hold on every feasible set, and close the gap where nothing is constrained or bounded.
 Gram matrices from the interior of the cone are moved onto the objective less a constant, and a
 multiple of the identity is split off that pays for rounding. The earlier a solver stops, the
 larger that multiple can be, and the lower the bound. Forms whose Gram matrices are all
-singular, whatever the constant, get nothing here.
+singular, whatever the constant, get no bound here.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
     better,
+    build_relaxations,
     certified_bound,
+    closed_without_relaxation,
     lower_bound,
-    relaxed,
     stronger,
-    trivially,
 )
 from sparsepop_py.context import SolveContext
 from sparsepop_py.problem.problem import Problem
@@ -35,32 +35,32 @@ from sparsepop_py.verified.box.scaling import Scaled, scale_objective
 from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
 from sparsepop_py.verified.certificate.steps import BoxProof
 
-__all__ = ["free_round", "good_enough"]
+__all__ = ["unconstrained_bound", "good_enough"]
 
 _ACCURACIES = (1e-7, 1e-6, 1e-5, 1e-4)  # where solvers stop, one after the other
 _SHARES = (1e-3, 1e-2, 1e-1, 1.0)  # steps from the most accurate matrices into the interior
 _MANY = 300  # variables from which a box takes too long to gain the last digits
-_SMALL = 1e-4
-_FEW = 40  # monomials up to which rationals take no time
+_SMALL = 1e-4  # relative gap that is nearly closed, with many variables
+_FEW = 40  # monomials up to which rational elimination takes no time
 
 
 def good_enough(context: SolveContext, bound: float) -> bool:
-    """Whether the bound closes the gap, or nearly so where there are many variables."""
-    near = _SMALL * max(1.0, abs(context.upper))
+    """Check whether a bound closes the gap, or nearly so with many variables."""
+    nearly = _SMALL * max(1.0, abs(context.upper))
     large = context.problem.dimension > _MANY
-    return context.closed(bound) or (large and bound >= context.upper - near)
+    return context.closed(bound) or (large and bound >= context.upper - nearly)
 
 
-def free_round(context: SolveContext) -> CertifiedBound | None:
-    """A bound of the objective without constraints and bounds, None where it does not apply."""
+def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
+    """Bound the objective without constraints and bounds, None where that does not apply."""
     problem = Problem(context.problem.objective)
-    if problem.degree == 0 or problem.degree % 2 or trivially(context):
+    if problem.degree == 0 or problem.degree % 2 or closed_without_relaxation(context):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
     outcome: CertifiedBound | None = None
     for typical in (None, context.best.x if context.best is not None else None):
         with context.stages.stage("relax"):
-            model = relaxed(problem, (problem.objective,), bare, context.options, typical)
+            model = build_relaxations(problem, (problem.objective,), bare, context.options, typical)
         if model.scaled is None or not model.relaxations:
             return outcome
         if outcome is None:
@@ -75,14 +75,14 @@ def free_round(context: SolveContext) -> CertifiedBound | None:
 
 
 def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
-    """The first exact Gram matrix that is found, as singular as it may be."""
+    """Certify the first exact Gram matrix that is found, however singular."""
     relaxation = model.relaxations[-1]
     replay, f = context.replay(), context.problem.objective
     box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     with context.stages.stage("certify"):
         for gram in exact_grams(f, relaxation, context.deadline.left):
-            dear = gram.basis.shape[0] > _FEW and context.best is not None
-            if dear and not good_enough(context, estimate(gram, f)):
+            slow = gram.basis.shape[0] > _FEW and context.best is not None
+            if slow and not good_enough(context, estimate(gram, f)):
                 continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)
             if proved.bound > box_bound.proved.bound:
@@ -92,7 +92,7 @@ def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
 
 
 def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
-    """Solve the relaxation without any box, and pay for rounding from Gram matrices inside."""
+    """Solve the relaxation without a box and certify Gram matrices of its interior."""
     relaxation = model.relaxations[-1]
     replay, box_bound = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
     minimised, size = scale_objective(context.problem.objective, scaled.scaling)

@@ -1,9 +1,10 @@
-"""One part of a search: its box shrinks, then it is bounded.
+"""Processing of one branch-and-bound node: propagate bounds, bound, tighten.
 
-Propagation with the cut-off comes first. Then either a linear program bounds the part, others like
-it tighten its box, and a semidefinite relaxation follows where that leaves it open; or, where few
-variables complicate the problem and the objective is one variable, a relaxation does all of it: it
-bounds the part and tightens its box in turn while that gains (:mod:`~sparsepop_py.tightening.obbt_sdp`).
+Propagation with the cutoff comes first. Then a linear program bounds the node, others like it
+tighten its box (OBBT), and a semidefinite relaxation follows where that leaves the node open.
+Where few variables complicate the problem and the objective is one variable, a semidefinite
+relaxation does all of it: it bounds the node and tightens its box in turn while that gains
+(:mod:`~sparsepop_py.tightening.obbt_sdp`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from sparsepop_py.tightening.mccormick import (
     LinearRelaxation,
     first_moments,
     products_error,
-    tightened,
+    tighten_bounds,
 )
 from sparsepop_py.tightening.obbt_sdp import tighten_by_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -32,60 +33,64 @@ from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 
 __all__ = ["NodeSettings", "ProcessedNode", "process_node"]
 
-_SWEEPS = 6
+_SWEEPS = 6  # of propagation over a node
 _NODE_WORK = 5e-3  # units of work of a node beside its programs
-_ROUNDS = 6  # of squeezing one part
-_AGAIN = 0.7  # another round of squeezing follows where one left less of the widths
-_HALF = 0.5  # what is spared of the error that a bound may have
+_ROUNDS = 6  # of OBBT by a semidefinite relaxation on one node
+_AGAIN = 0.7  # another round of OBBT follows where one left less of the widths
+_HALF = 0.5  # share of the error that a bound may have, aimed at: the rest is a margin
 
 
 @dataclass(frozen=True, eq=False)
 class NodeSettings:
-    """How the parts of one search are bounded.
+    """Settings for the nodes of one search.
 
     Parameters
     ----------
     cliques : dict
-        A family for each way of joining variables.
+        Cliques for each way of joining variables.
     variables : tuple of int
-        Which variables may be cut.
-    recipe : RelaxationSpec or None
-        The semidefinite relaxation of a part that the linear one leaves open.
-    narrow : bool
+        Branching variables.
+    spec : RelaxationSpec or None
+        The semidefinite relaxation of a node that the linear one leaves open; None: none.
+    obbt_lp : bool
         Tighten the bounds of the variables by linear programs.
-    squeeze : RelaxationSpec or None
-        The semidefinite relaxation that bounds a part and tightens its box, instead of all others.
-    room : (n,) float
-        Arguments hold on boxes larger by this: rounding, where parts are replayed at a later level.
+    obbt_sdp : RelaxationSpec or None
+        The semidefinite relaxation that bounds a node and tightens its box, instead of all others.
+    slack : (n,) float
+        Arguments hold on boxes larger by this: rounding, where a node is replayed with another
+        cutoff.
     """
 
     cliques: Families
     variables: tuple[int, ...]
     spec: RelaxationSpec | None = None
-    narrow: bool = False
+    obbt_lp: bool = False
     obbt_sdp: RelaxationSpec | None = None
     slack: NDArray[np.float64] | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class ProcessedNode:
-    """What one part turned out to be.
+    """Result of processing one node.
 
     Parameters
     ----------
     steps : tuple
-        How its box shrank.
+        Steps that tightened its box.
     box : Interval
+        The tightened box.
     proved : Proved
+        The proved bound.
     argument : Identity or LinearDual or None
+        The argument behind the bound; None: interval arithmetic alone.
     empty : bool
         Whether the argument proves emptiness.
     point : (n,) float or None
-        First moments: a candidate.
-    error : (n,) float
-        By how much the products of each variable are untrue there.
+        First moments: a candidate minimiser.
+    error : (n,) float or None
+        Violation of the products of each variable at that point.
     left : float
-        Mean share of the widths that the first round of tightening left; NaN without it.
+        Mean share of the widths that the first round of tightening left; NaN without a round.
     work : float
         Units of work that it took, see :mod:`sparsepop_py.budget`.
     """
@@ -104,15 +109,22 @@ class ProcessedNode:
 def process_node(
     context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
 ) -> ProcessedNode:
-    """Shrink and bound one part. Depends on nothing else, so it can run in any process.
+    """Process one branch-and-bound node: propagate bounds, bound, tighten.
+
+    Pure; safe in a worker process.
 
     Parameters
     ----------
-    task : Task
-    plan : Plan
+    context : SolveContext
+    settings : NodeSettings
     box : Interval
-    level : float or None
-        The cut-off.
+        The box of the node.
+    cutoff : float or None
+        Objective value above which the node is fathomed; None without an incumbent.
+
+    Returns
+    -------
+    ProcessedNode
     """
     before = spent()
     found = _processed(context, settings, box, cutoff)
@@ -133,7 +145,7 @@ def _processed(
     if _done(found, cutoff):
         return found
     if settings.obbt_sdp is not None:
-        return _tightened_by_relaxation(context, settings, settings.obbt_sdp, replay, found)
+        return _obbt_sdp(context, settings, settings.obbt_sdp, replay, found)
     with context.stages.stage("branch"):
         found = _linear(context, settings, replay, found)
     if settings.spec is not None and not _done(found, cutoff):
@@ -148,7 +160,7 @@ def _done(found: ProcessedNode, cutoff: float | None) -> bool:
 def _linear(
     context: SolveContext, settings: NodeSettings, replay: Replay, found: ProcessedNode
 ) -> ProcessedNode:
-    """The bound of the linear relaxation, and if asked a tighter box by others like it."""
+    """Bound a node by the linear relaxation, and if asked tighten its box by OBBT."""
     problem, left = context.problem, context.deadline.left
     mccormick = LinearRelaxation.of(
         problem, found.box, settings.cliques["constraints"], slack=settings.slack
@@ -166,10 +178,10 @@ def _linear(
     found = replace(
         found, point=mccormick.point(solution), error=mccormick.products_error(solution)
     )
-    if not settings.narrow or _done(found, replay.cutoff):
+    if not settings.obbt_lp or _done(found, replay.cutoff):
         return found
     open_ = [v for v in settings.variables if found.box.hi[v] > found.box.lo[v]]
-    box, step, _ = tightened(replay, mccormick, found.box, open_, left)
+    box, step, _ = tighten_bounds(replay, mccormick, found.box, open_, left)
     if step is None or not open_:
         return replace(found, left=1.0)
     left_over = np.mean((box.hi - box.lo)[open_] / (found.box.hi - found.box.lo)[open_])
@@ -183,7 +195,7 @@ def _semidefinite(
     replay: Replay,
     found: ProcessedNode,
 ) -> ProcessedNode:
-    """The bound of a semidefinite relaxation, if it is better."""
+    """Bound a node by a semidefinite relaxation, kept where it is better."""
     problem = context.problem
     with context.stages.stage("relax"):
         scaling = Scaling.of_box(found.box, slack=settings.slack)
@@ -205,14 +217,14 @@ def _semidefinite(
     )
 
 
-def _tightened_by_relaxation(
+def _obbt_sdp(
     context: SolveContext,
     settings: NodeSettings,
     spec: RelaxationSpec,
     replay: Replay,
     found: ProcessedNode,
 ) -> ProcessedNode:
-    """The bound of one relaxation, and while that leaves the part open, its box made smaller."""
+    """Bound a node and tighten its box by one relaxation, in turns while that gains."""
     cutoff = replay.cutoff
     for _ in range(_ROUNDS):
         found = _semidefinite(context, settings, spec, replay, found)
@@ -229,8 +241,8 @@ def _tightened_by_relaxation(
         left = made.left if np.isnan(found.left) else found.left
         found = replace(found, box=made.box, steps=(*found.steps, *made.steps), left=left)
         if made.node is not None:
-            nothing = Proved(np.inf, 0.0, "")
-            return replace(found, proved=nothing, argument=made.node.argument, empty=True)
+            fathomed = Proved(np.inf, 0.0, "")
+            return replace(found, proved=fathomed, argument=made.node.argument, empty=True)
         alone = prove(replay, found.box, None, False)  # +inf where the box is empty
         if alone.bound > found.proved.bound:  # the objective is a variable
             found = replace(found, proved=alone, argument=None, empty=False)
@@ -240,7 +252,7 @@ def _tightened_by_relaxation(
 
 
 def _enough(context: SolveContext, cutoff: float | None, bound: float) -> float:
-    """Share of the widths at which the bound may reach the level, 0 where nobody knows."""
+    """Estimate the share of the widths at which the bound reaches the cutoff, else 0."""
     if cutoff is None or not -np.inf < bound < context.upper < np.inf:
         return 0.0
     return _HALF * (context.upper - cutoff) / (context.upper - bound)

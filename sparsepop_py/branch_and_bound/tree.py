@@ -1,10 +1,11 @@
-"""Branch and bound: smaller boxes where no relaxation of the whole box closes the gap.
+"""Best-first branch and bound over a box.
 
-The part with the least bound is taken next, and bounded (:mod:`~sparsepop_py.branch_and_bound.node`). Parts that
-are empty or bounded above the cut-off are done, others are cut in two across the variable whose
-products are least true, between its middle and its value in the relaxation. The tree of parts is
-the certificate: every part keeps the argument that gave its bound, one that was never looked at
-its parent's, so the search can end at any moment.
+The open node with the least bound is processed next
+(:mod:`~sparsepop_py.branch_and_bound.node`). A node that is empty or bounded above the cutoff is
+fathomed. Any other is branched on the variable with the largest violation of products, at a
+point between the middle of its interval and its value in the relaxation. The tree is the
+certificate: every leaf keeps the argument that gave its bound, and an unprocessed leaf that of
+its parent, so the search can end at any moment.
 
 References
 ----------
@@ -41,16 +42,16 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step
 
 __all__ = ["Search"]
 
-_MIDDLE = 0.4  # share of the middle of the box in the place of a cut
-_HOPE = 0.8  # what tightening is expected to leave of the widths, before it was seen
-_USELESS = 0.93  # tightening that leaves this share of the widths on average is given up
-_LOOSE = 0.85  # ... by relaxations, which take longer than linear programs
-_EDGE = 0.2  # a cut keeps this share of the width from both ends
+_MIDDLE = 0.4  # weight of the middle of the interval in the branching point
+_PRIOR = 0.8  # share of the widths that tightening is expected to leave, before any was measured
+_USELESS = 0.93  # OBBT by linear programs that leaves this share on average is given up
+_LOOSE = 0.85  # ... by semidefinite relaxations, which take longer
+_EDGE = 0.2  # a branching point keeps this share of the width from both ends
 
 
 @dataclass(eq=False)
 class _OpenNode:
-    """A part of the tree while it grows."""
+    """A node of the growing tree. Mutable."""
 
     box: Interval
     proved: Proved
@@ -64,18 +65,23 @@ class _OpenNode:
 
 @dataclass(eq=False)
 class Search:
-    """A tree of parts that can be grown further at any time.
+    """A branch-and-bound tree that can be grown further at any time. Mutable.
 
     Parameters
     ----------
-    task : Task
-        Its attained point may improve while the search runs.
-    plan : Plan
+    context : SolveContext
+        Its incumbent may improve while the search runs.
+    settings : NodeSettings
     proof : BoxProof
-        How the box of the root followed from the problem's bounds.
+        Steps from the problem's bounds to the box of the root.
     box : Interval
-    attain : callable
-        Given candidate vectors, the task with a better attained point if one was proved.
+        The box of the root.
+    search_incumbent : callable
+        Given a context and candidate vectors, the context with a better incumbent if one is proved.
+    start : (Proved, Argument or None, bool)
+        What is proved of the root, the argument, and whether it proves emptiness.
+    seen : int
+        Nodes that count as processed already.
     """
 
     context: SolveContext
@@ -86,7 +92,7 @@ class Search:
     start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
     count: int = 0
     seen: int = 0
-    left: float = _HOPE
+    left: float = _PRIOR
     _closed: float = np.inf
     _heap: list[tuple[float, int, _OpenNode]] = field(default_factory=list)
     _root: _OpenNode = field(init=False)
@@ -102,27 +108,42 @@ class Search:
 
     @property
     def cutoff(self) -> float | None:
-        """The cut-off: a little below the attained value."""
+        """The cutoff, a little below the attained value; None without an incumbent."""
         return self.context.replay(below=True).cutoff
 
     @property
     def bound(self) -> float:
-        """What is proved so far."""
+        """The lower bound that the tree proves now."""
         least = min(self._closed, claim(self._heap[0][2].proved) if self._heap else np.inf)
         return least if self.cutoff is None else min(least, self.cutoff)
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left to look at."""
+        """True if no open node is left below the cutoff."""
         return not self._heap or (self.cutoff is not None and self._heap[0][0] >= self.cutoff)
 
     def update_context(self, context: SolveContext) -> bool:
-        """Go on with a better point; False where parts were shrunk by a lower cut-off."""
+        """Take a better incumbent; False if boxes were tightened with a lower cutoff."""
         old, self.context = self.cutoff, context
         return old is None or (self.cutoff is not None and self.cutoff <= old)
 
     def grow(self, nodes: int, stop: Callable[[], bool], executor: Executor | None = None) -> int:
-        """Look at up to ``nodes`` nodes while ``stop()`` is false; how many were looked at."""
+        """Process up to ``nodes`` nodes while ``stop()`` is false.
+
+        Parameters
+        ----------
+        nodes : int
+            Largest number of nodes.
+        stop : callable
+            Called before each node; True ends the call.
+        executor : concurrent.futures.Executor, optional
+            Processes up to eight nodes at once.
+
+        Returns
+        -------
+        int
+            The number of nodes processed.
+        """
         seen = 0
         while seen < nodes and not self.done and not stop():
             taken = [heapq.heappop(self._heap)[2]]
@@ -131,7 +152,7 @@ class Search:
             try:
                 found = self._processed(taken, executor)
             except BaseException:
-                for node in taken:  # interrupted: nothing is lost
+                for node in taken:  # interrupted: the nodes stay open
                     self._push(node)
                 raise
             for node, processed in zip(taken, found, strict=True):
@@ -147,7 +168,7 @@ class Search:
             return [
                 process_node(self.context, self.settings, node.box, self.cutoff) for node in nodes
             ]
-        options = replace(self.context.options, executor=None)  # so that the task can travel
+        options = replace(self.context.options, executor=None)  # an executor cannot be pickled
         lone = replace(self.context, stages=Stages(), options=options, repair=None)
         jobs = [
             executor.submit(process_node, lone, self.settings, p.box, self.cutoff) for p in nodes
@@ -157,14 +178,14 @@ class Search:
         return found
 
     def _take(self, node: _OpenNode, found: ProcessedNode) -> None:
-        """Enter what was found, look for a better point, cut what is still open."""
+        """Record a processed node, search the incumbent from its point, branch if it is open."""
         node.steps, node.box = found.steps, found.box
         if np.isfinite(found.left):
             self.left += 0.2 * (found.left - self.left)
             if self.settings.obbt_sdp is not None and self.left > _LOOSE:
-                self.settings, self.left = replace(self.settings, obbt_sdp=None), _HOPE
+                self.settings, self.left = replace(self.settings, obbt_sdp=None), _PRIOR
             elif self.left > _USELESS:
-                self.settings = replace(self.settings, narrow=False)
+                self.settings = replace(self.settings, obbt_lp=False)
         if found.proved.bound >= node.proved.bound or is_empty(found.box):
             node.proved, node.argument, node.empty = found.proved, found.argument, found.empty
         if is_empty(node.box):
@@ -177,7 +198,7 @@ class Search:
                 return
         branch = self._branching_point(node.box, found)
         if branch is None:
-            self._closed = min(self._closed, claim(node.proved))  # too small to be cut
+            self._closed = min(self._closed, claim(node.proved))  # too small to be branched
             return
         node.branch = branch
         low, high = (self._child(node, side) for side in (0, 1))
@@ -186,7 +207,7 @@ class Search:
         self._push(high)
 
     def _settled(self, node: _OpenNode) -> bool:
-        """Whether no point of a part is worth finding."""
+        """Check whether a node is fathomed."""
         return node.proved.bound >= (np.inf if self.cutoff is None else self.cutoff)
 
     def _child(self, node: _OpenNode, side: int) -> _OpenNode:
@@ -198,7 +219,11 @@ class Search:
         return node.depth < 2 or self.count % 10 < 2
 
     def _branching_point(self, box: Interval, found: ProcessedNode) -> tuple[int, float] | None:
-        """Where to cut: the variable whose products are least true, wide ones first."""
+        """Choose variable and point of branching.
+
+        Variables with large violations of their products and wide intervals come first; None where
+        no interval is wide enough.
+        """
         chosen = np.array(self.settings.variables, np.int64)
         width = (box.hi - box.lo)[chosen]
         start = (self.box.hi - self.box.lo)[chosen]
@@ -210,14 +235,14 @@ class Search:
         if not chosen.size or score.max() < 0:
             return None
         v = int(chosen[np.argmax(score)])
-        place = middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
+        point = middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
         if found.point is not None:
-            place = _MIDDLE * middle + (1.0 - _MIDDLE) * float(found.point[v])
+            point = _MIDDLE * middle + (1.0 - _MIDDLE) * float(found.point[v])
         edge = _EDGE * (box.hi[v] - box.lo[v])
-        return v, float(np.clip(place, box.lo[v] + edge, box.hi[v] - edge))
+        return v, float(np.clip(point, box.lo[v] + edge, box.hi[v] - edge))
 
     def certificate(self) -> Certificate | None:
-        """The certificate of the tree as it is now."""
+        """Build the certificate of the current tree, None where nothing is proved."""
         least = min((p.proved for p in _leaves_of(self._root)), key=lambda proved: proved.bound)
         replay = Replay(self.context.problem, self.cutoff)
         root = _certificate_node(self._root)
@@ -237,7 +262,7 @@ def _leaves_of(root: _OpenNode) -> list[_OpenNode]:
 
 
 def _certificate_node(root: _OpenNode) -> Node:
-    """The tree as nodes, children first."""
+    """Convert the tree to nodes of a certificate, children first."""
     order, stack = [], [root]
     while stack:
         node = stack.pop()

@@ -15,7 +15,7 @@ from sparsepop_py.compat.output import SDPInfo, SolverInfo
 from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
-from sparsepop_py.relaxation.sparsepop.reduction import Condensed, condensed
+from sparsepop_py.relaxation.sparsepop.reduction import ReducedProgram, reduce_program
 from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
@@ -160,7 +160,7 @@ class BuiltSDP:
         scaling = Scaling.of_bounds(box, switches.scaled)
         scaled = Scaled.of(problem, scaling, (problem.objective,), whole=True)
         perturbed = switches.perturbed(objective, relaxation)
-        small = condensed(relaxation, scaled, perturbed, switches)
+        small = reduce_program(relaxation, scaled, perturbed, switches)
         return BuiltSDP(
             relaxation,
             small.program,
@@ -202,7 +202,7 @@ class BuiltSDP:
         return moment, scaling.scale / unit, scaling.centre
 
 
-def _reduced(small: Condensed, solution: ConicSolution | None) -> ConicSolution | None:
+def _reduced(small: ReducedProgram, solution: ConicSolution | None) -> ConicSolution | None:
     return None if solution is None else small.reduced(solution)
 
 

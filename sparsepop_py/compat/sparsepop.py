@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from sparsepop_py import problems
 from sparsepop_py.algebra.monomials import evaluate
 from sparsepop_py.algebra.polynomial import Constraint, Kind
-from sparsepop_py.bounding.relaxation_bound import Model, relaxed
+from sparsepop_py.bounding.relaxation_bound import Model, build_relaxations
 from sparsepop_py.budget import Deadline
 from sparsepop_py.compat.error_bounds import error_bounds, index_sets
 from sparsepop_py.compat.output import CpuTime, POPOutput, SparsePOPOutput
@@ -287,7 +287,7 @@ def _unsolved(problem: Problem, options: Options) -> Result:
     with stages.stage("presolve"):
         model = Model(*find_box(problem, None, options))
     with stages.stage("relax"):
-        model = relaxed(problem, (problem.objective,), model, options)
+        model = build_relaxations(problem, (problem.objective,), model, options)
     built = "SDPsolverSW = 0: the SDP was built and not solved" if model.relaxations else None
     stages.close()
     return Result(

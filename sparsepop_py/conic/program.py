@@ -112,13 +112,14 @@ class ConicProgram:
 
 @dataclass(frozen=True, eq=False)
 class ConicSolution:
-    """What a solver returned, in the convention of this module. No value here is a bound.
+    """Output of a conic solver. No value in it is a bound.
 
     Parameters
     ----------
     status : {"solved", "almost", "infeasible", "unbounded", "failed"}
-        As the solver sees the moment form; ``detail`` holds its own words.
+        Of the moment form; ``detail`` holds the solver's own words.
     y, s, z : arrays (M,), (R,), (R,)
+        In the convention of this module.
     primal, dual : float
         q'y + offset and offset - b'z, recomputed here.
     residual : float
@@ -130,6 +131,15 @@ class ConicSolution:
     detail : str
     wall : float
         Seconds of wall time spent in the solver.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> solution = sp.solve_conic(sp.assemble(sp.relax(problem), problem.objective))
+    >>> solution.status, round(solution.primal, 6)
+    ('solved', -0.5)
     """
 
     status: str
@@ -156,7 +166,23 @@ def solution(
     solver: str,
     detail: str,
 ) -> ConicSolution:
-    """A ConicSolution whose slack, values and residual come from the program, not the solver."""
+    """Recompute slack, values and residual of a solver's solution from the program.
+
+    Parameters
+    ----------
+    program : ConicProgram
+    status : str
+    y : (M,) float
+    z : (R,) float
+    iterations : int
+    seconds : float
+    solver : str
+    detail : str
+
+    Returns
+    -------
+    ConicSolution
+    """
     y = np.where(np.isfinite(y), y, 0.0)
     z = np.where(np.isfinite(z), z, 0.0)
     residual = program.q + program.A.T @ z

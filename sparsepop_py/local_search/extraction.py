@@ -1,4 +1,4 @@
-"""Candidate minimisers from moments.
+"""Extraction of candidate minimisers from moments.
 
 Nothing here is proved: the points are starts for local search and for the proof that a
 point is attained.
@@ -27,15 +27,26 @@ from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["candidates", "combine", "extract_clique", "means"]
 
-_SEED = 20050
+_SEED = 20050  # any fixed number: extraction is deterministic
 Points = list[NDArray[np.float64]]
 
 
 def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
-    """Candidate minimisers, in the relaxation's variables, from its moments y of shape (M,).
+    """Extract candidate minimisers from the moments of a relaxation.
 
     Moment blocks without the constant say nothing of signs and are left out; a block with
-    the constant speaks for the variables that are among its monomials.
+    the constant determines the variables that are among its monomials.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+    y : (M,) float
+        Its moments.
+
+    Returns
+    -------
+    list of (n,) float
+        In the relaxation's variables.
     """
     moments = np.append(1.0, y)
     found: list[tuple[int, NDArray[np.int64], Points]] = []
@@ -58,14 +69,14 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
 
 
 def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The first moments, shape (n,); 0 for a variable that is no moment."""
+    """Return the first moments, shape (n,), with 0 for a variable that is no moment."""
     letters = np.arange(1, relaxation.problem.dimension + 1, dtype=np.int32)[:, None]
     number = relaxation.moment_numbers(letters)
     return np.where(number > 0, np.append(1.0, y)[np.maximum(number, 0)], 0.0)
 
 
 def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
-    """Variables (from 0) that a moment block with the constant knows, and its words in these."""
+    """Select the words of a moment block in the variables that it determines."""
     degree = monomials.degrees(basis)
     letters = np.unique(basis[degree == 1][:, -1])
     if not np.any(degree == 0):
@@ -77,7 +88,7 @@ def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
 def extract_clique(
     matrix: NDArray, basis: Words, members: Sequence[int] | NDArray, tolerance: float = 1e-4
 ) -> Points:
-    """Atoms of the measure behind the moment matrix of one clique.
+    """Extract the atoms of the measure behind the moment matrix of one clique.
 
     The atoms are found if the matrix is flat: its rank is that of the rows whose products
     with every variable are rows again (in a full basis of degree d, those of degree d-1).
@@ -205,7 +216,7 @@ def combine(
 
 
 def _shifts(basis: Words, members: NDArray) -> NDArray[np.int64]:
-    """Row number of x_v times basis word j, shape (k, s), or -1 where it is no row."""
+    """Find the row of x_v times word j, shape (k, s), -1 for none."""
     width = basis.shape[1] + 1
     letters = (members + 1).astype(np.int32)[:, None, None]
     products = monomials.multiply(basis[None], letters).reshape(-1, width)
@@ -219,7 +230,7 @@ def _shifts(basis: Words, members: NDArray) -> NDArray[np.int64]:
 
 
 def _atoms(matrix: NDArray, shifted: NDArray, tolerance: float) -> NDArray | None:
-    """Atoms (rank, k), or None if the matrix is not flat."""
+    """Compute the atoms (rank, k), or None if the matrix is not flat."""
     values, vectors = np.linalg.eigh(matrix)
     kept = values > tolerance * values[-1]
     factor = vectors[:, kept] * np.sqrt(values[kept])  # matrix = factor factor'
@@ -227,7 +238,7 @@ def _atoms(matrix: NDArray, shifted: NDArray, tolerance: float) -> NDArray | Non
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
     if inner.size < rank:
         return None
-    # Rows of `factor` that span the others play the part of the pivots of the column
+    # Rows of `factor` that span the others serve as the pivots of the column
     # echelon form; pivoted QR chooses them, which amplifies noise least.
     _, triangle, pivot = linalg.qr(factor[inner].T, mode="economic", pivoting=True)
     if abs(triangle[rank - 1, rank - 1]) <= np.sqrt(tolerance) * abs(triangle[0, 0]):
@@ -238,7 +249,7 @@ def _atoms(matrix: NDArray, shifted: NDArray, tolerance: float) -> NDArray | Non
 
 
 def _joint_eigenvalues(multiplications: NDArray) -> NDArray[np.float64]:
-    """Eigenvalues (rank, k) of commuting matrices (k, rank, rank), from one Schur form.
+    """Compute the eigenvalues (rank, k) of commuting matrices (k, rank, rank).
 
     A random combination separates the atoms, so that its Schur vectors are those of every
     matrix; the Schur form is orthogonal and hence stable (Corless, Gianni, Trager 1997).
@@ -250,7 +261,7 @@ def _joint_eigenvalues(multiplications: NDArray) -> NDArray[np.float64]:
 
 
 def _by_weight(points: NDArray, moments: NDArray, basis: Words, members: NDArray) -> Points:
-    """Points by falling weight in the measure, from the moments of the basis words."""
+    """Sort points by falling weight in the measure, from the moments of the basis words."""
     local = (np.searchsorted(members + 1, basis) + 1).astype(np.int32)
     words = np.where(basis > 0, local, 0).astype(np.int32)
     weights = np.linalg.lstsq(monomials.evaluate(words, points).T, moments, rcond=None)[0]
@@ -261,7 +272,7 @@ def _by_weight(points: NDArray, moments: NDArray, basis: Words, members: NDArray
 
 
 def _agreement(known: NDArray, candidates: NDArray) -> NDArray[np.float64]:
-    """Largest relative difference of partial points (P, k) and candidates (C, k), (P, C)."""
+    """Compute the largest relative difference of points (P, k) and candidates (C, k), (P, C)."""
     gap = np.abs(known[:, None, :] - candidates[None, :, :])
     scale = np.maximum(1.0, np.nan_to_num(np.abs(candidates), nan=1.0))
     return np.nan_to_num(gap / scale, nan=0.0).max(axis=-1, initial=0.0)
@@ -270,7 +281,7 @@ def _agreement(known: NDArray, candidates: NDArray) -> NDArray[np.float64]:
 def _pairs(
     distance: NDArray, tolerance: float, limit: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Which partial point is continued by which candidate: (row, pick), rows ascending.
+    """Match partial points with candidates: (row, pick), rows ascending.
 
     Every row gets its nearest candidate if none agrees, one of the agreeing ones at
     random, and more of them while the limit allows. Without chance, the candidates listed

@@ -22,19 +22,13 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_point
 __all__ = ["prove_feasible"]
 
 _MANY_ROWS = 60  # equations from which exact repair is not tried
-
-
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
-
-
 _CUTS = 12  # linear programs at most that pull a point into a matrix
-
-
-_NEAR = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
+_ACTIVE = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
 def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | None:
-    """Look for a feasible point near ``x`` and prove that it exists.
+    """Search a feasible point near ``x`` and prove that it exists.
 
     Parameters
     ----------
@@ -70,7 +64,7 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
             continue
         if best is not None or proved.value <= goal:
             return proved if best is None or proved.value < best.value else best
-        best = proved  # a round number that costs something: one more is tried
+        best = proved  # a round number that costs objective: one more is tried
     return best
 
 
@@ -83,10 +77,10 @@ def _first_proof(problem: Problem, candidate: NDArray[np.float64]) -> ProvedPoin
 
 
 def _candidates(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
-    """The vector snapped to bounds and round numbers, then pulled inside more and more."""
+    """Yield x snapped to bounds and round numbers, then pulled further and further inside."""
     size = 1.0 + np.abs(x)
-    snapped = np.where(x - problem.lower <= _NEAR * size, problem.lower, x)
-    snapped = np.where(problem.upper - x <= _NEAR * size, problem.upper, snapped)
+    snapped = np.where(x - problem.lower <= _ACTIVE * size, problem.lower, x)
+    snapped = np.where(problem.upper - x <= _ACTIVE * size, problem.upper, snapped)
     rounded: NDArray[np.float64] = np.round(snapped, 4).astype(float)
     inside = (rounded >= problem.lower) & (rounded <= problem.upper)
     rounded = np.where(inside & (np.abs(rounded - snapped) <= 1e-6 * size), rounded, snapped)
@@ -116,7 +110,7 @@ def _pull_inside(
     values, jacobian = problem.rows.values(x), problem.rows.jacobian(x)
     size = np.sqrt(np.asarray(jacobian.power(2).sum(axis=1)).ravel())
     reach = 1e2 * depth * (1.0 + np.abs(x))
-    near = ~problem.equality & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
+    close = ~problem.equality & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
     at_low, at_high = x == problem.lower, x == problem.upper
     low = np.where(at_low | at_high, 0.0, np.maximum(-reach, problem.lower + depth - x))
     high = np.where(at_low | at_high, 0.0, np.minimum(reach, problem.upper - depth - x))
@@ -126,7 +120,7 @@ def _pull_inside(
     crossed = low > high
     low, high = np.where(crossed, 0.0, low), np.where(crossed, 0.0, high)
     equal = np.flatnonzero(problem.equality & (size > 0))
-    active = np.flatnonzero(near)
+    active = np.flatnonzero(close)
     slopes, sizes, held = jacobian[active], size[active], values[active]
     slope = problem.objective_row.gradient(x)
     slope = slope / max(1e-300, np.abs(slope).sum())
@@ -152,7 +146,7 @@ def _pull_inside(
 
 
 def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str]]:
-    """Which equalities to solve for which variables, and how."""
+    """Yield equalities, the variables to solve them for, and the kind of proof."""
     equal = np.flatnonzero(problem.equality)
     nothing = np.zeros(0, np.int64)
     if equal.size == 0:
@@ -160,8 +154,8 @@ def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str
         return
     system = problem.rows.take(equal)
     jacobian = system.dense_jacobian(x)
-    room = np.minimum(x - problem.lower, problem.upper - x)
-    weight = np.clip(room, 0.0, 1.0)
+    distance = np.minimum(x - problem.lower, problem.upper - x)
+    weight = np.clip(distance, 0.0, 1.0)
     if equal.size > _MANY_ROWS:  # rationals would take too long, and so would their pivots
         solved = _leading_columns(jacobian * weight)
         if solved is not None:
@@ -175,7 +169,7 @@ def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str
 
 
 def _leading_columns(matrix: NDArray) -> NDArray[np.int64] | None:
-    """As many columns as there are rows, by QR with column pivoting; None if rows depend."""
+    """Select as many columns as rows by QR with pivoting; None if rows depend."""
     _, triangle, pivots = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
     m = matrix.shape[0]
     size = np.abs(np.diag(triangle))
@@ -185,7 +179,7 @@ def _leading_columns(matrix: NDArray) -> NDArray[np.int64] | None:
 
 
 def _couplings(system: PolynomialSystem) -> set[tuple[int, int]]:
-    """Pairs of variables that occur in one term (a variable with itself when squared)."""
+    """List pairs of variables that occur in one term (a variable with itself when squared)."""
     pairs = set()
     for letters in np.unique(system.words, axis=0):
         used = letters[letters > 0] - 1
@@ -198,7 +192,7 @@ def _couplings(system: PolynomialSystem) -> set[tuple[int, int]]:
 def _pivots(
     jacobian: NDArray, weight: NDArray, blocked: set[tuple[int, int]] | None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of a well-conditioned square part, by elimination with full pivoting.
+    """Select rows and columns of a well-conditioned square part, by full pivoting.
 
     Columns are weighted by their distance to the bounds; with ``blocked``, no two chosen
     columns may occur in one term, so that the rows are linear in them jointly.

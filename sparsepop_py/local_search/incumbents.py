@@ -1,6 +1,6 @@
-"""Attained points: where local searches start, and what one objective's point is to another.
+"""Incumbents: local searches from starts, and points shared between objectives.
 
-Everything that is returned as attained carries a proof of existence.
+Every attained point carries a proof of existence.
 """
 
 from __future__ import annotations
@@ -35,22 +35,38 @@ __all__ = [
     "update_incumbent",
 ]
 
-_MANY = 2000  # variables from which atoms are not looked for: means start a search, too
-_GAIN = 0.01  # of the allowed gap; what is better by less waits until it is closed
+_MANY = 2000  # variables from which no atoms are extracted: first moments start a search, too
+_GAIN = 0.01  # of the allowed gap: a point that gains less is not proved while the gap is open
 
 
 def search_incumbent(
     problem: Problem, starts: list[NDArray], context: SolveContext, proved: float = -np.inf
 ) -> tuple[ProvedPoint | None, list[NDArray]]:
-    """The best proved point that local searches from the starts lead to, and all they saw.
+    """Search from several starts for a better incumbent.
 
-    They end early at a point that closes the gap to the ``proved`` bound.
+    The search ends early at a point that closes the gap to the ``proved`` bound.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : list of (n,) float
+    context : SolveContext
+        Options, deadline, allowed gap and incumbent.
+    proved : float
+        A lower bound, -inf without one.
+
+    Returns
+    -------
+    point : ProvedPoint or None
+        The best point that was proved.
+    vectors : list of (n,) float
+        All nearly feasible vectors seen, by value.
     """
     options = context.options
     if options.refine == "none" or not starts:
         return None, []
     rough = options.effort == "auto" and options.gap_kind != "width" and not context.closed(proved)
-    gain = _GAIN * context.allowed if rough else 0.0  # on the way up more points follow
+    gain = _GAIN * context.allowed if rough else 0.0  # more points follow while the bound improves
     aim = Aim(options.tolerance, _enough(problem, context, proved), False, context.upper, gain)
     return best_attained(
         problem, _with_repaired(context, starts), aim, _method(context), context.deadline.end
@@ -62,7 +78,7 @@ def _method(context: SolveContext) -> str | None:
 
 
 def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
-    """The value that leaves half of the allowed gap to what is known of the minimum."""
+    """Return a value that leaves half of the allowed gap to the known lower bound."""
     if context.options.gap_kind == "width":
         return -np.inf
     constant = problem.squares_constant
@@ -74,10 +90,22 @@ def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
 def first_incumbent(
     context: SolveContext, starts: Iterator[NDArray]
 ) -> tuple[SolveContext, list[NDArray]]:
-    """The task with the first point that is proved, and all that was seen on the way.
+    """Search until the first proved point.
 
-    A relaxation comes next, and its moments are the best start. No more starts are taken
-    from the iterator than it takes.
+    A relaxation comes next, and its moments are the best start. Starts are taken from the iterator
+    only as far as needed.
+
+    Parameters
+    ----------
+    context : SolveContext
+    starts : iterator of (n,) float
+
+    Returns
+    -------
+    context : SolveContext
+        With the incumbent, if one was found.
+    vectors : list of (n,) float
+        All nearly feasible vectors seen.
     """
     if context.options.refine == "none":
         return context, []
@@ -85,14 +113,14 @@ def first_incumbent(
         starts = (x for start in starts for x in _with_repaired(context, [start]))
     enough = _enough(context.problem, context, -np.inf)
     aim = Aim(context.options.tolerance, enough, any=enough == -np.inf)
-    found, near = best_attained(
+    found, vectors = best_attained(
         context.problem, starts, aim, _method(context), context.deadline.end
     )
-    return (context if found is None else replace(context, best=found)), near
+    return (context if found is None else replace(context, best=found)), vectors
 
 
 def _with_repaired(context: SolveContext, starts: list[NDArray]) -> list[NDArray]:
-    """All starts behind their repaired forms, as far as these differ."""
+    """Put the repaired forms of starts before them, as far as these differ."""
     if context.repair is None:
         return starts
     better = [np.asarray(context.repair(x), float) for x in starts]
@@ -102,21 +130,36 @@ def _with_repaired(context: SolveContext, starts: list[NDArray]) -> list[NDArray
 def update_incumbent(
     context: SolveContext, starts: list[NDArray], proved: float = -np.inf
 ) -> tuple[SolveContext, list[NDArray]]:
-    """The task with a better point if the starts lead to one, and all that was seen."""
+    """Search from starts and keep the better incumbent.
+
+    Parameters
+    ----------
+    context : SolveContext
+    starts : list of (n,) float
+    proved : float
+        A lower bound, -inf without one.
+
+    Returns
+    -------
+    context : SolveContext
+        With the better incumbent.
+    vectors : list of (n,) float
+        All nearly feasible vectors seen.
+    """
     with context.stages.stage("refine"):
-        found, near = search_incumbent(context.problem, starts, context, proved)
+        found, vectors = search_incumbent(context.problem, starts, context, proved)
     if found is not None and found.value < context.upper:
         context = replace(context, best=found)
-    return context, near
+    return context, vectors
 
 
 def adopt_points(context: SolveContext, points: list[ProvedPoint]) -> SolveContext:
-    """The task with the best of the points that were attained for other objectives."""
+    """Keep the best of the points that were proved for other objectives."""
     row = context.problem.objective_row
     for point in points:
         reach = np.full(point.x.size, point.radius)
-        near = Interval.point(point.x) + Interval(-reach, reach)
-        value = float(range_over(row, near).hi[0])
+        ball = Interval.point(point.x) + Interval(-reach, reach)
+        value = float(range_over(row, ball).hi[0])
         if value < context.upper:
             context = replace(context, best=replace(point, value=value))
     return context
@@ -125,7 +168,7 @@ def adopt_points(context: SolveContext, points: list[ProvedPoint]) -> SolveConte
 def candidates_from_moments(
     relaxation: Relaxation, solution: ConicSolution | None, scaling: Scaling
 ) -> list[NDArray[np.float64]]:
-    """Candidate minimisers from the moments of a solution."""
+    """Compute candidate minimisers from the moments of a solution."""
     if solution is None or solution.status not in ("solved", "almost"):
         return []
     found = [means(relaxation, solution.y)]
@@ -135,10 +178,10 @@ def candidates_from_moments(
 
 
 def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
-    """Starting points in a box: many in few variables, none in very many."""
+    """Choose starting points in a box: many in few variables, none in very many."""
     n = problem.dimension
     count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
-    if options.effort == "auto":  # the ladder brings better ones
+    if options.effort == "auto":  # relaxations bring better ones
         count = 0 if Products.of(problem).has_star else count // 3
     if options.effort != "plain":
         _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)

@@ -1,4 +1,4 @@
-"""Matrix constraints as polynomial rows, for local searches that know nothing else.
+"""Matrix constraints as polynomial rows, for local searches without matrices.
 
 A second-order cone is f1 >= 0 and f1^2 >= f2^2 + ... + fk^2; a matrix of two rows has its
 diagonal and its determinant. A larger one is G = R R' with further variables, the entries of a
@@ -30,7 +30,7 @@ _LARGEST = 10  # rows of a matrix that gets a factor
 
 @dataclass(frozen=True, eq=False)
 class RowForm:
-    """A problem without matrices that stands for one with them.
+    """Problem without matrices that stands for one with them.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class RowForm:
 
     @staticmethod
     def of(problem: Problem) -> RowForm:
-        """The form of a problem; the problem itself where it has no matrices."""
+        """Convert a problem; one without matrices stays as it is."""
         matrices, n = problem.matrices, problem.dimension
         if not matrices.constraints.size:
             return RowForm(problem, problem)
@@ -79,7 +79,7 @@ class RowForm:
         return RowForm(problem, Problem(widened(problem.objective), rows, low, high), factored)
 
     def start(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A vector of all variables, from one of those of the given problem."""
+        """Extend a vector (n,) of the given problem to all variables."""
         parts = [x]
         for k in self.factored:
             layout = self.given.matrices.layout(k)
@@ -90,10 +90,10 @@ class RowForm:
         return np.concatenate(parts)
 
     def point(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The variables of the given problem."""
+        """Return the variables of the given problem, shape (n,)."""
         return x[: self.given.dimension]
 
 
 def _widened(p: Polynomial, dimension: int) -> Polynomial:
-    """The same polynomial in more variables."""
+    """Embed a polynomial in more variables."""
     return Polynomial(p.words, p.coefficients, dimension)

@@ -1,4 +1,4 @@
-"""Local searches from several starts, and the best point that is proved to exist.
+"""Local searches from several starts, and proofs for the best points.
 
 A search ends early at a value that needs no improvement, so that a relaxation that is tight
 asks for one search from its moments.
@@ -36,11 +36,23 @@ _STARTS = 3  # from at least so many starts
 def starting_points(
     problem: Problem, box: Interval, count: int, seed: int
 ) -> list[NDArray[np.float64]]:
-    """The middle of the box (0 or a bound where it is endless) and random points.
+    """Choose the middle of a box and random points in it as starts.
 
-    Where the box is endless the points spread over three scales: 2, 10 and 50. In very many
-    variables, and of many squares, random points lead to poor minima; there the vectors of all 1
-    and all -1 come before them.
+    The middle is 0 or a bound where the box is unbounded; there, points spread over three scales:
+    2, 10 and 50. In very many variables, and of many squares, random points lead to poor minima;
+    there the vectors of all 1 and all -1 come before them.
+
+    Parameters
+    ----------
+    problem : Problem
+    box : Interval
+    count : int
+        Number of random points.
+    seed : int
+
+    Returns
+    -------
+    list of (n,) float
     """
     rng = np.random.default_rng(seed)
     points = []
@@ -59,9 +71,9 @@ def starting_points(
 
 
 def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
-    """Decide either-or rows by the start: a x_i x_j == 0 and x_i^2 == c x_i fix a variable.
+    """Fix variables by the start in rows a x_i x_j == 0 and x_i^2 == c x_i.
 
-    Local searches stall on such rows, whose gradients vanish or contradict each other.
+    Local searches stall on such either-or rows, whose gradients vanish or contradict each other.
     """
     lower, upper = problem.lower.copy(), problem.upper.copy()
     decided = False
@@ -83,12 +95,12 @@ def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
             decided = True
     if not decided:
         return problem
-    free = [c for c in problem.constraints if not _settled(c, lower, upper)]
-    return Problem(problem.objective, free, lower, upper, problem.names)
+    rest = [c for c in problem.constraints if not _settled(c, lower, upper)]
+    return Problem(problem.objective, rest, lower, upper, problem.names)
 
 
 def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
-    """Whether fixed variables make an equality hold, by zero factors or altogether."""
+    """Check whether fixed variables make an equality hold, by zero factors or altogether."""
     p = constraint.polynomial
     if constraint.kind is not Kind.ZERO:
         return False
@@ -102,7 +114,7 @@ def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
 def _tries(
     rows: RowForm, start: NDArray, tolerance: float, method: str | None, end: float
 ) -> Iterator[NDArray[np.float64]]:
-    """The start and what searches from it end at, the cheapest search first."""
+    """Yield the start and the ends of local searches from it, the cheapest search first."""
     problem, start = rows.problem, rows.start(start)
     yield start
     # without an inequality there are no vertices for linear programs to end at
@@ -140,7 +152,7 @@ def _tries(
 
 @dataclass(frozen=True)
 class Aim:
-    """What a search from several starts is for.
+    """Purpose of a search from several starts.
 
     Parameters
     ----------
@@ -151,9 +163,9 @@ class Aim:
     any : bool
         Whether any local minimum will do.
     known : float
-        What is attained already.
+        The value of the incumbent, +inf without one.
     gain : float
-        What a value must gain to be worth another proof.
+        Least improvement of the value that is worth another proof.
     """
 
     tolerance: float
@@ -166,7 +178,7 @@ class Aim:
 def _candidates(
     rows: RowForm, start: NDArray, aim: Aim, method: str | None, end: float
 ) -> list[tuple[float, NDArray[np.float64]]]:
-    """Nearly feasible (value, vector) pairs that one start leads to, the start included."""
+    """List nearly feasible (value, vector) pairs that one start leads to."""
     kept: list[tuple[float, NDArray[np.float64]]] = []
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
@@ -180,7 +192,7 @@ def _candidates(
 def _rated(
     rows: RowForm, found: list[NDArray], aim: Aim
 ) -> list[tuple[float, NDArray[np.float64]]]:
-    """The nearly feasible ones among vectors, with their values."""
+    """Select the nearly feasible vectors, with their values."""
     kept = []
     for x in map(rows.point, found):
         if np.all(np.isfinite(x)) and np.abs(x).max(initial=0.0) < _FAR:
@@ -198,7 +210,7 @@ def best_attained(
     method: str | None = None,
     end: float = np.inf,
 ) -> tuple[ProvedPoint | None, list[NDArray[np.float64]]]:
-    """Search from every start; the best proved point, and all nearly feasible vectors by value.
+    """Search from every start and prove the best points.
 
     Parameters
     ----------
@@ -208,7 +220,14 @@ def best_attained(
     aim : Aim
     method : {None, "ipopt"}
     end : float
-        When to stop, on the monotonic clock; what was found until then is kept.
+        End on the monotonic clock; what was found until then is kept.
+
+    Returns
+    -------
+    point : ProvedPoint or None
+        The best proved point.
+    vectors : list of (n,) float
+        All nearly feasible vectors, by value.
     """
     found: list[tuple[float, NDArray[np.float64]]] = []
     best: ProvedPoint | None = None
@@ -225,9 +244,9 @@ def best_attained(
             best = _best_proved(problem, ends, best, aim, end)
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
-        near = best_value + 1e-5 * (1.0 + abs(best_value))
-        starts_there = sum(value <= near for value in reached)
-        if starts_there >= _STARTS and sum(value <= near for value, _ in found) >= _ENOUGH:
+        about_best = best_value + 1e-5 * (1.0 + abs(best_value))
+        starts_there = sum(value <= about_best for value in reached)
+        if starts_there >= _STARTS and sum(value <= about_best for value, _ in found) >= _ENOUGH:
             break
     found.sort(key=lambda entry: entry[0])
     if best is None or not (aim.any or best.value <= aim.enough):
@@ -247,7 +266,7 @@ def _best_proved(
     aim: Aim,
     end: float,
 ) -> ProvedPoint | None:
-    """The best proved point that is nearest to one of the vectors, or the one known before.
+    """Prove the best points in turn; keep the one known before if none is better.
 
     When time is over one proof is still tried: without any point no gap is known.
     """

@@ -24,13 +24,13 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["newton_polish", "zeros_of_squares"]
 
-_STEPS = 300
+_STEPS = 300  # at most
 _DENSE = 60  # variables up to which elimination is dense
 _SHIFTS = 12  # times a shift grows tenfold before the search ends
 
 
 def zeros_of_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
-    """Where the objective is a sum of squares, shifted Gauss-Newton steps from the start.
+    """Take shifted Gauss-Newton steps where the objective is a sum of squares.
 
     They end at zeros of the squares where those of the expanded objective stop in one of its
     many poorer minima.
@@ -52,7 +52,7 @@ def zeros_of_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np
 
 
 def newton_polish(problem: Problem, x: NDArray, end: float) -> NDArray[np.float64]:
-    """Shifted Newton steps from a point near a minimum."""
+    """Take shifted Newton steps from a point near a minimum."""
     row = problem.objective_row
 
     def value(x: NDArray) -> float:
@@ -70,7 +70,7 @@ def _solved(matrix: sps.csr_array, right: NDArray) -> NDArray[np.float64]:
     try:
         return np.linalg.solve(matrix.toarray(), right)
     except np.linalg.LinAlgError:
-        return np.full(right.size, np.nan)  # as a sparse elimination says it
+        return np.full(right.size, np.nan)  # as sparse elimination returns it
 
 
 def _descended(
@@ -80,10 +80,10 @@ def _descended(
     value: Callable[[NDArray], float],
     model: Callable[[NDArray, NDArray], tuple[sps.csr_array, NDArray]],
 ) -> NDArray[np.float64]:
-    """Steps -(H + shift I)^-1 g in the variables off their bounds, as long as they descend.
+    """Take steps -(H + shift I)^-1 g in the inner variables while they descend.
 
-    ``model`` gives H and g in these variables. The shift falls after steps that descend and
-    grows after others (Levenberg, Marquardt), so that curved valleys of thousands of
+    ``model`` gives H and g in the variables off their bounds. The shift falls after steps that
+    descend and grows after others (Levenberg, Marquardt), so that curved valleys of thousands of
     variables are followed to their end, each step by one sparse elimination.
     """
     reached, shift, fails = value(x), 0.0, 0

@@ -4,13 +4,13 @@ Each step minimises the linearised objective plus a penalty on the linearised vi
 
     f'd + nu sum s,   h + h'd = s+ - s-,   g + g'd >= -s,
 
-within a trust region. Where the rows are so curved that little of what a step promised is
-gained, a second step within the same region is linearised at its end; without it searches
-creep along curved rows. In problems whose products are covered by few complicating
-variables only these are held near: with them fixed everything is linear, so a second
-program with these fixed restores the rows after each step. Minima of such problems are
-mostly vertices, where the method converges quadratically; sparse programs of thousands of
-rows cost milliseconds. What comes back is a candidate; nothing here is proved.
+within a trust region. Where the rows are so curved that little of the predicted reduction is
+gained, a second step within the same region is linearised at its end; without it searches creep
+along curved rows. In problems whose products are covered by few complicating variables only
+these are held in the trust region: with them fixed everything is linear, so a second program
+with these fixed restores the rows after each step. Minima of such problems are mostly vertices,
+where the method converges quadratically; sparse programs of thousands of rows cost
+milliseconds. The result is a candidate; nothing here is proved.
 
 References
 ----------
@@ -34,27 +34,27 @@ from sparsepop_py.problem.problem import Problem
 __all__ = ["restored", "sequential_search", "violated_rows"]
 
 _VIOLATED = 1e-7  # of a row's largest coefficient
-_STEPS = 150
-_PENALTY = 1e2
-_MOST = 1e9
+_STEPS = 150  # at most
+_PENALTY = 1e2  # first weight of violations against the scaled objective
+_MOST = 1e9  # largest such weight
 
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Where a search stands: x, the value of its objective there, and the violation."""
+    """Iterate of a search: x, the scaled objective there, and the violation."""
 
     x: NDArray[np.float64]
     value: float
     off: float
 
     def merit(self, penalty: float) -> float:
-        """Value and penalised violation: what each step is to reduce."""
+        """Value plus penalised violation, which each step is to reduce."""
         return self.value + penalty * self.off
 
 
 @dataclass(eq=False)
 class _Search:
-    """A problem in units of its rows and of its objective, with two linear models."""
+    """Problem scaled by its rows and its objective, with two linear models. Mutable."""
 
     problem: Problem
     held: NDArray[np.int64]
@@ -70,7 +70,7 @@ class _Search:
 
     @cached_property
     def _program(self) -> tuple[sps.csr_array, NDArray[np.intp]]:
-        """Rows of the linearised problem, [J | slacks], and where the entries of J stand.
+        """Rows [J | slacks] of the linearised problem, and positions of J's entries.
 
         The slacks: plus for each row, minus for each equality.
         """
@@ -89,7 +89,7 @@ class _Search:
     _model: LinearModel | None = None
 
     def violation(self, x: NDArray[np.float64]) -> float:
-        """Sum of violations in units of the rows."""
+        """Sum the violations at x in units of the rows."""
         values = self.problem.rows.values(x) / self.size
         return float(
             np.where(self.problem.equality, np.abs(values), np.maximum(-values, 0.0)).sum()
@@ -103,7 +103,7 @@ class _Search:
         low: NDArray[np.float64],
         high: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], float] | None:
-        """The best x + d of the linearised problem with low <= x + d <= high, and its value."""
+        """Solve the linearised problem for x + d within bounds; return it and its value."""
         rows, (matrix, places) = self.problem.rows, self._program
         matrix.data[places] = rows.slopes(x) / self.size[rows.jacobian_places()[0]]
         right = -rows.values(x) / self.size
@@ -124,24 +124,24 @@ class _Search:
         return np.clip(x + found.x[: x.size], low, high), found.value
 
     def place(self, x: NDArray[np.float64]) -> _Place:
-        """Where a vector is, its other variables chosen anew where some are held."""
+        """Evaluate a vector; where some variables are held, choose the others anew."""
         x = _restored(self, x) if self.held.size else x
         return _Place(x, self.problem.objective(x) / self.scale, self.violation(x))
 
     def within(
         self, x: NDArray[np.float64], reach: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Bounds that keep the held variables (all of them, where none are) near x."""
-        near = self.held if self.held.size else np.arange(x.size)
+        """Bound the held variables, or all without any, to the trust region."""
+        held = self.held if self.held.size else np.arange(x.size)
         low, high = self.problem.lower.copy(), self.problem.upper.copy()
-        low[near] = np.maximum(low[near], x[near] - reach[near])
-        high[near] = np.minimum(high[near], x[near] + reach[near])
+        low[held] = np.maximum(low[held], x[held] - reach[held])
+        high[held] = np.minimum(high[held], x[held] + reach[held])
         return low, high
 
     def ahead(
         self, at: _Place, penalty: float, bounds: tuple[NDArray, NDArray]
     ) -> tuple[float, _Place | None]:
-        """What rows and objective linearised at a place promise within bounds, and come to."""
+        """Linearise at an iterate; return the predicted reduction and the next iterate."""
         gradient = self.problem.objective_row.gradient(at.x) / self.scale
         found = self.step(at.x, gradient, penalty, *bounds)
         if found is None:
@@ -150,16 +150,16 @@ class _Search:
 
 
 def restored(problem: Problem, x: NDArray, held: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The rest of the variables chosen for least violation, the held ones as they are in x."""
+    """Choose the variables that are not held for least violation."""
     return _restored(_Search(problem, held), x)
 
 
 def violated_rows(
     problem: Problem, x: NDArray[np.float64], held: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Constraints that no choice of the other variables satisfies together, held ones as in x.
+    """List constraints that no choice of the variables not held satisfies together.
 
-    Empty where the held variables are those of a feasible point, nearly.
+    Empty where the held variables are nearly those of a feasible point.
     """
     search = _Search(problem, held)
     values = problem.rows.values(_restored(search, x)) / search.size
@@ -182,7 +182,7 @@ def sequential_search(
     trust: float = 0.1,
     end: float = np.inf,
 ) -> NDArray[np.float64]:
-    """A local minimiser from ``start``, nearly feasible at best.
+    """Search a local minimiser from ``start``, nearly feasible at best.
 
     Parameters
     ----------
@@ -194,7 +194,11 @@ def sequential_search(
     trust : float
         First trust region, relative to the width of each variable's bounds.
     end : float
-        When to stop, on the monotonic clock.
+        End on the monotonic clock.
+
+    Returns
+    -------
+    (n,) float
     """
     search = _Search(problem, np.array(held, np.int64), end)
     width = problem.upper - problem.lower

@@ -1,9 +1,9 @@
-"""Local search: candidate minimisers in floating point.
+"""Local search for candidate minimisers in floating point.
 
-Nothing here is proved; :mod:`sparsepop_py.verified.points.feasible_point` decides what is attained. SLSQP
-serves problems of up to a few hundred variables, L-BFGS-B large ones that have bounds
-only, trust-constr the rest; sequential linear programming is there for problems of degree
-two. IPOPT through casadi is an optional extra.
+Nothing here is proved; :mod:`sparsepop_py.verified.points.feasible_point` decides which points
+are attained. SLSQP serves problems of up to a few hundred variables, L-BFGS-B large ones that
+have bounds only, trust-constr the others; sequential linear programming serves problems of
+degree two. IPOPT through casadi is an optional extra.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sparsepop_py.relaxation.shapes import Products
 __all__ = ["DENSE_LIMIT", "local_search"]
 
 DENSE_LIMIT = 300  # variables of the largest problems for SLSQP
-_FAR = 1e8
+_FAR = 1e8  # a search that comes this far follows a falling objective to infinity
 
 
 def local_search(
@@ -36,7 +36,7 @@ def local_search(
     method: str | None = None,
     end: float = np.inf,
 ) -> NDArray[np.float64]:
-    """A local minimiser from ``start``, nearly feasible at best.
+    """Search a local minimiser from ``start``, nearly feasible at best.
 
     Parameters
     ----------
@@ -45,7 +45,16 @@ def local_search(
     method : {None, "sequential", "ipopt"}
         None chooses among SciPy's methods by size and structure.
     end : float
-        When to stop, on the monotonic clock; the last vector that was looked at is returned.
+        End on the monotonic clock; the last vector that was evaluated is returned.
+
+    Returns
+    -------
+    (n,) float
+
+    Raises
+    ------
+    SolverNotFound
+        If ``method`` is "ipopt" and casadi is not installed.
     """
     problem = problem.sharpened
     start = np.clip(start, problem.lower, problem.upper)
@@ -121,12 +130,12 @@ def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float6
     ):
         index = np.flatnonzero(chosen)
         if index.size:
-            part, scale = rows.take(index), size[index]
+            chosen_rows, scale = rows.take(index), size[index]
             constraints.append(
                 {
                     "type": kind,
-                    "fun": lambda x, p=part, s=scale: p.values(x) / s,
-                    "jac": lambda x, p=part, s=scale: p.dense_jacobian(x) / s[:, None],
+                    "fun": lambda x, p=chosen_rows, s=scale: p.values(x) / s,
+                    "jac": lambda x, p=chosen_rows, s=scale: p.dense_jacobian(x) / s[:, None],
                 }
             )
     finite = np.isfinite(problem.lower) | np.isfinite(problem.upper)
@@ -146,7 +155,7 @@ def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float6
 
 
 def _independent(problem: Problem, x: NDArray) -> NDArray[np.bool_]:
-    """The equalities without those that are linear combinations of linear ones (SLSQP fails)."""
+    """Select equalities, without linear ones that depend on others (SLSQP fails on them)."""
     chosen = problem.equality.copy()
     degree = np.array([c.polynomial.degree for c in problem.constraints], int)
     linear = np.flatnonzero(chosen & (degree <= 1))

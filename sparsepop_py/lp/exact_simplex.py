@@ -27,7 +27,7 @@ _GREEDY = 60  # pivots by largest violation before Bland's rule, which cannot cy
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """How one linear objective ends.
+    """Exact result for one linear objective.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ class Simplex:
             self._pivot(min(open_)[2], number, weights)
 
     def _complete(self) -> None:
-        """Rows in the place of artificial ones, as far as the rank of all rows allows."""
+        """Replace artificial rows of the basis by rows, as far as the rank allows."""
         self._completed = True
         equal = np.flatnonzero(self._set.equality).tolist()
         for number in equal:
@@ -138,7 +138,7 @@ class Simplex:
     # ---- integer linear algebra -------------------------------------------------------------
 
     def _weights(self, number: int) -> list[int]:
-        """The row as a combination of the basis, times the determinant."""
+        """Express a row in the basis, times the determinant."""
         slope = self._set.row(number)[0]
         used = [(a, self._adjugate[i]) for i, a in enumerate(slope) if a]
         return [sum(a * row[j] for a, row in used) for j in range(len(slope))]
@@ -160,7 +160,7 @@ class Simplex:
         return [sign * row[place] for row in self._adjugate]
 
     def _point(self) -> tuple[list[int], int]:
-        """The vertex of the basis: numerators and their positive denominator."""
+        """Compute the vertex of the basis: numerators and their positive denominator."""
         right = [-self._set.row(r)[1] if r >= 0 else 0 for r in self._rows]
         sign = 1 if self._determinant > 0 else -1
         point = [
@@ -175,7 +175,7 @@ class Simplex:
         return [sum(c * row[j] for c, row in used) for j in range(len(cost))]
 
     def _free(self, row: int) -> bool:
-        """Whether the sign of a row's multiplier does not matter."""
+        """Check that a row's multiplier may have any sign."""
         return row < 0 or bool(self._set.equality[row])
 
     # ---- dual pivots: to a feasible vertex, or to a proof that there is none ----------------
@@ -210,14 +210,14 @@ class Simplex:
             step += 1
 
     def _worst(self, wrong: NDArray[np.int64], point: list[int], total: int) -> int:
-        """The row that is violated most for the size of its entries, as far as doubles tell."""
+        """Find the row violated most for the size of its entries, in doubles."""
         x, _ = doubles(point, total)
         value = np.abs(self._set.matrix[wrong] @ x + self._set.constant[wrong])
         size = np.abs(self._set.matrix[wrong]).max(axis=1) + 1e-300
         return int(wrong[np.argmax(np.nan_to_num(value / size))])
 
     def _exchange(self, number: int, side: int, cost: list[int]) -> Outcome | None:
-        """One dual pivot with a violated row, or the Farkas multipliers that it completes."""
+        """Pivot dually with a violated row, or complete Farkas multipliers."""
         sign = 1 if self._determinant > 0 else -1
         weights = self._weights(number)
         prices = self._prices(cost)
@@ -270,7 +270,7 @@ class Simplex:
             step += 1
 
     def _advance(self, place: int, along: list[int], point: list[int], total: int) -> bool:
-        """One primal pivot: the first row met in a direction enters; False if there is none."""
+        """Pivot primally to the first row met in a direction; False for none."""
         falling = np.flatnonzero(self._set.signs(along, 0, total) < 0)
         falling = falling[self._set.present[falling]]
         if not falling.size:

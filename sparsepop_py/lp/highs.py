@@ -41,7 +41,7 @@ _STATUS = {
 
 @dataclass(frozen=True, eq=False)
 class LinearSolution:
-    """What HiGHS returned.
+    """Output of HiGHS for a linear program.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def solve_lp(
     equalities: tuple[sps.csr_array, NDArray[np.float64]],
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64] | None:
-    """Minimise cost'(d, t) subject to G d - w t >= -g, H d = r and bounds.
+    """Minimise cost'(d, t) for G d - w t >= -g, H d = r.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Find a first box and relaxations that fit. Hints only: the kernel replays every step."""
+"""Presolve: a first box, and relaxations that fit. Hints only: every step is replayed."""

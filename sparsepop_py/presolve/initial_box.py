@@ -1,4 +1,4 @@
-"""Finding a box: propagation, left inverses, the cut-off, and sublevel identities for the rest.
+"""Initial box: propagation, left inverses, the cutoff, and sublevel identities.
 
 Each step is the same object that the certificate replays later.
 """
@@ -37,19 +37,31 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 __all__ = ["find_box", "finite", "rounding_slack", "shrinks"]
 
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
-_USEFUL = 1e4  # boxes that reach further beyond the attained point than this help nobody
-_LARGEST_BLOCK = 60  # a sublevel identity at a raised order must stay cheap
-_SLACK_OF_START = 2.0**-36  # of the widths at the start, which tell how large the rows' numbers are
+_USEFUL = 1e4  # boxes that reach further beyond the attained point than this do not help
+_LARGEST_BLOCK = 60  # of a sublevel identity at a raised order, which must stay cheap
+_SLACK_OF_START = 2.0**-36  # of the first widths, which tell the size of numbers in the rows
 _SHARE = 2.0**-20  # of the widths now: more would weaken bounds
 
 
 def finite(box: Interval) -> bool:
-    """Whether every variable has two finite bounds."""
+    """Check that every variable has two finite bounds."""
     return bool(np.all(np.isfinite(box.lo) & np.isfinite(box.hi)))
 
 
 def rounding_slack(box: Interval, start: Interval) -> NDArray[np.float64]:
-    """How much larger replays at a later level may leave boxes within this one: rounding."""
+    """Compute the slack by which replays with another cutoff may enlarge boxes by rounding.
+
+    Parameters
+    ----------
+    box : Interval
+        The box now.
+    start : Interval
+        The box at the start, whose widths tell the size of the numbers in the rows.
+
+    Returns
+    -------
+    (n,) float
+    """
     with np.errstate(over="ignore"):
         first, now = (np.maximum(w.hi - w.lo, 0.0) for w in (start, box))
     slack = np.minimum(_SLACK_OF_START * np.where(np.isfinite(first), first, now), _SHARE * now)
@@ -57,7 +69,7 @@ def rounding_slack(box: Interval, start: Interval) -> NDArray[np.float64]:
 
 
 def shrinks(old: Interval, new: Interval) -> bool:
-    """Whether a box became smaller by enough to be worth a step of a proof."""
+    """Check whether a box became smaller by enough for a step of a proof."""
     if is_empty(new) or np.any(np.isinf(old.hi - old.lo) & np.isfinite(new.hi - new.lo)):
         return True
     width = old.hi - old.lo
@@ -73,19 +85,25 @@ def find_box(
     done: bool = False,
     cutoff: float | None = None,
 ) -> tuple[BoxProof, Interval]:
-    """The tightest box that presolve finds, with its proof.
+    """Tighten the box of a problem by presolve, with its proof.
 
     Parameters
     ----------
     problem : Problem
-    cutoff : ProvedPoint or None
-        With it, f(x) <= cutoff.value joins the constraints (scope: this objective).
+    incumbent : ProvedPoint or None
+        With it, f(x) <= incumbent.value joins the constraints (scope: this objective).
     options : Options
         With effort ``"plain"`` the box is that of the problem's bounds.
     done : bool
         Skip the expensive step, since the bound needs no finite box.
-    level : float, optional
-        The level of the cut-off where it is not that of the point.
+    cutoff : float, optional
+        The cutoff where it is not the value of the incumbent.
+
+    Returns
+    -------
+    proof : BoxProof
+        The steps that prove the box.
+    box : Interval
     """
     box = Interval(problem.lower, problem.upper)
     if options.effort == "plain":
@@ -113,7 +131,7 @@ def find_box(
 
 
 def _cliques(scaled: Scaled, options: Options) -> Cliques:
-    """Cliques that need not hold the cut-off row: outside them its multiplier is a constant."""
+    """Find cliques that need not hold the cutoff row: its multiplier is constant outside."""
     rows = scaled.problem
     least = least_order(rows)
     if comb(rows.dimension + least, least) <= _LARGEST_BLOCK:
@@ -128,16 +146,16 @@ def _cliques(scaled: Scaled, options: Options) -> Cliques:
 def _sublevel(
     problem: Problem, incumbent: ProvedPoint, box: Interval, options: Options
 ) -> Sublevel | None:
-    """An identity that bounds all variables where f <= cutoff, from a few relaxations.
+    """Solve relaxations for an identity that bounds all variables where f <= cutoff.
 
     The objective alone comes first where there are constraints: the multipliers of these bring
     monomials into the moment bases that f does not dominate, though it grows in all directions.
     """
-    endless = np.isinf(box.lo) | np.isinf(box.hi)
-    loose = Interval(np.where(endless, -np.inf, box.lo), np.where(endless, np.inf, box.hi))
+    unbounded = np.isinf(box.lo) | np.isinf(box.hi)
+    loose = Interval(np.where(unbounded, -np.inf, box.lo), np.where(unbounded, np.inf, box.hi))
     rows = np.append(np.zeros(len(problem.constraints), bool), True)  # the cut-off is the last
     tries = [(box, np.ones_like(rows))]
-    if problem.constraints or np.any(endless & (np.isfinite(box.lo) | np.isfinite(box.hi))):
+    if problem.constraints or np.any(unbounded & (np.isfinite(box.lo) | np.isfinite(box.hi))):
         tries.insert(0, (loose, rows))
     for around, active in tries:
         step = _sublevel_on(problem, incumbent, (box, around), active, options)
@@ -153,9 +171,9 @@ def _sublevel_on(
     active: NDArray[np.bool_],
     options: Options,
 ) -> Sublevel | None:
-    """The same with some of the constraints, and on a box around the box.
+    """Solve relaxations with some of the constraints, on a box around the box.
 
-    Minimises -sum_b b(t)^2 over the sublevel set, b running over the moment bases.
+    They minimise -sum_b b(t)^2 over the sublevel set, b running over the moment bases.
     """
     f, (box, around) = problem.objective, boxes
     inside = Problem(
@@ -169,7 +187,7 @@ def _sublevel_on(
     scaled = Scaled.of(inside, scaling, (f,), active)
     cliques = _cliques(scaled, options)
     least = least_order(scaled.problem)
-    solver = "clarabel" if options.solver == "auto" else options.solver  # endless moments
+    solver = "clarabel" if options.solver == "auto" else options.solver  # unbounded moments
     for order in (least, least + 1):
         if not worth_building(cliques, order):
             break

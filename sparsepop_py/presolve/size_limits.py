@@ -1,11 +1,10 @@
-"""Relaxations that fit: what to do when the one asked for is too large to solve.
+"""Relaxations that fit into memory and time.
 
-An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2
-bytes, r being the number s (s + 1) / 2 of entries of each semidefinite block and c the
-number of moments of each clique. The lean form of a
-relaxation often gives the same bound at a tenth of that, so it goes first, and stays
-alone where the full form is too large; where even it does not fit, the order comes
-down. Each change is noted; every bound stays proved.
+An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2 bytes,
+r being the number s (s + 1) / 2 of entries of each semidefinite block and c the number of
+moments of each clique. The lean form of a relaxation often gives the same bound at a tenth of
+that, so it goes first, and stays alone where the full form is too large. Where even it does
+not fit, the order is lowered. Each change is noted; every bound stays proved.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from sparsepop_py.sparsity.correlative import Cliques
 __all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
-_TINY = 1e5  # a step; below, the full form is as good as free
+_TINY = 1e5  # a step; below, the full form takes no time
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
 
 
@@ -35,17 +34,17 @@ _NOTHING: Fitting = ((), ())
 
 
 def solver_bytes(relaxation: Relaxation) -> float:
-    """About how much memory an interior-point solver needs for the blocks."""
+    """Estimate the memory in bytes that an interior-point solver needs for the blocks."""
     return float(sum(12.0 * _entries(s) ** 2 * k for s, k in relaxation.block_sizes.items()))
 
 
 def worth_building(cliques: Cliques, order: int) -> bool:
-    """Whether the basis of the largest clique is small enough to look at the relaxation at all."""
+    """Check that the basis of the largest clique is small enough to build the relaxation."""
     return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
 
 
 def affordable(relaxation: Relaxation, memory: float) -> bool:
-    """Whether a solver has the memory for a relaxation, and the time for a step."""
+    """Check that a solver has memory for a relaxation and time for a step."""
     return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= memory
 
 
@@ -54,7 +53,7 @@ def _entries(size: int) -> float:
 
 
 def _operations(relaxation: Relaxation) -> float:
-    """Operations of one interior-point step, counting blocks and the moments of each clique."""
+    """Count operations of one interior-point step, for blocks and moments of each clique."""
     blocks = sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items())
     clique = np.concatenate([np.repeat(g.clique, g.rows_each) for g in relaxation.groups])
     columns = relaxation.entries.indices.astype(np.int64)
@@ -72,7 +71,7 @@ def fitting_relaxations(
     *,
     constrained: bool,
 ) -> tuple[tuple[Relaxation, ...], tuple[str, ...]]:
-    """The relaxation that was asked for behind its lean form, as far as they fit.
+    """Build the relaxation asked for behind its lean form, as far as they fit.
 
     Parameters
     ----------
@@ -84,7 +83,7 @@ def fitting_relaxations(
         With effort ``"plain"`` nothing is changed: the relaxation fits or there is none.
     constrained : bool
         Whether products of constraints and bounds are worth adding: not where the only
-        bounds come from a cut-off.
+        bounds come from a cutoff.
 
     Returns
     -------
@@ -116,7 +115,7 @@ def fitting_relaxations(
             return (), _too_large(asked, memory)
         return (full,), notes
     fitting, order = _fitting(build, largest, memory, top), top
-    if not fitting[0] and options.effort != "auto":  # there the ladder has been at lower orders
+    if not fitting[0] and options.effort != "auto":  # "auto" has solved lower orders before
         fitting, order = _largest_that_fits(partial(_fitting, build, largest, memory), least, top)
     if not fitting[0]:
         return (), _too_large(asked, memory)
@@ -126,10 +125,10 @@ def fitting_relaxations(
 
 
 def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, order: int) -> Fitting:
-    """What fits of an order, by the size of its largest clique before anything is built."""
+    """Build the forms of an order that fit; its largest clique may exclude all before."""
     basis = comb(largest + order, order)
-    parts = 2**largest  # as many as sign symmetry makes of a basis, at most
-    least = parts * _entries(basis // parts) ** 3 / 3.0
+    blocks = 2**largest  # as many as sign symmetry makes of a basis, at most
+    least = blocks * _entries(basis // blocks) ** 3 / 3.0
     if basis > _BASIS or least > _OPERATIONS:
         return _NOTHING
     return _worthwhile(build(order), build(order, lean=True), memory)
@@ -138,7 +137,7 @@ def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, orde
 def _largest_that_fits(
     fitting_of: Callable[[int], Fitting], least: int, too_large: int
 ) -> tuple[Fitting, int]:
-    """By bisection: where one order fits, all below do."""
+    """Bisect for the largest order that fits: where one fits, all below do."""
     fitting, low, high = _NOTHING, least - 1, too_large
     while high - low > 1:
         middle = (low + high) // 2
@@ -151,10 +150,10 @@ def _largest_that_fits(
 
 
 def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
-    """The lean form where it is much cheaper, and the full one where it can be afforded."""
-    cheap, dear = _operations(lean), _operations(full)
+    """Choose the lean form where much cheaper, the full one where affordable."""
+    cheap, costly = _operations(lean), _operations(full)
     if affordable(full, memory):
-        return ((lean, full) if cheap < 0.3 * dear and dear > _TINY else (full,)), ()
+        return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()
     if not affordable(lean, memory):
         return _NOTHING
     return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)

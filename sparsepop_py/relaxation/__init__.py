@@ -1,1 +1,1 @@
-"""Moment relaxations: bases, blocks, shapes, sparsity of terms, and the way back from duals."""
+"""Moment relaxations: bases, blocks, shapes, term sparsity, and multipliers from duals."""

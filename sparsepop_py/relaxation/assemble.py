@@ -1,4 +1,4 @@
-"""Put an objective on a relaxation, and read the dual of the program by groups.
+"""Assemble the conic program of a relaxation with an objective.
 
     minimise  q'y + offset   subject to   A y + s = b,   s in K,
 
@@ -21,7 +21,7 @@ _ROOT2 = float(np.sqrt(2.0))
 
 
 def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
-    """Put an objective on a relaxation.
+    """Assemble the conic program of a relaxation with an objective.
 
     Parameters
     ----------
@@ -29,10 +29,23 @@ def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
     objective : Polynomial
         In the variables of ``relaxation.problem``.
 
+    Returns
+    -------
+    ConicProgram
+
     Raises
     ------
     ProblemError
         If the objective has a monomial that the relaxation does not hold.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> program = sp.assemble(sp.relax(problem), problem.objective)
+    >>> program.A.shape, program.cones
+    ((7, 5), Cones(zero=0, nonnegative=1, psd=(3,)))
     """
     q, offset = relaxation.objective_vector(objective)
     A, b = relaxation.scaled_rows
@@ -42,7 +55,18 @@ def assemble(relaxation: Relaxation, objective: Polynomial) -> ConicProgram:
 
 
 def split_dual(relaxation: Relaxation, z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """The dual z as one array a group: (K, s) for free groups, else (K, s, s) symmetric."""
+    """Split the dual z by groups into multipliers.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+    z : (R,) float
+
+    Returns
+    -------
+    list of array
+        One a group: (K, s) for free groups, else (K, s, s) symmetric.
+    """
     parts: list[NDArray[np.float64]] = []
     offset = 0
     for group in relaxation.groups:

@@ -55,7 +55,7 @@ def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray, degree: in
 def reduced_bases(
     problem: Problem, members: Sequence[tuple[int, ...]], home: NDArray, order: int
 ) -> Bases:
-    """Moment bases of all cliques after facial reduction by the equalities they are home to."""
+    """Reduce the moment bases of all cliques by the equalities they are home to."""
     equalities: dict[int, list[int]] = {}
     for number in np.flatnonzero(problem.equality):
         polynomial = problem.constraints[number].polynomial
@@ -77,7 +77,7 @@ def reduced_bases(
 
 
 def by_size(basis: Words, keep: NDArray[np.bool_]) -> Bases:
-    """Bases (K, s, D) with only the monomials to keep (K, s), stacked by what is left of s."""
+    """Keep chosen monomials (K, s) of bases (K, s, D), stacked by their number."""
     count, parts = keep.sum(axis=1), []
     for size in np.unique(count).tolist():
         rows = np.flatnonzero(count == size)
@@ -89,7 +89,7 @@ def by_size(basis: Words, keep: NDArray[np.bool_]) -> Bases:
 def _independent(
     problem: Problem, basis: Words, member: tuple[int, ...], numbers: list[int], order: int
 ) -> NDArray[np.int64]:
-    """Positions of the basis monomials that stay when the kernel vectors are divided out."""
+    """Select the basis monomials that stay when the kernel vectors are divided out."""
     keys = monomials.pack(basis, problem.dimension)
     vectors = []
     for number in numbers:

@@ -1,4 +1,4 @@
-"""The blocks of a relaxation: which polynomial, which clique, which monomials.
+"""Blocks of a relaxation: a generator, a clique and a monomial basis each.
 
 Every generator (see :mod:`sparsepop_py.problem.generators`) makes one block in its home clique; the
 bounds of a variable make one in every clique that holds it. A matrix G of polynomials makes
@@ -85,14 +85,28 @@ class BlockGroup:
         return i, j
 
     def products(self) -> Words:
-        """The monomial of every row, shape (K, rows_each, D')."""
+        """Multiply the monomials of every row, shape (K, rows_each, D')."""
         if self.free:
             return self.basis
         i, j = self.pairs
         return monomials.multiply(self.basis[:, i], self.basis[:, j])
 
     def terms(self, system: Generators) -> tuple[NDArray[np.int64], Words, NDArray[np.float64]]:
-        """Every term of every row: the row, from 0 on, the monomial, and the coefficient."""
+        """Expand every term of every row.
+
+        Parameters
+        ----------
+        system : Generators
+            The polynomials that the blocks multiply.
+
+        Returns
+        -------
+        row : (T,) int
+            Row of each term, from 0.
+        words : (T, D) int32
+            Its monomial.
+        coefficients : (T,) float
+        """
         source: PolynomialSystem = system
         number, products = self.generator, self.products()
         if self.place is not None:
@@ -121,7 +135,7 @@ def block_groups(
     reduce: bool,
     lean: bool,
 ) -> tuple[BlockGroup, ...]:
-    """Every block of the relaxation: free rows first, then matrices by size."""
+    """Build the blocks of the full shape: free rows first, then matrices by size."""
     fixed = problem.lower == problem.upper
     members = [tuple(v for v in clique if not fixed[v]) for clique in cliques.members]
     blocks = _localizing(problem, cliques, members, order, system, lean)
@@ -129,8 +143,8 @@ def block_groups(
         moment = reduced_bases(problem, members, cliques.home, order)
     else:
         moment = clique_bases(members, np.arange(len(members)), order)
-    endless = ~fixed & (np.isinf(problem.lower) | np.isinf(problem.upper))
-    if lean or endless.any():
+    unbounded = ~fixed & (np.isinf(problem.lower) | np.isinf(problem.upper))
+    if lean or unbounded.any():
         held = [row_monomials(group, system) for group in stacked_groups(blocks)]
         held += [f.words for f in (problem.objective, *objectives)]
         moment = consistent_bases(moment, held, problem.dimension)
@@ -152,7 +166,7 @@ def _localizing(
     system: Generators,
     lean: bool,
 ) -> Blocks:
-    """Localizing blocks and equality rows in the homes of their generators.
+    """Build localizing blocks and equality rows in the homes of their generators.
 
     The bounds of a variable enter every clique that holds it, unless lean.
     """
@@ -182,10 +196,10 @@ def _localizing(
         number, place = np.append(number, box.start + extra), np.append(place, where)
     blocks: Blocks = []
     for is_free in (True, False):
-        for level in np.unique(reach[number]):
-            chosen = (free[number] == is_free) & (reach[number] == level)
+        for half in np.unique(reach[number]):
+            chosen = (free[number] == is_free) & (reach[number] == half)
             index, clique = number[chosen], place[chosen]
-            for part, basis in clique_bases(members, clique, int(level)):
+            for part, basis in clique_bases(members, clique, int(half)):
                 blocks.append(BlockGroup(is_free, index[part], clique[part], basis))
     return blocks + matrix_blocks(system, cliques, members, order)
 
@@ -193,7 +207,10 @@ def _localizing(
 def matrix_blocks(
     system: Generators, cliques: Cliques, members: list[tuple[int, ...]], order: int
 ) -> Blocks:
-    """The localizing matrices of matrices: those of degree k with all monomials to d - k/2."""
+    """Build the localizing matrices of matrix constraints.
+
+    A matrix of degree k takes all monomials up to degree d - ceil(k / 2).
+    """
     matrices, blocks = system.matrices, []
     degree = np.zeros(matrices.side.size, int)
     entries = matrices.system
@@ -207,7 +224,7 @@ def matrix_blocks(
 
 
 def matrix_block(constraint: int, clique: int, basis: Words, side: int) -> BlockGroup:
-    """The block of one matrix with the monomials (s, D) in every row of the matrix."""
+    """Build the block of one matrix with monomials (s, D) in each of its rows."""
     place = np.repeat(np.arange(side), basis.shape[0])
     repeated = np.tile(basis, (side, 1))
     return BlockGroup(
@@ -218,7 +235,7 @@ def matrix_block(constraint: int, clique: int, basis: Words, side: int) -> Block
 def _elsewhere(
     cliques: Cliques, members: list[tuple[int, ...]], boxed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Boxed variables and the cliques that hold them besides their home.
+    """List boxed variables with the cliques that hold them besides their home.
 
     With a multiplier in every clique the value does not depend on which clique is called
     home. Where variables are shared by many cliques that would cost too much: none then.
@@ -232,7 +249,7 @@ def _elsewhere(
 
 
 def ragged(block: BlockGroup, keep: NDArray[np.bool_]) -> Blocks:
-    """Blocks (K, s, D) with only the monomials to keep (K, s), stacked by what is left of s."""
+    """Keep chosen monomials (K, s) of blocks (K, s, D), stacked by their number."""
     parts = []
     for rows, basis in by_size(block.basis, keep):
         place = block.place
@@ -245,7 +262,7 @@ def ragged(block: BlockGroup, keep: NDArray[np.bool_]) -> Blocks:
 
 
 def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:
-    """Blocks of equal kind and size in one group; free rows first, then by size."""
+    """Join blocks of equal kind and size to groups; free rows first, then by size."""
     keyed: dict[tuple[bool, int, bool], Blocks] = {}
     for block in blocks:
         key = (not block.free, block.size, block.place is not None)
@@ -266,5 +283,5 @@ def stacked_groups(blocks: Blocks) -> tuple[BlockGroup, ...]:
 
 
 def row_monomials(group: BlockGroup, system: Generators) -> Words:
-    """Every monomial of every row of a group, one row a term."""
+    """List every monomial of every row of a group, one row a term."""
     return group.terms(system)[1]

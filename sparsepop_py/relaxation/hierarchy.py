@@ -1,11 +1,11 @@
-"""Which relaxations a problem admits, what each may cost, and how far it gets as a rule.
+"""Hierarchy of the relaxations that a problem admits, with a model of cost and progress.
 
 Progress from a gap g to the gap t that counts as closed is measured on a logarithmic
-scale: 0 at g, 1 at t. The progress that a relaxation is expected to make is first a rule
-of thumb from pooling, bilinear, polynomial and identification problems, then what it made
-on the objectives before; both only decide what is tried first. Seconds of an
-interior-point solve are estimated from the r = s (s + 1) / 2 entries of each block, those
-of a linear program from its rows, until they have been measured.
+scale: 0 at g, 1 at t. The expected progress of a relaxation is first a rule of thumb from
+pooling, bilinear, polynomial and identification problems, then its progress on the objectives
+before; both only decide the order of trying. Seconds of an interior-point solve are estimated
+from the r = s (s + 1) / 2 entries of each block, those of a linear program from its rows, until
+they have been measured.
 """
 
 from __future__ import annotations
@@ -44,27 +44,28 @@ __all__ = [
 
 Families = dict[Joined, Cliques]
 
-_CLOSED = 0.9  # what closing a gap is worth, against coming near it
+_CLOSED = 0.9  # worth of closing a gap; the rest is that of progress towards it
 _TIGHTER = 0.02  # share that a tightened box adds
-_SELDOM = 4  # a rung that makes a share s of the progress closes the gap about s**4 of the time
-_HOPE = 0.77  # ... of a rung that was not tried yet: it closes two gaps of three
-_ITERATIONS = 25
+_SELDOM = 4  # a relaxation of expected progress s closes the gap about s**4 of the time
+_PRIOR = 0.77  # worth of an untried relaxation: it closes 2/3 of gaps on benchmark families
+_ITERATIONS = 25  # of an interior-point solve, about
 _MOST_BASIS = 1500  # monomials of one clique
-_WORTH_CUTTING = 30  # monomials of a clique from which chordal term sparsity is tried
-_CHORDAL = 0.1  # time with blocks from chordal terms, as a rule
+_WORTH_SPLITTING = 30  # monomials of a clique from which chordal term sparsity is tried
+_CHORDAL = 0.1  # usual share of the time with blocks from chordal terms
 _SMALL = 60  # variables up to which whole cliques are tried where stars would do
 _ORDERS = 3  # orders beyond the least
 
 
 @dataclass(frozen=True)
 class RelaxationSpec:
-    """One kind of relaxation.
+    """Specification of a relaxation in the hierarchy.
 
     Parameters
     ----------
     name : str
+        Name in the history.
     share : float
-        Progress towards a closed gap after it, as a rule.
+        Expected progress towards a closed gap after it.
     shape : {"full", "linear", "mixed", "star", "split"}
     order : int or None
         Relaxation order of the full shape.
@@ -74,7 +75,8 @@ class RelaxationSpec:
     joined : {"constraints", "monomials", "partners"}
         As in :func:`sparsepop_py.find_cliques`.
     plain : RelaxationSpec or None
-        Linear programs with the cut-off tighten the box before this one is solved on it.
+        The relaxation itself, if this one stands for it on a box that linear programs with the
+        cutoff have tightened.
     memory : float
         Bytes that a solver may take; larger relaxations are left out.
     """
@@ -96,7 +98,7 @@ class RelaxationSpec:
         return replace(self, name=f"tightened {self.name}", share=self.share + _TIGHTER, plain=self)
 
     def build(self, scaled: Scaled, cliques: Families) -> Relaxation:
-        """The relaxation of a scaled problem that carries all its objectives."""
+        """Build the relaxation of a scaled problem for all its objectives."""
         return relax(
             scaled.problem,
             self.order,
@@ -109,7 +111,7 @@ class RelaxationSpec:
         )
 
     def seconds(self, scaled: Scaled, cliques: Families) -> float:
-        """About how long it takes to solve."""
+        """Estimate the seconds of a solve."""
         if self.shape == "full":
             sizes = _full_sizes(self, scaled.problem, cliques[self.joined])
             rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
@@ -121,7 +123,7 @@ class RelaxationSpec:
         return expected_seconds(sizes, rows, self.memory)
 
     def fits(self, cliques: Families) -> bool:
-        """Whether the relaxation is small enough to be built at all."""
+        """Check that the relaxation is small enough to be built."""
         members = [len(clique) for clique in cliques[self.joined].members]
         if self.shape == "full" and self.order is not None:
             return comb(max(members, default=0) + self.order, self.order) <= _MOST_BASIS
@@ -134,7 +136,7 @@ class RelaxationSpec:
 def families(
     problem: Problem, objectives: Sequence[Polynomial], sparse: bool, method: Method
 ) -> Families:
-    """Cliques for each way of joining variables; the same ones where nothing is sparse."""
+    """Find cliques for each way of joining variables; all equal where nothing is sparse."""
     usual = find_cliques(problem, sparse, method, objectives)
     found: Families = {"constraints": usual, "monomials": usual, "partners": usual}
     if sparse and problem.constraints:
@@ -149,16 +151,26 @@ def _differ(one: Cliques, other: Cliques) -> bool:
 
 @dataclass(eq=False)
 class CostModel:
-    """What the rungs were seen to do, shared by all objectives over one feasible set."""
+    """Measured seconds and progress of relaxations over one feasible set. Mutable.
+
+    Parameters
+    ----------
+    seconds : dict of str to float
+        Seconds by name.
+    progress : dict of str to float
+        Worth of the progress by name, between 0 and 1.
+    pace : float
+        Ratio of measured to estimated seconds.
+    """
 
     seconds: dict[str, float] = field(default_factory=dict)
     progress: dict[str, float] = field(default_factory=dict)
     pace: float = 1.0
 
     def learn(self, name: str, progress: float, seconds: float) -> None:
-        """Enter what one rung did; older experience fades.
+        """Record progress and seconds of a relaxation; older records fade.
 
-        A gap that is closed counts more than progress: it saves the rungs above. Less time
+        A closed gap counts more than progress: it saves the stronger relaxations. Less time
         than before counts at once, since what was analysed the first time is remembered.
         """
         worth = _CLOSED * (progress >= 1.0) + (1.0 - _CLOSED) * progress
@@ -167,12 +179,21 @@ class CostModel:
         self.seconds[name] = min(self.seconds[name], seconds)
 
     def closes(self, name: str) -> float:
-        """How likely a rung is to close the gap, from what it did so far."""
-        worth = self.progress.get(name, _HOPE)
+        """Estimate the probability that a relaxation closes the gap, from its record."""
+        worth = self.progress.get(name, _PRIOR)
         return max(0.0, worth + _CLOSED - 1.0) / _CLOSED
 
     def rate(self, spec: RelaxationSpec, share: float, seconds: float) -> float:
-        """What a rung is expected to be worth in a second, after rungs of that share."""
+        """Estimate the worth of a relaxation per second.
+
+        Parameters
+        ----------
+        spec : RelaxationSpec
+        share : float
+            Expected progress of the relaxations before it.
+        seconds : float
+            Its expected seconds.
+        """
         progress = max(0.0, (spec.share - share) / (1.0 - share + 1e-9))
         worth = _CLOSED * progress**_SELDOM + (1.0 - _CLOSED) * progress
         if spec.name in self.progress:
@@ -187,19 +208,23 @@ def relaxation_specs(
     first: int | None,
     skip: Sequence[str] = (),
 ) -> tuple[RelaxationSpec, ...]:
-    """The rungs of the ladder for a problem with a finite box, by growing share.
+    """List the relaxations for a problem with a finite box, by growing expected progress.
 
     Parameters
     ----------
     problem : Problem
-        Only its structure is looked at.
+        Only its structure matters.
     cliques : dict
-        A family of cliques for each way of joining variables.
+        Cliques for each way of joining variables.
     objectives : tuple of Polynomial
     first : int or None
         Relaxation order to start at; it leaves out everything below.
     skip : sequence of str
         Shapes, ways of joining and kinds of terms to leave out.
+
+    Returns
+    -------
+    tuple of RelaxationSpec
     """
     specs = []
     if first is None or first == 1:
@@ -209,13 +234,13 @@ def relaxation_specs(
         specs = [replace(r, terms="none") if r.terms == "components" else r for r in specs]
     specs = [r for r in specs if not {r.shape, r.joined, r.terms} & set(skip)]
     fitting = [spec for spec in specs if spec.fits(cliques)]
-    return tuple(sorted(fitting, key=lambda rung: rung.share))
+    return tuple(sorted(fitting, key=lambda spec: spec.share))
 
 
 def _below_orders(
     problem: Problem, cliques: Families, objectives: tuple[Polynomial, ...]
 ) -> list[RelaxationSpec]:
-    """The linear relaxation, and what lies between order 1 and order 2 for degree two."""
+    """List the linear relaxation, and those between order 1 and order 2 for degree two."""
     products = Products.of(problem, objectives)
     star = problem.degree <= 2 and products.has_star  # far stronger at a similar price
     specs = [RelaxationSpec("linear", 0.1 if star else 0.25, "linear")]
@@ -252,7 +277,7 @@ SPECS: Registry[SpecSource] = Registry(
 
 
 def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list[RelaxationSpec]:
-    """Full orders, lean and with small blocks from terms before whole ones."""
+    """List full orders, lean and with small blocks from terms before whole ones."""
     largest = max((len(c) for c in cliques["constraints"].members), default=0)
     specs: list[RelaxationSpec] = []
     start = max(first, least)
@@ -266,23 +291,27 @@ def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list
             replace(plain, name=f"order {order} lean", share=0.97 * share, lean=True),
             plain,
         ]
-        if order > 1 and comb(largest + order, order) > _WORTH_CUTTING:
+        if order > 1 and comb(largest + order, order) > _WORTH_SPLITTING:
             name = f"order {order}, chordal terms"
             specs.append(replace(plain, name=name, share=0.95 * share, terms="chordal"))
     return specs
 
 
 def expected_seconds(sizes: dict[int, float], rows: float, memory: float = np.inf) -> float:
-    """About how long a solve takes, +inf where the memory would not do.
+    """Estimate the seconds of a solve, +inf where the memory would not do.
 
     Parameters
     ----------
     sizes : dict
-        How many semidefinite blocks there are of each size (1: linear rows).
+        Number of semidefinite blocks of each size (1: linear rows).
     rows : float
         Number of conic rows.
     memory : float
         Bytes that a solver may take.
+
+    Returns
+    -------
+    float
     """
     entries = np.array([s * (s + 1) / 2.0 for s in sizes])
     counts = np.array(list(sizes.values()), float)
@@ -295,7 +324,15 @@ def expected_seconds(sizes: dict[int, float], rows: float, memory: float = np.in
 
 
 def progress(before: float, after: float, allowed: float) -> float:
-    """From the gap before (0) to the gap that counts as closed (1), on a logarithmic scale."""
+    """Measure progress on a logarithmic scale: 0 without, 1 for a closed gap.
+
+    Parameters
+    ----------
+    before, after : float
+        Gap before and after a step.
+    allowed : float
+        The gap that counts as closed.
+    """
     allowed = max(allowed, 1e-300)
     if not np.isfinite(after):
         return 0.0
@@ -306,14 +343,17 @@ def progress(before: float, after: float, allowed: float) -> float:
 
 
 def hashed(relaxation: Relaxation, box: Interval) -> int:
-    """Equal for equal relaxations on one box: chordal terms, say, need not make one smaller."""
+    """Hash a relaxation on a box: equal for equal relaxations.
+
+    Chordal terms, for instance, need not make a relaxation smaller.
+    """
     rows = relaxation.entries
     arrays = (box.lo, box.hi, relaxation.moments, rows.indptr, rows.indices, rows.data)
     return hash(tuple(array.tobytes() for array in arrays))
 
 
 def _full_sizes(spec: RelaxationSpec, problem: Problem, cliques: Cliques) -> dict[int, float]:
-    """Block sizes of a full shape, counted without building it."""
+    """Count the block sizes of a full shape without building it."""
     assert spec.order is not None
     order = spec.order
     members = np.array([len(c) for c in cliques.members], int)

@@ -1,4 +1,4 @@
-"""Moment relaxations: the problem, a family of cliques and an order make blocks.
+"""Moment relaxations: problem, cliques and order make blocks.
 
 For a clique C and the vector v_d(C) of its monomials of degree at most d, the
 relaxation of order d asks of the moments y_a = L(x^a) that
@@ -55,7 +55,7 @@ __all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups",
 
 @dataclass(frozen=True, eq=False)
 class Relaxation:
-    """A moment relaxation without objective.
+    """Moment relaxation without objective.
 
     Parameters
     ----------
@@ -73,10 +73,18 @@ class Relaxation:
     products : (P, 2) int
         Generators that are products, by the numbers of their factors.
     notes : tuple of str
-        What was changed on the way, such as a raised order.
+        Sentences on what was changed, such as a raised order.
     moment_bounds : PolynomialSystem or None
         Bounds of single moments, +-(x^a - value) >= 0: generators behind all others, in
         one group of their own.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> relaxation = sp.relax(sp.Problem(x * y, [x**2 + y**2 <= 1]))
+    >>> relaxation.order, relaxation.rows, dict(relaxation.block_sizes)
+    (1, 7, {1: 1, 3: 1})
     """
 
     problem: Problem
@@ -96,7 +104,7 @@ class Relaxation:
 
     @cached_property
     def block_sizes(self) -> Counter[int]:
-        """How many positive semidefinite blocks there are of each size (1: linear rows)."""
+        """Number of positive semidefinite blocks by size (1: linear rows)."""
         sizes: Counter[int] = Counter()
         for group in self.groups:
             if not group.free:
@@ -109,13 +117,24 @@ class Relaxation:
         return sum(g.count * g.rows_each for g in self.groups if g.free)
 
     def moment_numbers(self, words: Words) -> NDArray[np.int64]:
-        """Column of each word in ``entries`` (0: the constant, -1: not a moment here)."""
+        """Find the column of each word in ``entries``.
+
+        Parameters
+        ----------
+        words : (T, D) int32
+            Monomials; see :mod:`sparsepop_py.algebra.monomials`.
+
+        Returns
+        -------
+        (T,) int
+            0 for the constant, -1 for a monomial that is no moment here.
+        """
         number = monomials.lookup(words, self.moments, self.problem.dimension)
         return np.where(words.any(axis=1), np.where(number < 0, -1, number + 1), 0)
 
     @cached_property
     def scaled_rows(self) -> tuple[sps.csc_array, NDArray[np.float64]]:
-        """A and b of A y + s = b, off-diagonal rows of semidefinite blocks times sqrt 2."""
+        """A and b of A y + s = b; off-diagonal semidefinite rows are times sqrt 2."""
         scale = [np.zeros(0)]
         for group in self.groups:
             weight = np.ones(group.rows_each)
@@ -130,7 +149,17 @@ class Relaxation:
         return (-columns[:, 1:]).tocsc(), columns[:, [0]].toarray().ravel()
 
     def objective_vector(self, objective: Polynomial) -> tuple[NDArray[np.float64], float]:
-        """Coefficients (M,) of L(objective) in the moments, and its constant.
+        """Express an objective in the moments.
+
+        Parameters
+        ----------
+        objective : Polynomial
+
+        Returns
+        -------
+        vector : (M,) float
+            Coefficients of L(objective).
+        constant : float
 
         Raises
         ------
@@ -210,8 +239,13 @@ def relax(
         Split the blocks by the monomials that occur in the problem and in ``objectives``:
         to connected components of the term graph, to the cliques of its chordal extension,
         or by sign symmetries. Components and signs keep the value of the relaxation,
-        chordal cliques are smaller and may lower it; see :mod:`sparsepop_py.relaxation.term_sparsity`. Only
-        objectives whose monomials were named fit such a relaxation.
+        chordal cliques are smaller and may lower it; see
+        :mod:`sparsepop_py.relaxation.term_sparsity`. Only objectives whose monomials were named
+        fit such a relaxation.
+
+    Returns
+    -------
+    Relaxation
 
     Raises
     ------
@@ -260,7 +294,7 @@ def relax(
 
 
 def on_groups(relaxation: Relaxation, groups: tuple[BlockGroup, ...]) -> Relaxation:
-    """The relaxation of the same problem with other blocks."""
+    """Rebuild the relaxation of the same problem with other blocks."""
     problem = relaxation.problem
     system = generators.stacked(problem, relaxation.products)
     moments, entries = conic_rows(groups, system, [problem.objective.words], problem.dimension)
@@ -268,7 +302,7 @@ def on_groups(relaxation: Relaxation, groups: tuple[BlockGroup, ...]) -> Relaxat
 
 
 def least_order(problem: Problem, objectives: Sequence[Polynomial] = ()) -> int:
-    """The least legal relaxation order: half the largest degree, rounded up."""
+    """Return the least legal relaxation order: half the largest degree, rounded up."""
     return (max([problem.degree, 1, *(f.degree for f in objectives)]) + 1) // 2
 
 
@@ -278,7 +312,7 @@ def conic_rows(
     asked: list[Words],
     dimension: int,
 ) -> tuple[Words, sps.csr_array]:
-    """Moments and the affine form of every conic row, by one merge of all monomials.
+    """Merge all monomials to moments, and express every conic row in them.
 
     The monomials of objectives are moments even if no row holds them.
     """

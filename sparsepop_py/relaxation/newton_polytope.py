@@ -1,10 +1,10 @@
-"""Which monomials a sum of squares can hold: the Newton polytope, without its vertices.
+"""Monomials that a sum of squares can hold: reduction by the Newton polytope.
 
 In a sum of squares p, the square of a basis monomial must be matched by another product or
 by p itself; else its diagonal entry is zero and the monomial goes. Repeated until nothing
-goes, this leaves no monomial outside half the Newton polytope of p: let B be what is left.
-A vertex of the convex hull of 2B is twice some b in B and no midpoint of two others, so only
-p can match b^2, and the vertex is in the support of p. Hence conv(2B) lies in the Newton
+goes, this leaves no monomial outside half the Newton polytope of p: let B be the monomials
+left. A vertex of the convex hull of 2B is twice some b in B and no midpoint of two others, so
+only p can match b^2, and the vertex is in the support of p. Hence conv(2B) lies in the Newton
 polytope. Often more goes than the polytope asks for. With cliques, only products within one
 clique count, by which still more can go; with other multipliers, their products count
 among what p may match.
@@ -50,7 +50,7 @@ def consistent_bases(
         Monomials of the objective and of all other multipliers' products.
     dimension : int
     rewrite : callable, optional
-        What becomes of words (T, D) where equations are substituted.
+        Rewrites words (T, D) where equations are substituted.
     degree : int
         Monomials below it stay.
 

@@ -1,9 +1,9 @@
-"""From a solver's dual to an identity: multipliers in the original problem's units.
+"""Recovery of multipliers from a solver's dual: an identity in the original units.
 
 The solver's z holds, group by group, Gram matrices Z and equality multipliers of the
 scaled problem. Each Z is replaced by the factor of its nearest positive semidefinite
 matrix; scaled rows g = size * g_scaled divide their multipliers by ``size``. Nothing here
-needs to be exact: what is lost shows in the remainder of the identity.
+needs to be exact: losses show in the remainder of the identity.
 """
 
 from __future__ import annotations
@@ -41,18 +41,24 @@ def identity_of(
     objective_size: float,
     floor: float = 0.0,
 ) -> Identity:
-    """The identity that a dual solution stands for.
+    """Convert a dual solution to an identity.
 
     Parameters
     ----------
-    relaxation, scaled
-        The relaxation that was solved, and the scaled problem it is of.
+    relaxation : Relaxation
+        The relaxation that was solved.
+    scaled : Scaled
+        The scaled problem it is of.
     z : (R,) float
         Dual in the convention of :mod:`sparsepop_py.conic.program`.
     objective_size : float
         original objective = size * scaled objective.
     floor : float
         Multiple of :func:`margin` that was subtracted from the scaled objective.
+
+    Returns
+    -------
+    Identity
     """
     sizes = scaled.generator_sizes(relaxation.products)
     multipliers = []
@@ -67,9 +73,9 @@ def identity_of(
             generator, basis = indices(group.generator), interned(group.basis)
             multipliers.append(Multipliers(generator, basis, values))
             continue
-        carries = (_letters(relaxation.problem, group.generator) >= 0) & (floor > 0)
+        holds = (_letters(relaxation.problem, group.generator) >= 0) & (floor > 0)
         for with_floor in (False, True):
-            chosen = np.flatnonzero(carries == with_floor)
+            chosen = np.flatnonzero(holds == with_floor)
             if chosen.size:
                 factor = _factor(_weighted(part[chosen], weight[chosen, None, None]))
                 own = floor * objective_size if with_floor else 0.0
@@ -82,7 +88,7 @@ def identity_of(
 def _priced(
     relaxation: Relaxation, group: BlockGroup, values: NDArray[np.float64], first: int
 ) -> Priced:
-    """Multiples of the monomials whose bounds are the rows of a group."""
+    """Collect the multipliers of monomials whose bounds are the rows of a group."""
     rows = relaxation.moment_bounds
     assert rows is not None
     block, term = rows.terms_of(group.generator - first)
@@ -92,17 +98,17 @@ def _priced(
 
 
 def _weighted(part: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Multipliers in the original units; what overflows is of no use and becomes zero."""
+    """Convert multipliers to the original units; those that overflow become zero."""
     with np.errstate(over="ignore", invalid="ignore"):
         product = part * weight
     return np.where(np.isfinite(product), product, 0.0)
 
 
 def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The dual nearest to z with q + A'z = 0, found by least squares; signs are not kept.
+    """Project z on q + A'z = 0 by least squares; signs are not kept.
 
-    Rows of equalities are free and take most of the change; what the semidefinite parts
-    lose when they are made positive again is usually far less than the residual was.
+    Rows of equalities are free and take most of the change; the semidefinite parts usually lose
+    far less than the residual was when they are made positive again.
     """
     weight = np.ones(z.size)
     weight[: program.cones.zero] = 1e6
@@ -126,11 +132,11 @@ def repaired(program: ConicProgram, z: NDArray[np.float64]) -> NDArray[np.float6
 def floored(
     relaxation: Relaxation, program: ConicProgram, z: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
-    """Gram matrices of the objective less a constant, with a multiple of the identity split off.
+    """Split a multiple of the identity off the Gram matrices of the objective.
 
     For relaxations that have moment matrices only. Each entry stands for one monomial, so the
     nearest z with q + A'z = 0 is found monomial by monomial, up to rounding. Where the least
-    eigenvalue is too small, the entry of the constant is raised as far as it takes, which
+    eigenvalue is too small, the entry of the constant is raised as far as needed, which
     lowers the bound by as much.
 
     Returns
@@ -164,7 +170,7 @@ def floored(
 
 
 def _lift(matrices: NDArray[np.float64], constant: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """What the first diagonal entries lack, by Schur complements; 0 where this cannot help."""
+    """Compute increments of first diagonal entries by Schur complements, 0 where useless."""
     need = 2.0 * _FLOOR
     low = np.linalg.eigvalsh(matrices)[:, 0] < need
     lift = np.zeros(low.size)
@@ -179,11 +185,17 @@ def _lift(matrices: NDArray[np.float64], constant: NDArray[np.bool_]) -> NDArray
 
 
 def shortened(identity: Identity, share: float = 1e-8) -> Identity:
-    """The same identity in short floats, without what is below a share of the largest part.
+    """Shorten an identity: 32-bit numbers, small parts left out.
 
     Columns of factors that are small in all blocks of a group go, and blocks that are small
-    altogether; the factors L become triangular. Whether the bound is still good enough shows when
-    it is evaluated.
+    altogether; the factors L become triangular. Evaluation shows whether the bound is still good
+    enough.
+
+    Parameters
+    ----------
+    identity : Identity
+    share : float
+        Parts below this share of the largest one are left out.
     """
     sizes = [np.sum(np.square(m.values), axis=1) for m in identity.multipliers if not m.free]
     largest = max((float(s.max(initial=0.0)) for s in sizes), default=0.0)
@@ -208,18 +220,21 @@ def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:
 
 
 def _factor(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """L with L L' near each symmetric matrix, negative eigenvalues set to zero."""
+    """Factor symmetric matrices as L L', negative eigenvalues set to zero."""
     values, vectors = np.linalg.eigh(matrices)
     return vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
 
 def _triangular(factors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lower triangular factors (K, s, r) of about the same L L': those of L' = Q R are R'."""
+    """Make factors (K, s, r) lower triangular with about the same L L'.
+
+    L' = Q R gives R'.
+    """
     return np.tril(np.swapaxes(np.linalg.qr(np.swapaxes(factors, 1, 2), mode="r"), 1, 2))
 
 
 def margin(relaxation: Relaxation) -> Polynomial:
-    """Sum of g b^2 over all monomials b of all blocks that can absorb a remainder.
+    """Add g b^2 over the monomials b of blocks that can absorb a remainder.
 
     Subtracting a multiple of it from the objective leaves every such block with that
     multiple of the identity as its floor.

@@ -1,7 +1,7 @@
 """Shapes of relaxations between order 1 and order 2 for problems of bilinear character.
 
-Order 1 leaves a wide gap where variables multiply each other, order 2 on whole cliques is
-dear. In between stand bases that hold, beside 1 and the variables, only the products
+Order 1 leaves a wide gap where variables multiply each other; order 2 on whole cliques is
+expensive. In between stand bases that hold, beside 1 and the variables, only the products
 that the problem itself contains (mixed order). Where few *complicating* variables C cover
 all products, so that everything is linear once they are fixed, even one clique per
 constraint is more than needed:
@@ -12,7 +12,7 @@ constraint is more than needed:
 
 Equalities are multiplied by {1} + C, finite bounds (1 - v^2) by {1} + the partners of v.
 Every monomial that an equality creates lies in a block; one that lay in none would make its
-row useless. All of it follows from the products of the problem, not from where it comes from.
+row useless. All of it follows from the products of the problem, not from its origin.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ _GLOBAL = 0.25  # a variable in this share of all constraints is one that all of
 
 @dataclass(frozen=True, eq=False)
 class Products:
-    """Which variables multiply each other, and which few of them cover all products.
+    """Products of variables in a problem, and the few variables that cover all products.
 
     Parameters
     ----------
     pairs : (P, 2) int
         Variables i <= j that occur together in a monomial (i = j: squares).
     meets : (n,) int
-        In how many constraints each variable occurs.
+        Number of constraints in which each variable occurs.
     rows : int
         Number of constraints.
     """
@@ -108,7 +108,7 @@ class Products:
 
     @property
     def has_star(self) -> bool:
-        """Whether few complicating variables face many others."""
+        """True if few complicating variables face many others."""
         centre = len(self.complicating)
         return 0 < centre <= 12 and len(self.partners) - centre >= 2 * centre
 
@@ -169,7 +169,7 @@ def shaped_blocks(
 
 
 class _Builder:
-    """Collects blocks; letters are variable numbers from 1."""
+    """Collector of blocks; letters are variable numbers from 1. Mutable."""
 
     def __init__(
         self,
@@ -195,24 +195,24 @@ class _Builder:
     def add(
         self, free: bool, generator: int, clique: int, basis: Sequence[tuple[int, ...]]
     ) -> None:
-        """One block; its basis is a list of words of at most two letters."""
+        """Add one block; its basis is a list of words of at most two letters."""
         words = _words(basis)[None]
         self.blocks.append(BlockGroup(free, np.array([generator]), np.array([clique]), words))
 
     def rows(self, numbers: NDArray[np.int64]) -> None:
-        """Generators with a constant multiplier each."""
+        """Add generators with a constant multiplier each."""
         nothing = np.zeros((numbers.size, 1, 1), np.int32)
         if numbers.size:
             self.blocks.append(BlockGroup(False, numbers, np.zeros(numbers.size, int), nothing))
 
     def matrix(self, constraint: int, clique: int, basis: Sequence[tuple[int, ...]]) -> None:
-        """The block of a matrix that varies, with the monomials in each of its rows."""
+        """Add the block of a varying matrix, with the monomials in each of its rows."""
         found = self.problem.constraints[constraint]
         if any(p.degree for p in found.entries):
             self.blocks.append(matrix_block(constraint, clique, _words(basis), found.side))
 
     def bounds(self, inside: dict[int, list[int]] | None = None) -> None:
-        """(1 - v^2) times {1} + partners of v; finite single bounds as rows."""
+        """Multiply (1 - v^2) by 1 and partners of v; add finite single bounds."""
         box, lower, upper = generators.bound_family(
             len(self.problem.constraints), self.problem.dimension
         )
@@ -221,19 +221,19 @@ class _Builder:
         for v in self.free:
             clique = int(self.cliques.home_of_variable[v])
             if finite[0][v] and finite[1][v]:
-                near = (inside or self.products.partners).get(v, [])
-                if inside is None and v not in centre and not near:  # v^2 lies in no block
+                met = (inside or self.products.partners).get(v, [])
+                if inside is None and v not in centre and not met:  # v^2 lies in no block
                     self.rows(np.array([lower.start, upper.start]) + v)
                     continue
-                near = [] if inside is None and v in centre else near
-                basis = [(), *((p + 1,) for p in near if p in set(self.free))]
+                met = [] if inside is None and v in centre else met
+                basis = [(), *((p + 1,) for p in met if p in set(self.free))]
                 self.add(False, box.start + v, clique, basis)
             elif finite[0][v] or finite[1][v]:
                 family = lower if finite[0][v] else upper
                 self.add(False, family.start + v, clique, [()])
 
     def linear(self) -> None:
-        """Rows only: every constraint, equalities times partners, 1 - v^2 of squared variables.
+        """Add rows only: constraints, equalities times partners, 1 - v^2 of squared variables.
 
         A linear equality is multiplied by a variable where the problem holds all products
         that come of it.
@@ -248,10 +248,10 @@ class _Builder:
             equal = bool(self.problem.equality[number])
             if equal and polynomial.degree == 1:
                 support = polynomial.support.tolist()
-                near = set.intersection(*(set(partners.get(v, ())) | {v} for v in support))
+                shared = set.intersection(*(set(partners.get(v, ())) | {v} for v in support))
                 multipliers += [
                     (p + 1,)
-                    for p in sorted(near)
+                    for p in sorted(shared)
                     if all((min(p, v) + 1, max(p, v) + 1) in pairs for v in support)
                 ]
             self.add(equal, number + 1, 0, multipliers)
@@ -267,7 +267,7 @@ class _Builder:
         self.rows(np.flatnonzero(single) + sides[single])
 
     def star(self, split: bool) -> None:
-        """Blocks around the complicating variables."""
+        """Add blocks around the complicating variables."""
         centre = [(c,) for c in self.centre]
         shared = [(v + 1,) for v in self.products.shared if v in set(self.free)]
         base = [(), *centre]
@@ -286,7 +286,7 @@ class _Builder:
         self.bounds()
 
     def _split(self, base: list[tuple[int, ...]], local: list[int]) -> None:
-        """One block for each constraint and each group of variables with the same partners."""
+        """Add one block for each constraint and each group of variables with equal partners."""
         system, seen = self.problem.rows, set()
         term, variable, _ = monomials.runs(system.words)
         partners, chosen = self.products.partners, set(local)
@@ -316,7 +316,7 @@ class _Builder:
                 self.add(False, 0, -1, [*base, (v + 1,)])
 
     def _groups(self, variables: set[int]) -> list[set[int]]:
-        """Variables grouped by what complicating variables they meet anywhere."""
+        """Group variables by the complicating variables that they meet anywhere."""
         groups: dict[tuple[int, ...], set[int]] = {}
         inside = set(self.products.complicating)
         for v in variables:
@@ -330,7 +330,7 @@ class _Builder:
         return list(groups.values())
 
     def constraints(self, multipliers: list[tuple[int, ...]], degree: int) -> None:
-        """Equalities times the multipliers, inequalities and matrices as they are."""
+        """Add equalities times the multipliers, inequalities and matrices as they are."""
         for number, constraint in enumerate(self.problem.constraints):
             self.matrix(number, -1, [()])
             if constraint.polynomial.degree == 0 or constraint.entries:
@@ -339,7 +339,7 @@ class _Builder:
             self.add(equal, number + 1, -1, multipliers if equal else [()])
 
     def mixed(self) -> None:
-        """One block a clique: 1, its variables, and the products that occur in it."""
+        """Add one block a clique: 1, its variables, and the products that occur in it."""
         held = self._products_by_clique()
         free = set(self.free)
         allowed: list[set[tuple[int, ...]]] = []
@@ -367,8 +367,8 @@ class _Builder:
             self.add(equal, number + 1, max(home, 0), multipliers)
         inside: dict[int, list[int]] = {}
         for v, others in self.products.partners.items():
-            near = set(self.cliques.members[int(self.cliques.home_of_variable[v])])
-            inside[v] = [p for p in others if p in near]
+            clique = set(self.cliques.members[int(self.cliques.home_of_variable[v])])
+            inside[v] = [p for p in others if p in clique]
         self.bounds(inside)
 
     def _products_by_clique(self) -> list[list[tuple[int, ...]]]:
@@ -388,7 +388,7 @@ class _Builder:
 
 
 def _words(basis: Sequence[tuple[int, ...]]) -> monomials.Words:
-    """Words of at most two letters each, shape (s, 2)."""
+    """Convert tuples to words of at most two letters each, shape (s, 2)."""
     words = np.zeros((len(basis), 2), np.int32)
     for position, letters in enumerate(basis):
         if letters:
@@ -403,7 +403,7 @@ def _terms(polynomial: Polynomial) -> list[tuple[int, ...]]:
 def _localized(
     basis: list[tuple[int, ...]], held: set[tuple[int, ...]], terms: list[tuple[int, ...]]
 ) -> list[tuple[int, ...]]:
-    """1 and as many monomials as leave all entries of a localizing matrix among the moments."""
+    """Select monomials that keep all entries of a localizing matrix among the moments."""
     grown: list[tuple[int, ...]] = [()]
     for b in basis[1:]:
         trial = [*grown, b]

@@ -1,4 +1,4 @@
-"""Sign symmetries: which changes x_v -> s_v x_v, s_v = +-1, keep a problem.
+"""Sign symmetries: changes x_v -> s_v x_v, s_v = +-1, that keep a problem.
 
 A monomial keeps its sign if its exponents are orthogonal to s over GF(2), where -1 counts
 as 1. The sign changes that keep a set of monomials are a null space, and two monomials
@@ -26,14 +26,14 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 
 __all__ = ["invariant_words", "sign_codes"]
 
-_SEED = 20021
+_SEED = 20021  # any fixed number: codes are deterministic
 _LETTERS = 62  # terms of an inequality whose signs fit into one integer
 
 
 def invariant_words(system: PolynomialSystem, chosen: NDArray[np.int64]) -> list[Words]:
-    """Monomials that a sign change must keep to map inequalities onto inequalities.
+    """List monomials that a sign change must keep to map inequalities onto inequalities.
 
-    Those with equal monomials and coefficients up to sign are one family. Sign changes of
+    Inequalities with equal monomials and coefficients up to sign are one family. Sign changes of
     its terms that map it to itself are a subgroup of GF(2)^T; products of monomials over
     the vectors orthogonal to it are what must keep its sign. An inequality that is alone
     in its family gives all its monomials.
@@ -70,7 +70,7 @@ def invariant_words(system: PolynomialSystem, chosen: NDArray[np.int64]) -> list
 
 
 def _orthogonal(pattern: NDArray[np.int64], terms: int) -> NDArray[np.bool_]:
-    """Basis (k, terms) of what is orthogonal to all sign changes that keep a set of signs."""
+    """Compute a basis (k, terms) orthogonal to all sign changes that keep a pattern."""
     known = set(pattern.tolist())
     moves = [m for m in (pattern[0] ^ pattern).tolist() if {m ^ p for p in known} == known]
     bits = (np.array(moves)[:, None] >> np.arange(terms)) & 1 == 1
@@ -83,7 +83,7 @@ def _orthogonal(pattern: NDArray[np.int64], terms: int) -> NDArray[np.bool_]:
 
 
 def sign_codes(words: Words, dimension: int) -> NDArray[np.uint64]:
-    """A code (n + 1,) for each letter whose sums over GF(2) name the classes of monomials.
+    """Assign codes (n + 1,) to letters whose sums over GF(2) name classes of monomials.
 
     The 64 bits are random vectors of the null space of the exponents of ``words`` over
     GF(2): two monomials have equal codes if and (but for a chance of 2^-64, which would
@@ -125,7 +125,7 @@ def sign_codes(words: Words, dimension: int) -> NDArray[np.uint64]:
 
 
 def _echelon(rows: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Reduced row echelon form over GF(2) without zero rows, and its pivot columns."""
+    """Reduce rows to echelon form over GF(2) without zero rows; return pivot columns too."""
     rows = np.unique(rows, axis=0) if rows.size else rows
     pivots: list[int] = []
     for column in range(rows.shape[1]):

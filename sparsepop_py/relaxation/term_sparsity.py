@@ -77,15 +77,15 @@ def term_sparse(
     dimension : int
         Number of variables.
     method : {"components", "chordal", "sign"}
-        See the head of this module.
+        See :mod:`sparsepop_py.relaxation.term_sparsity`.
     steps : int, optional
-        How often the graphs are closed, until nothing changes when left out; ``"sign"``
-        needs one.
+        Number of times that the graphs are closed, until nothing changes when left out;
+        ``"sign"`` needs one.
 
     Returns
     -------
     tuple of BlockGroup
-        Free rows first, then matrices by size. Rows that say nothing and blocks that occur
+        Free rows first, then matrices by size. Trivial rows and blocks that occur
         twice are left out.
 
     Raises
@@ -161,7 +161,7 @@ class _Table:
     negative: NDArray[np.bool_]  # (K,): the generator's constant is below zero
 
     def any(self, known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Rows (K, r) with a known monomial."""
+        """Mark the rows (K, r) with a known monomial."""
         if self.group.place is not None:
             rows = np.zeros(self.group.count * self.group.rows_each, bool)
             rows[self.block[known[self.number[:, 0]]]] = True
@@ -169,13 +169,21 @@ class _Table:
         return np.logical_or.reduceat(known[self.number], self.first, axis=0)
 
     def words(self, inside: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Monomials of the chosen rows (K, r)."""
+        """List the monomials of the chosen rows (K, r)."""
         if self.group.place is not None:
             return self.number[inside.ravel()[self.block]]
         return self.number[inside[self.block]]
 
     def close(self, alive: NDArray[np.bool_], chordal: bool) -> tuple[NDArray[np.bool_], Cover]:
-        """Rows (K, r) that are kept, and the new blocks as (old block, positions) by size."""
+        """Close the graphs of all blocks.
+
+        Returns
+        -------
+        kept : (K, r) bool
+            Rows that are kept.
+        cover : list of (old block (q,), positions (q, c))
+            The new blocks by size.
+        """
         hit = self.any(alive)
         if self.group.free:
             return hit, _chosen(hit)
@@ -191,7 +199,7 @@ class _Table:
         return filled[shape], [_everywhere(graph, shape, place) for graph, place in cover]
 
     def blocks(self, cover: Cover, even: NDArray[np.bool_]) -> Blocks:
-        """The new blocks, without single rows that say nothing where odd moments are zero.
+        """Build the new blocks, without trivial single rows where odd moments are zero.
 
         Such a row is c >= 0 with c the constant of its generator.
         """
@@ -212,7 +220,7 @@ class _Table:
 
 
 def _merged(system: Generators) -> Generators:
-    """The same polynomials with equal monomials added up and zeros left out."""
+    """Add equal monomials of each polynomial up and leave zeros out."""
     distinct, number = monomials.collect(system.words, system.dimension)
     shape = (system.size, distinct.shape[0])
     table = sps.csr_array((system.coefficients, (system.row, number)), shape=shape)
@@ -226,7 +234,7 @@ def _merged(system: Generators) -> Generators:
 def _numbered(
     groups: tuple[BlockGroup, ...], system: Generators, start: Words, dimension: int
 ) -> tuple[list[_Table], Words, NDArray[np.int64]]:
-    """Tables of all groups, their distinct monomials from 1 on, and the numbers of ``start``."""
+    """Number the distinct monomials of all groups, from 1, and those of ``start``."""
     terms = np.bincount(system.row, minlength=system.size)
     constant = np.zeros(system.size)
     flat = ~system.words.any(axis=1)
@@ -260,7 +268,7 @@ def _part(group: BlockGroup, chosen: NDArray) -> BlockGroup:
 
 
 def _chosen(mask: NDArray[np.bool_]) -> Cover:
-    """The chosen positions of each block, blocks of equal numbers together."""
+    """List the chosen positions of each block, blocks of equal numbers together."""
     count = mask.sum(axis=1)
     cover = []
     for size in np.unique(count[count > 0]):
@@ -272,7 +280,7 @@ def _chosen(mask: NDArray[np.bool_]) -> Cover:
 def _everywhere(
     graph: NDArray, shape: NDArray, place: NDArray
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Positions (q, c) in graphs (q,) at every block of that shape (K,)."""
+    """Repeat positions (q, c) in graphs (q,) at every block of that shape (K,)."""
     ranked = np.argsort(shape, kind="stable")
     count = np.bincount(shape)
     times = count[graph]
@@ -283,7 +291,7 @@ def _everywhere(
 
 
 def _distinct(blocks: Blocks, dimension: int) -> Blocks:
-    """Every pair of a generator and a basis once, and no single row that a matrix holds."""
+    """Keep each generator and basis once, and no single row that a matrix holds."""
     if not blocks:
         return blocks
     width = max(b.basis.shape[2] for b in blocks)
@@ -320,7 +328,7 @@ def _distinct(blocks: Blocks, dimension: int) -> Blocks:
 
 
 def _initial_support(groups: tuple[BlockGroup, ...], system: Generators, support: Words) -> Words:
-    """The constant, ``support``, squares in moment matrices, and monomials of generators."""
+    """Collect the constant, ``support``, squares of moment matrices, generators' monomials."""
     words = [np.zeros((1, 1), np.int32), support]
     for group in groups:
         if not group.free:

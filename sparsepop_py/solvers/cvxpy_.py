@@ -30,7 +30,11 @@ _ROOT2 = float(np.sqrt(2.0))
 
 
 def require(name: str) -> Any:
-    """The package cvxpy, which has the solver ``name``.
+    """Import cvxpy and check that it has the solver ``name``.
+
+    Returns
+    -------
+    module
 
     Raises
     ------

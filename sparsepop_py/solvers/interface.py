@@ -1,4 +1,4 @@
-"""State what a conic solver is: a function from a program and settings to a solution."""
+"""Protocol of conic solvers: a function from program and settings to a solution."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One thread for linear algebra: many small matrices are multiplied faster by one than by more.
+"""One BLAS thread while this package solves: many small matrices are multiplied faster.
 
 Threads that OpenBLAS keeps waiting for the next product count as CPU time and take cores from
 other processes: a problem of 8 variables costs up to ten times as much with two of them. Of
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 def one_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """The same function, with one thread for BLAS in this process while it runs.
+    """Limit BLAS to one thread in this process while a function runs.
 
     Parameters
     ----------

@@ -33,12 +33,12 @@ Members = tuple[tuple[int, ...], ...]
 
 
 def incidence(row: NDArray, variable: NDArray, shape: tuple[int, int]) -> sps.csr_array:
-    """Incidence matrix of groups (rows) and variables (columns)."""
+    """Build the incidence matrix of groups (rows) and variables (columns)."""
     return sps.csr_array((np.ones(row.size, np.int32), (row, variable)), shape=shape)
 
 
 def join(groups: sps.csr_array) -> sps.csr_array:
-    """Adjacency of the variables that share a row of ``groups``."""
+    """Build the adjacency of variables that share a row of ``groups``."""
     product = sps.coo_array(groups.T @ groups)
     row, column = product.coords
     off = row != column
@@ -214,7 +214,7 @@ def _eliminate(adjacent: list[set[int]]) -> tuple[list[int], list[list[int]]]:
 
 
 def _maximum_cardinality_order(adjacent: list[set[int]]) -> NDArray[np.int64]:
-    """Perfect elimination order of a chordal graph: a maximum cardinality search, reversed."""
+    """Order a chordal graph for perfect elimination: maximum cardinality search, reversed."""
     weight = [0] * len(adjacent)
     queue = [(0, v) for v in range(len(adjacent))]
     done = [False] * len(adjacent)
@@ -236,10 +236,23 @@ def _maximum_cardinality_order(adjacent: list[set[int]]) -> NDArray[np.int64]:
 
 
 def clique_tree(graph: sps.csr_array, order: NDArray[np.int64]) -> tuple[Members, NDArray]:
-    """Maximal cliques and clique tree of a chordal graph from a perfect elimination order.
+    """Build maximal cliques and clique tree of a chordal graph.
 
-    A vertex with its later neighbours is a clique; it is maximal unless a child in the
-    elimination tree has exactly one later neighbour more (Blair, Peyton 1993, section 4.3).
+    A vertex with its later neighbours in the perfect elimination order is a clique; it is maximal
+    unless a child in the elimination tree has exactly one later neighbour more (Blair, Peyton 1993,
+    section 4.3).
+
+    Parameters
+    ----------
+    graph : (n, n) sparse bool
+    order : (n,) int
+        A perfect elimination order.
+
+    Returns
+    -------
+    members : tuple of sorted tuples of int
+    tree : (K,) int
+        Parent of each clique, -1 at roots.
     """
     n = graph.shape[0]
     position = np.empty(n, np.int64)

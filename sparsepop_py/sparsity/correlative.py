@@ -53,7 +53,7 @@ Joined = Literal["constraints", "monomials", "partners"]
 
 @dataclass(frozen=True, eq=False)
 class Cliques:
-    """Maximal cliques of a chordal extension, and where everything lives.
+    """Maximal cliques of a chordal extension, with the homes of constraints and variables.
 
     Parameters
     ----------
@@ -73,6 +73,14 @@ class Cliques:
         The chordal graph, symmetric with an empty diagonal.
     order : (n,) int
         A perfect elimination order of ``graph``.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x = sp.variables(3)
+    >>> cliques = sp.find_cliques(sp.Problem(x[0] * x[1], [x[1] + x[2] <= 1]))
+    >>> cliques.members, cliques.home.tolist(), cliques.tree.tolist()
+    (((0, 1), (1, 2)), [1], [-1, 0])
     """
 
     members: Members
@@ -119,7 +127,7 @@ class Cliques:
 def csp_graph(
     problem: Problem, objectives: Sequence[Polynomial] = (), joined: Joined = "constraints"
 ) -> sps.csr_array:
-    """Graph of the correlative sparsity pattern.
+    """Build the graph of the correlative sparsity pattern.
 
     Parameters
     ----------
@@ -165,7 +173,7 @@ def find_cliques(
     objectives: Sequence[Polynomial] = (),
     joined: Joined = "constraints",
 ) -> Cliques:
-    """Maximal cliques of a chordal extension of the correlative sparsity pattern.
+    """Find the maximal cliques of a chordal extension of the correlative sparsity pattern.
 
     Parameters
     ----------
@@ -177,7 +185,7 @@ def find_cliques(
     objectives : sequence of Polynomial, optional
         Further objectives that shall share the cliques.
     joined : {"constraints", "monomials", "partners"}
-        What makes variables of the constraints adjacent. ``"monomials"``: one monomial of a
+        Rule by which variables of the constraints are adjacent. ``"monomials"``: one monomial of a
         constraint, as in the objective; a constraint that no clique contains has the home
         -1 and a constant multiplier (Josz, Molzahn 2018). ``"partners"``: one constraint,
         together with the variables that its variables multiply anywhere, so that it can be
@@ -224,7 +232,15 @@ def find_cliques(
 
 
 def satisfies_running_intersection(cliques: Cliques) -> bool:
-    """Whether each clique meets the union of the former ones inside its parent.
+    """Check that each clique meets the union of the former ones inside its parent.
+
+    Parameters
+    ----------
+    cliques : Cliques
+
+    Returns
+    -------
+    bool
 
     Examples
     --------
@@ -244,7 +260,7 @@ def satisfies_running_intersection(cliques: Cliques) -> bool:
 
 
 def _constraint_terms(problem: Problem) -> tuple[Words, NDArray[np.int64]]:
-    """Every monomial of the constraints, entries of matrices included, and whose it is."""
+    """List every monomial of the constraints, with matrix entries, and its constraint."""
     rows, matrices = problem.rows, problem.matrices
     width = max(rows.words.shape[1], matrices.system.words.shape[1])
     words = [monomials.widen(s.words, width) for s in (rows, matrices.system)]
@@ -252,7 +268,7 @@ def _constraint_terms(problem: Problem) -> tuple[Words, NDArray[np.int64]]:
 
 
 def _constraint_incidence(problem: Problem) -> sps.csr_array:
-    """Which variables occur in which constraint, (m, n), indices sorted and distinct."""
+    """Mark the variables of each constraint, (m, n), indices sorted and distinct."""
     words, row = _constraint_terms(problem)
     term, variable, _ = monomials.runs(words)
     shape = (len(problem.constraints), problem.dimension)
@@ -263,7 +279,7 @@ def _constraint_incidence(problem: Problem) -> sps.csr_array:
 
 
 def _terms(tables: Sequence[Words], n: int) -> sps.csr_array:
-    """Which variables occur in which monomial, one monomial a row."""
+    """Mark the variables of each monomial, one monomial a row."""
     found = []
     for words in tables:
         term, variable, _ = monomials.runs(words)
@@ -272,7 +288,7 @@ def _terms(tables: Sequence[Words], n: int) -> sps.csr_array:
 
 
 def _joined(problem: Problem, others: sps.csr_array, joined: Joined) -> sps.csr_array:
-    """Groups of variables that the constraints make adjacent, one a row.
+    """Group variables that the constraints make adjacent, one group a row.
 
     ``others`` are the monomials of the objectives, which make partners too.
     """
@@ -288,7 +304,7 @@ def _joined(problem: Problem, others: sps.csr_array, joined: Joined) -> sps.csr_
 
 
 def _homes(problem: Problem, members: Members) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The largest clique of each constraint and of each variable."""
+    """Find the largest clique of each constraint and of each variable."""
     sizes = np.array([len(clique) for clique in members])
     clique = np.repeat(np.arange(len(members)), sizes)
     variable = np.fromiter((v for row in members for v in row), np.int64, clique.size)

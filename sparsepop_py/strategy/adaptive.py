@@ -1,9 +1,10 @@
-"""Effort "auto" on a finite box: which rung next, until the gap is closed.
+"""Adaptive bound search for one objective over a finite box (effort "auto").
 
-Each rung has a share of the gap that it closes as a rule and an expected time; the next
-one is that with the largest expected gain per second. Branch and bound is one of them: it
-runs in slices, and what the last slice gained per second is what it is expected to gain.
-Whatever improves the attained value lowers the cut-off, and with it the box.
+Each step either solves one relaxation of the hierarchy or processes a slice of the
+branch-and-bound tree. The step with the largest expected gap reduction per CPU second comes
+next, until the gap is closed, time is over or nothing is left to try. What the last slice of
+the tree gained per second is what the next one is expected to gain. A better incumbent lowers
+the cutoff, and with it the box.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from sparsepop_py.strategy.relaxation_queue import (
     PROGRAM,
     TIGHTENING,
     RelaxationQueue,
-    worth_in_parts,
+    relaxation_for_nodes,
 )
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, first_moments
@@ -52,37 +53,41 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening, 
 __all__ = ["AdaptiveSearch"]
 
 _BRANCH = "branch"
-_NODES = 4.0  # times the effort of the ground: parts that branch and bound is expected to need
-_SLICE = 3.0  # most seconds that a tree grows before other rungs are considered again
-_PATIENCE = 300  # parts after which linear programs alone are not trusted to close the gap
-_SWEEPS = 3  # of propagation after a step that shrank the box
-_ROUNDS = 3
-_POOR = 0.5  # an attained value that falls by this share of the gap was a poor cut-off
-_SMALLER = 0.7  # a box with a width below this share is worth the rungs climbed before
+_NODES = 4.0  # nodes that branch and bound is expected to need, over SharedState.effort
+_SLICE = 3.0  # most seconds that a tree grows before relaxations are considered again
+_PATIENCE = 300  # nodes after which linear programs alone are not trusted to close the gap
+_SWEEPS = 3  # of propagation after a step that tightened the box
+_ROUNDS = 3  # of OBBT by linear programs
+_POOR = 0.5  # an attained value that falls by this share of the gap was a poor cutoff
+_SMALLER = 0.7  # a box with a width below this share is worth solving relaxations again
 
 
 @dataclass(eq=False)
 class AdaptiveSearch:
-    """One objective on its way up.
+    """Adaptive bound search for one objective.
+
+    Each step solves the relaxation with the largest expected gap reduction per CPU second, or
+    processes a slice of the branch-and-bound tree. Mutable; its path depends on measured times.
 
     Parameters
     ----------
-    task : Task
+    context : SolveContext
+        Problem, options, deadline and incumbent.
     model : Model
-        The proof of the box and the box, both with the cut-off.
-    near : list of (n,) float
+        The box and its proof, both with the cutoff.
+    candidates : list of (n,) float
         Nearly feasible vectors seen so far.
-    ground : Ground
-        The structure of the problem and what was learned on it.
-    later : iterator of (n,) float
-        Starts of local searches for where the first rung leaves a gap.
-    cut : float
-        The least cut-off under which the box was shrunk.
+    shared_state : SharedState
+        Structure of the problem, and what was learned on it.
+    more_starts : iterator of (n,) float
+        Starts of local searches for where the first relaxation leaves a gap.
+    least_cutoff : float
+        The least cutoff with which the box was tightened.
     """
 
     context: SolveContext
     model: Model
-    near: list[NDArray[np.float64]]
+    candidates: list[NDArray[np.float64]]
     shared_state: SharedState
     history: list[HistoryEntry] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
@@ -92,33 +97,39 @@ class AdaptiveSearch:
     exhausted: bool = False
     best: BoxBound = field(init=False)
     rate: float | None = None
-    linear: float = -np.inf
-    later: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
+    linear_bound: float = -np.inf
+    more_starts: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
     solved: set[int] = field(default_factory=set)
     last: tuple[Interval, Scaled] | None = None
-    cut: float = np.inf
+    least_cutoff: float = np.inf
 
     def __post_init__(self) -> None:
         replay = self.context.replay()
         self.best = BoxBound(prove(replay, self.model.box, None, False), Node())
         self.outcome = certified_bound(replay, self.model, self.best)
         self.queue = RelaxationQueue(self.shared_state, self._scaled)
-        self.first = self.best.proved.bound
-        self.shared, self.start = self.model, self.model.box
-        self.tried: list[tuple[RelaxationSpec, float, float]] = []  # recipe, bound, seconds
+        self.first_bound = self.best.proved.bound
+        self.shared_model, self.first_box = self.model, self.model.box
+        self.tried: list[tuple[RelaxationSpec, float, float]] = []  # relaxation, bound, seconds
 
     @property
     def bound(self) -> float:
-        """What is proved so far."""
+        """The lower bound proved so far, -inf before the first."""
         return lower_bound(self.outcome.certificate)
 
     @property
     def over(self) -> bool:
-        """Whether the gap is closed or time is over."""
+        """True if the gap is closed or time is over."""
         return self.context.closed(self.bound) or self.context.deadline.over
 
     def run(self, most: int | None = None) -> None:
-        """Climb (at most so many rungs) while the gap is open and something is left to try."""
+        """Improve the bound while the gap is open and something is left to try.
+
+        Parameters
+        ----------
+        most : int, optional
+            Largest number of steps; without limit when left out.
+        """
         done = 0
         try:
             while not self.over and done != most:
@@ -127,42 +138,48 @@ class AdaptiveSearch:
                 if spec is None:
                     break
                 self._run(spec)
-                self._search_incumbent(list(self.later))  # exhausted by the first rung
+                self._search_incumbent(list(self.more_starts))  # exhausted by the first step
                 done += 1
         finally:
-            self.cut = self.context.cutoff
+            self.least_cutoff = self.context.cutoff
             if self.search is not None:
                 self._close_search()
 
     def restart(self, model: Model) -> None:
-        """Begin again on a smaller box that others have proved, keeping what is proved.
+        """Continue on another box proved for all objectives, and keep what is proved.
 
-        So it does where the cut-off has risen, with a width that is attained and smaller than
-        thought: the box may be without points that count now.
+        Nothing happens where the box is the old one and the cutoff has not risen. It rises with
+        gaps relative to a width when the attained width turns out smaller than thought: the old box
+        may then have lost points that count now.
+
+        Parameters
+        ----------
+        model : Model
+            The new box and its proof, without cutoffs.
         """
-        old = self.shared
-        if model is old and self.context.cutoff <= self.cut:
+        old = self.shared_model
+        if model is old and self.context.cutoff <= self.least_cutoff:
             return
         moved = old.box.hi > old.box.lo
         width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
         own = self.model.proof.steps[len(old.proof.steps) :]
-        self.model, self.shared = model, model
+        self.model, self.shared_model = model, model
         node, replay = self.best.node, self.context.replay()
-        if any(isinstance(step, Tightening) for step in own):  # dear: they are kept
+        if any(isinstance(step, Tightening) for step in own):  # costly: kept
             self._take(apply_steps(replay, own, model.box), *own)
         # another box than before, which need not be within it
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
         if self.search is None and self.tried and width.min(initial=1.0) < _SMALLER:
-            # the same rung may do more now
+            # the same relaxation may prove more now
             self.queue.again(spec for spec, _, _ in self.tried)
             self.tried = []
         self._shrink()
 
-    # ---- which rung -------------------------------------------------------------------------
+    # ---- choice of the next step --------------------------------------------------------------
 
     def _next(self) -> RelaxationSpec | str | None:
-        """The rung with the largest expected gain per second, None if none is left."""
+        """Select the step with the largest expected gain per second, None if none is left."""
         if self.search is not None and not self.search.update_context(self.context):
             self.seen, self.search = self.search.seen, None  # another tree must be grown
         with self.context.stages.stage("relax"):
@@ -173,7 +190,7 @@ class AdaptiveSearch:
         return best
 
     def _scaled(self) -> Scaled:
-        """The problem scaled to the box as it is now, remembered for estimates."""
+        """Scale the problem to the current box; remembered until the box changes."""
         if self.last is None or self.last[0] is not self.model.box:
             box, problem = self.model.box, self.context.problem
             scaling = Scaling.of_box(box, slack=self._slack)
@@ -181,7 +198,7 @@ class AdaptiveSearch:
         return self.last[1]
 
     def _branch_rate(self) -> float | None:
-        """Share of the gap that branching is expected to close in a second."""
+        """Estimate the share of the gap that branching closes per second, None if not allowed."""
         limit = self.context.options.node_limit
         if "branch" in self.context.options.skip:
             return None
@@ -197,7 +214,7 @@ class AdaptiveSearch:
         node = max(1e-2, min(self.costs))
         return 1.0 / (node * _NODES * self.shared_state.effort)
 
-    # ---- one rung ---------------------------------------------------------------------------
+    # ---- one step -----------------------------------------------------------------------------
 
     def _run(self, spec: RelaxationSpec | str) -> None:
         start, before, seconds = self.context.deadline.now(), self._gap, time.process_time()
@@ -235,7 +252,7 @@ class AdaptiveSearch:
         )
 
     def _relax(self, spec: RelaxationSpec) -> Relaxation | None:
-        """Solve one relaxation of the whole box; None if another recipe has made the same."""
+        """Solve one relaxation on the root box; None if an equal one was solved before."""
         if spec.shape == "linear":
             return self._linear()
         if spec.plain is not None:
@@ -266,18 +283,18 @@ class AdaptiveSearch:
         poor = self.context.upper - _POOR * self._gap
         self._search_incumbent(starts)
         if spec.plain is not None and self.context.upper < poor:
-            self.queue.again([spec])  # the cut-off was far from what it can be
+            self.queue.again([spec])  # the cutoff was far from what it can be
         return relaxation
 
     def _accept(self, box_bound: BoxBound, relaxation: Relaxation | None) -> None:
-        """Keep an argument if it is better, on the box as it was when it was made."""
+        """Keep an argument on its box if its bound is better."""
         made = certified_bound(self.context.replay(), self.model, box_bound, relaxation)
         if box_bound.proved.bound > self.best.proved.bound:
             self.best = box_bound
         self.outcome = better(self.outcome, made)
 
     def _search_incumbent(self, starts: list[NDArray]) -> None:
-        """Local searches; a better point lowers the cut-off and shrinks the box."""
+        """Run local searches; a better incumbent lowers the cutoff and tightens the box."""
         if not starts or self.over:
             return
         upper = self.context.upper
@@ -285,26 +302,26 @@ class AdaptiveSearch:
             self._shrink()
 
     def _search_in_tree(self, context: SolveContext, starts: list[NDArray]) -> SolveContext:
-        self.context, near = update_incumbent(context, starts, self.bound)
-        self.near = self.near + near
+        self.context, candidates = update_incumbent(context, starts, self.bound)
+        self.candidates = self.candidates + candidates
         return self.context
 
     def _shrink(self) -> None:
-        """Propagate with the new cut-off."""
+        """Propagate bounds with the current cutoff."""
         with self.context.stages.stage("presolve"):
             box, step = tighten(self.context.replay(), self.model.box, _SWEEPS)
             if shrinks(self.model.box, box):
                 self._take(box, step)
 
     def _take(self, box: Interval, *steps: Step) -> None:
-        """Go on with a smaller box."""
+        """Replace the box by a smaller one and record the steps that prove it."""
         proof = BoxProof((*self.model.proof.steps, *steps))
         self.model = replace(self.model, proof=proof, box=box)
         if is_empty(box):
             self._accept(BoxBound(Proved(np.inf, 0.0, ""), Node()), None)
 
     def _linear(self) -> Relaxation:
-        """The linear relaxation, and bounds of the variables that matter from others like it."""
+        """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
         mccormick = self._mccormick()
         for number in range(_ROUNDS):
             solution = self._bound_linear(mccormick)
@@ -312,13 +329,13 @@ class AdaptiveSearch:
                 break
             if number == 0:
                 self._search_incumbent([mccormick.point(solution)])
-            if self.over or self.queue.dear or not self._narrow(mccormick):
+            if self.over or self.queue.obbt_too_slow or not self._obbt_lp(mccormick):
                 break
             mccormick = self._mccormick(mccormick)
         return mccormick.relaxation
 
     def _mccormick(self, warm: LinearRelaxation | None = None) -> LinearRelaxation:
-        """The linear relaxation on the box as it is now."""
+        """Build the linear relaxation on the current box."""
         cliques, active = self.shared_state.cliques["constraints"], self.shared_state.active
         with self.context.stages.stage("presolve"):
             return LinearRelaxation.of(
@@ -327,11 +344,11 @@ class AdaptiveSearch:
 
     @property
     def _slack(self) -> NDArray[np.float64]:
-        """What arguments on the box as it is now leave for the rounding of replays."""
-        return rounding_slack(self.model.box, self.start)
+        """Slack that arguments on the current box keep for the rounding of replays, shape (n,)."""
+        return rounding_slack(self.model.box, self.first_box)
 
     def _bound_linear(self, mccormick: LinearRelaxation) -> LinearSolution | None:
-        """Take over what the linear relaxation proves; its solution where there is one."""
+        """Accept the bound of the linear relaxation; return its solution, None without one."""
         start = self.context.deadline.now()
         with self.context.stages.stage("presolve"):
             solution = mccormick.minimise(self.context.deadline.left)
@@ -342,13 +359,13 @@ class AdaptiveSearch:
             dual = mccormick.objective_dual(solution)
             proved = prove(self.context.replay(), self.model.box, dual, empty)
         self._accept(BoxBound(proved, Node(argument=dual, empty=empty)), mccormick.relaxation)
-        self.linear = max(self.linear, proved.bound)
+        self.linear_bound = max(self.linear_bound, proved.bound)
         return None if empty else solution
 
-    def _narrow(self, mccormick: LinearRelaxation) -> bool:
-        """Tighten bounds by linear programs; whether another round may gain."""
+    def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
+        """Tighten bounds by linear programs; return whether another round may gain."""
         variables = self.shared_state.variables[:MOST_TIGHTENED]
-        if not variables or not self.shared_state.narrow:
+        if not variables or not self.shared_state.obbt_lp:
             return False
         with self.context.stages.stage("presolve"):
             made = tighten_by_lp(self.context, self.model, mccormick, variables)
@@ -360,13 +377,13 @@ class AdaptiveSearch:
         return made.gains
 
     def _tighten(self) -> Relaxation:
-        """Rounds of tightening before a relaxation, from a cut-off below the attained value."""
+        """Run OBBT rounds before a relaxation, with a cutoff a little below the attained value."""
         start = self.context.deadline.now()
         self.context = replace(self.context, below=True)
         self._shrink()
         mccormick = self._mccormick()
         for _ in range(_ROUNDS):
-            if not self._narrow(mccormick) or self.over:
+            if not self._obbt_lp(mccormick) or self.over:
                 break
             mccormick = self._mccormick(mccormick)
         self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.context.deadline.now() - start)
@@ -375,7 +392,7 @@ class AdaptiveSearch:
     # ---- branch and bound ---------------------------------------------------------------------
 
     def _branch(self, start: float) -> None:
-        """Grow the tree for about as long as the next rung would take."""
+        """Grow the tree for about as long as the next relaxation would take."""
         slice_ = float(np.clip(self.queue.shortest, 0.5, _SLICE))
         if self.search is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
@@ -398,27 +415,27 @@ class AdaptiveSearch:
             self._close_search()
 
     def _reconsider(self, search: Search) -> None:
-        """Parts that linear programs do not close get the strongest relaxation of the root."""
+        """Give open nodes the strongest relaxation of the root after many without one."""
         slow = search.seen > _PATIENCE and search.settings.spec is None and self.tried
         if slow and not search.done and not self.over:
             best = max(self.tried, key=lambda entry: entry[1])[0]
             search.settings = replace(search.settings, spec=best)
 
     def _plan(self) -> NodeSettings:
-        """Parts that linear programs leave open get what closed most of the gap per second."""
-        base = self.linear if np.isfinite(self.linear) else self.first
-        narrow = (
+        """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
+        base = self.linear_bound if np.isfinite(self.linear_bound) else self.first_bound
+        obbt_lp = (
             len(self.shared_state.variables) <= MOST_TIGHTENED
-            and "narrow" not in self.context.options.skip
+            and "obbt_lp" not in self.context.options.skip
         )
         seen = self.shared_state.cost_model.seconds
-        program = seen.get(TIGHTENING if narrow else PROGRAM, seen.get(PROGRAM, np.inf))
-        best = worth_in_parts(self.tried, (base, self.context.upper), program)
-        parts = self.shared_state.cliques, self.shared_state.variables
-        return NodeSettings(*parts, best, narrow, self.shared_state.obbt_sdp, self._slack)
+        program = seen.get(TIGHTENING if obbt_lp else PROGRAM, seen.get(PROGRAM, np.inf))
+        best = relaxation_for_nodes(self.tried, (base, self.context.upper), program)
+        where = self.shared_state.cliques, self.shared_state.variables
+        return NodeSettings(*where, best, obbt_lp, self.shared_state.obbt_sdp, self._slack)
 
     def _close_search(self) -> None:
-        """Take over what the tree proves now."""
+        """Accept the bound that the tree proves now."""
         assert self.search is not None
         certificate = self.search.certificate()
         if lower_bound(certificate) > self.bound:

@@ -1,16 +1,15 @@
-"""Many objectives over one feasible set: what one proves helps the others.
+"""Bound many objectives over one feasible set; results of one help the others (``solve_each``).
 
-The box is made once by arguments that hold for all objectives: propagation, and linear programs
-for the variables that matter (where a star of few complicating variables may do without, only
-once it has failed, and not for long records). Each objective in turn climbs some rungs, until
-every gap is closed or nothing is left to try. A proved bound of a single variable shrinks the
-shared box (its certificate is quoted, not repeated), and the next rungs are built on it; an
-attained point is tried on all objectives. Cut-offs stay with their objective.
+The shared box is made once by arguments that hold for all objectives: propagation, and linear
+programs for the branching variables (where a star relaxation exists, only once it has failed,
+and not for long records). The objectives take turns of a few steps each, until every gap is
+closed or nothing is left to try. A proved bound of a single variable tightens the shared box
+(its certificate is quoted, not repeated), and later relaxations are built on it. An attained
+point is tried on all objectives. Cutoffs stay with their objective.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -33,7 +32,7 @@ from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.shared_state import SharedState, branching
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -41,19 +40,19 @@ from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tightened_for_all", "width_between"]
+__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
 
-_ROUNDS = 4
-_NARROW = 24  # variables whose bounds linear programs tighten for all objectives
+_ROUNDS = 4  # of OBBT by linear programs
+_MOST_SHARED = 24  # variables whose bounds linear programs tighten for all objectives
 _WINDOW = 40  # constraints that linear programs start with where windows are enough
-_GAINED = 0.8
-_TURN = 5  # rungs that an objective climbs before it is the next one's turn
+_GAINED = 0.8  # another round follows where a width fell below this share
+_TURN = 5  # steps of an objective before it is the next one's turn
 _ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
 
 
 @dataclass(eq=False)
 class MultiObjectiveSearch:
-    """Objectives that climb together.
+    """Adaptive searches for several objectives over one feasible set.
 
     Parameters
     ----------
@@ -61,16 +60,17 @@ class MultiObjectiveSearch:
     objectives : sequence of Polynomial
     options : Options
     model : Model
-        Box and proof without cut-offs, finite in every variable.
+        Box and proof without cutoffs, finite in every variable.
     starts : list of (n,) float
+        Vectors to start local searches from.
     stages : Stages
-    clock : Clock
-    told : callable, optional
-        Called after each climb of an objective.
+    deadline : Deadline
+    report : callable, optional
+        Called with an objective's number and state after each of its turns.
     repair : callable, optional
         Improves candidate vectors before local searches.
     points : list of ProvedPoint
-        Known feasible points; with any, no local search runs before the first climb.
+        Known feasible points; with any, no local search runs before the first turn.
     """
 
     problem: Problem
@@ -80,7 +80,7 @@ class MultiObjectiveSearch:
     starts: list[NDArray[np.float64]]
     stages: Stages
     deadline: Deadline
-    told: Callable[[int, SearchState], None] | None = None
+    report: Callable[[int, SearchState], None] | None = None
     repair: Callable[[NDArray], NDArray] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
@@ -88,15 +88,21 @@ class MultiObjectiveSearch:
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
-    tightened: bool = False
+    obbt_done: bool = False
 
     def run(self) -> list[SearchState]:
-        """Climb until every gap is closed or time is over."""
+        """Search until every gap is closed, nothing is left to try or time is over.
+
+        Returns
+        -------
+        list of SearchState
+            One for each objective.
+        """
         self._begin()
         notes: tuple[str, ...] = ()
         try:
             self._first_points()
-            turn = 1  # all boxes shrink by what is cheap before anything dear is tried
+            turn = 1  # every objective takes its cheapest step before costlier ones are tried
             while not self.over:
                 for index in range(len(self.searches)):
                     self._run(index, turn)
@@ -106,13 +112,13 @@ class MultiObjectiveSearch:
         except KeyboardInterrupt:
             notes = (INTERRUPTED,)
         states = [self._state(auto, notes) for auto in self.searches]
-        for index, state in enumerate(states if self.told is not None else ()):
-            if not state.history:  # closed without climbing: nobody was told yet
-                self.told(index, state)  # type: ignore[misc]
+        for index, state in enumerate(states if self.report is not None else ()):
+            if not state.history:  # closed without a step: not reported yet
+                self.report(index, state)  # type: ignore[misc]
         return states
 
     def _state(self, auto: AdaptiveSearch, notes: tuple[str, ...] = ()) -> SearchState:
-        return SearchState(auto.context, auto.outcome, auto.near, tuple(auto.history), notes)
+        return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
 
     @property
     def _stuck(self) -> bool:
@@ -120,11 +126,11 @@ class MultiObjectiveSearch:
 
     @property
     def over(self) -> bool:
-        """Whether all gaps are closed or time is over."""
+        """True if all gaps are closed or time is over."""
         return self.deadline.over or all(auto.over for auto in self.searches)
 
     def _begin(self) -> None:
-        """One climber an objective."""
+        """Prepare the shared state and one adaptive search for each objective."""
         self.pairs, self.base = pairs(self.objectives), self.model
         self.shared_state = SharedState.of(self.problem, self.objectives, self.options)
         if (
@@ -146,35 +152,35 @@ class MultiObjectiveSearch:
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
 
     def _first_points(self) -> None:
-        """Local searches from the starts; what they find is tried on all objectives."""
+        """Run local searches from the starts; try the points found on all objectives."""
         if not self.starts or self.points:
-            self._carry(self.points)
+            self._share_points(self.points)
             return
         several = self.shared_state.products.has_star  # then a local search costs little
         for auto in self.searches if several else self.searches[:1]:
-            auto.context, auto.near = update_incumbent(
+            auto.context, auto.candidates = update_incumbent(
                 adopt_points(auto.context, self.points), self.starts
             )
             if auto.context.best is not None:
                 self.points.append(auto.context.best)
-        self._carry(self.points)
+        self._share_points(self.points)
 
     def _tighten(self) -> None:
-        """Linear programs tighten the box of all, once."""
-        if self.tightened or self.deadline.over or not self.shared_state.narrow:
+        """Tighten the shared box by linear programs, once."""
+        if self.obbt_done or self.deadline.over or not self.shared_state.obbt_lp:
             return
-        self.tightened, start = True, self.deadline.now()
+        self.obbt_done, start = True, self.deadline.now()
         with self.stages.stage("presolve"):
-            self.model, self.shared_state.active = tightened_for_all(
+            self.model, self.shared_state.active = tighten_for_all(
                 self.problem, self.objectives, self.model, self.options, self.deadline
             )
         self.base = self.model
         self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.deadline.now() - start)
 
     def _run(self, index: int, most: int) -> None:
-        """Let one objective climb some rungs on the shared box as it is now.
+        """Give one objective a turn of a few steps on the current shared box.
 
-        What the first ones learn of the rungs saves the others detours.
+        Costs and progress learned in the first turns guide the turns after them.
         """
         auto = self.searches[index]
         if auto.over or self.deadline.over:
@@ -184,22 +190,22 @@ class MultiObjectiveSearch:
         auto.run(most)
         if auto.context.best is not None and auto.context.best not in self.points:
             self.points.append(auto.context.best)
-        self._carry(self.points[known:])
+        self._share_points(self.points[known:])
         self._quote(index)
         if not auto.over:
             self._tighten()
-        if self.told is not None:
-            self.told(index, self._state(auto))
+        if self.report is not None:
+            self.report(index, self._state(auto))
 
-    def _carry(self, points: list[ProvedPoint]) -> None:
-        """Try points on all objectives, and say anew what their gaps are relative to."""
+    def _share_points(self, points: list[ProvedPoint]) -> None:
+        """Try points on all objectives, then update the units of their gaps."""
         for auto in self.searches:
             auto.context = adopt_points(auto.context, points)
         for index, auto in enumerate(self.searches):
             auto.context = replace(auto.context, unit=self._unit(index))
 
     def _unit(self, index: int) -> float | None:
-        """The distance of the attained values of a pair of objectives, for width gaps."""
+        """Compute the distance of the attained values of a pair, None unless gaps are widths."""
         if self.options.gap_kind != "width":
             return None
         other = self.searches[self.pairs[index]].context.upper
@@ -210,7 +216,7 @@ class MultiObjectiveSearch:
         return float(reach.hi[0] - reach.lo[0])  # for a start; the attained width is smaller
 
     def _quote(self, index: int) -> None:
-        """A proved bound of a single variable shrinks the box of all."""
+        """Tighten the shared box by a proved bound of a single variable."""
         auto, target = self.searches[index], coordinate_of(self.objectives[index])
         certificate = auto.outcome.certificate
         if "quote" in self.options.skip:
@@ -242,7 +248,7 @@ class MultiObjectiveSearch:
 
 
 def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
-    """For each objective p the number of the objective -p."""
+    """Map the number of each objective p to the number of the objective -p."""
     found: dict[int, int] = {}
     for i, p in enumerate(objectives):
         for j, q in enumerate(objectives):
@@ -253,23 +259,36 @@ def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
 
 
 def width_between(upper: float, other: float, options: Options) -> float:
-    """The distance of the attained values of p and -p; a single point counts as rounding wide."""
+    """Compute the distance of the attained values of p and -p.
+
+    +inf where one of them is missing; a single point counts as wide as rounding.
+    """
     rounding = _ROUNDING * max(1.0, abs(other)) / max(options.gap, _ROUNDING)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
 
-def tightened_for_all(
+def tighten_for_all(
     problem: Problem,
     objectives: Sequence[Polynomial],
     model: Model,
     options: Options,
     deadline: Deadline,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
-    """A box that linear programs without cut-off tighten in the variables that matter.
+    """Tighten the branching variables and the objectives' variables without a cutoff.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : sequence of Polynomial
+    model : Model
+        The box and its proof, without cutoffs.
+    options : Options
+    deadline : Deadline
 
     Returns
     -------
     model : Model
+        The tightened box and its proof.
     active : (m,) bool or None
         Constraints that were enough for these linear programs; None: all.
     """
@@ -278,12 +297,12 @@ def tightened_for_all(
     products = Products.of(problem, objectives)
     targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
     variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-    if not products.pairs.size or not 0 < len(variables) <= _NARROW:
+    if not products.pairs.size or not 0 < len(variables) <= _MOST_SHARED:
         return model, None
-    return _tightened(problem, model, variables, options, products, deadline)
+    return _obbt_rounds(problem, model, variables, options, products, deadline)
 
 
-def _tightened(
+def _obbt_rounds(
     problem: Problem,
     model: Model,
     variables: tuple[int, ...],
@@ -291,11 +310,11 @@ def _tightened(
     products: Products,
     deadline: Deadline,
 ) -> tuple[Model, NDArray[np.bool_] | None]:
-    """Rounds of bound tightening while they gain.
+    """Run rounds of OBBT by linear programs while they gain.
 
-    Where few variables complicate many constraints, the programs start from a few of these
-    (any choice is valid); those that are violated at a solution whatever the other variables
-    are come in before the next round.
+    Where few variables complicate many constraints, the programs start from a sample of the
+    constraints (any choice is valid). Constraints that a solution violates whatever the other
+    variables are come in before the next round.
     """
     replay = Replay(problem, None)
     cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
@@ -308,7 +327,7 @@ def _tightened(
     for _ in range(_ROUNDS if active is None else 2 * _ROUNDS):
         mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
         seen: list[NDArray] = []
-        smaller, step, _ = tightened(replay, mccormick, box, variables, deadline.left, seen)
+        smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
         if step is not None and is_empty(smaller):
             break
         gained = False
@@ -333,7 +352,7 @@ def _tightened(
 
 
 def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
-    """Random starts, the middle of the box alone where few variables complicate the problem."""
+    """Choose starts of local searches: random, or the middle of the box with a star."""
     if Products.of(problem).has_star:
         return [box.middle()]
     return random_starts(problem, box, options)

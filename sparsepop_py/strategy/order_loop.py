@@ -1,11 +1,10 @@
-"""The ladder: rounds on one order, and with effort "auto" one rung after the other.
+"""Loop over relaxations for one objective, with local searches between them.
 
 A round ends with a certificate and with candidate minimisers. When these improve the
-attained value, the cut-off shrinks the box and another round may gain. With effort "auto"
-the rungs of :mod:`sparsepop_py.relaxation.hierarchy` follow, each time the one that promises to close
-most of the gap per second, branch and bound among them; where no finite box is known,
-orders follow one another. The ladder ends when the gap is closed, time is over, or nothing
-is left to try.
+attained value, the cutoff tightens the box and another round may gain. With effort "auto" and
+a finite box the adaptive search of :mod:`sparsepop_py.strategy.adaptive` follows; without a
+finite box, relaxation orders follow one another. The loop ends when the gap is closed, time is
+over or nothing is left to try.
 """
 
 from __future__ import annotations
@@ -23,12 +22,12 @@ from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
     better,
+    bound_order,
     certified_bound,
+    closed_without_relaxation,
     lower_bound,
-    one_round,
-    trivially,
 )
-from sparsepop_py.bounding.unconstrained import free_round, good_enough
+from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.options import Options
@@ -46,18 +45,31 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
 
-_ROUNDS = 3
+_ROUNDS = 3  # of one order while the attained value improves
 _MANY = 300  # variables from which a closed gap ends the work at once
 _ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
 @dataclass(frozen=True, eq=False)
 class SearchState:
-    """Where the ladder ended: the task with its best point, the best bound, and the way there."""
+    """State at the end of a search for one objective.
+
+    Parameters
+    ----------
+    context : SolveContext
+        With the incumbent.
+    outcome : CertifiedBound
+        The best proved bound.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen.
+    history : tuple of HistoryEntry
+    notes : tuple of str
+        Sentences for the user.
+    """
 
     context: SolveContext
     outcome: CertifiedBound
-    near: list[NDArray[np.float64]]
+    candidates: list[NDArray[np.float64]]
     history: tuple[HistoryEntry, ...]
     notes: tuple[str, ...] = ()
 
@@ -65,68 +77,80 @@ class SearchState:
 INTERRUPTED = "interrupted: what is proved so far is kept"
 
 
-def unstarted_state(context: SolveContext, near: list[NDArray]) -> SearchState:
-    """Where an interrupted search stands before any relaxation was solved."""
+def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchState:
+    """Return the state of a search interrupted before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
     replay = Replay(context.problem, None)
     outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
-    return SearchState(context, outcome, near, (), (INTERRUPTED,))
+    return SearchState(context, outcome, candidates, (), (INTERRUPTED,))
 
 
 def run_orders(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> SearchState:
-    """Bound the task on one order, or on one rung after the other while the gap is open.
+    """Bound one objective by one relaxation order, or with effort "auto" by growing ones.
 
     Parameters
     ----------
-    task : Task
-    near : list of (n,) float
+    context : SolveContext
+    candidates : list of (n,) float
         Nearly feasible vectors seen so far.
     shared : Model or None
-        Box and relaxations that several objectives share; used on the first rung.
-    later : iterator of (n,) float
+        Box and relaxations that several objectives share, used in the first round; None: own ones.
+    more_starts : iterator of (n,) float
         Starts of local searches for where the first relaxation leaves a gap.
+
+    Returns
+    -------
+    SearchState
     """
     free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
     if free:
-        return _after_free(context, near, later, partial(_run_orders, shared=None, later=later))
-    state = _run_orders(context, near, shared, later)
+        return _after_unconstrained(
+            context,
+            candidates,
+            more_starts,
+            partial(_run_orders, shared=None, more_starts=more_starts),
+        )
+    state = _run_orders(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
-        return _with_free(state)
+        return _with_unconstrained(state)
     return state
 
 
 def _restricted(problem: Problem) -> bool:
-    """Whether there are constraints or bounds."""
+    """Check for constraints or bounds."""
     bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
     return bool(problem.constraints) or bool(bounded.any())
 
 
-def _after_free(
+def _after_unconstrained(
     context: SolveContext,
-    near: list[NDArray],
-    later: Iterator[NDArray],
+    candidates: list[NDArray],
+    more_starts: Iterator[NDArray],
     go_on: Callable[[SolveContext, list[NDArray]], SearchState],
 ) -> SearchState:
-    """What the objective on the whole space proves, and where that is not enough, what follows."""
-    free = _by_gram_matrices(context, near, later)
+    """Bound the objective on the whole space; continue where that is not enough."""
+    free = _by_gram_matrices(context, candidates, more_starts)
     if free is None:
-        return go_on(context, near)
+        return go_on(context, candidates)
     if (
         good_enough(free.context, lower_bound(free.outcome.certificate))
         or free.context.deadline.over
     ):
         return free
-    state = go_on(free.context, free.near)
+    state = go_on(free.context, free.candidates)
     outcome = better(free.outcome, state.outcome)
     return replace(state, outcome=outcome, history=free.history + state.history)
 
 
-def _with_free(state: SearchState) -> SearchState:
-    """What the objective on the whole space adds where a relaxation proved nothing."""
-    free = _by_gram_matrices(state.context, state.near, iter(()))
+def _with_unconstrained(state: SearchState) -> SearchState:
+    """Add a bound of the objective on the whole space where a relaxation proved nothing."""
+    free = _by_gram_matrices(state.context, state.candidates, iter(()))
     if free is None:
         return state
     outcome = better(free.outcome, state.outcome)  # with the output of the relaxation
@@ -135,36 +159,39 @@ def _with_free(state: SearchState) -> SearchState:
 
 
 def _by_gram_matrices(
-    context: SolveContext, near: list[NDArray], later: Iterator[NDArray]
+    context: SolveContext, candidates: list[NDArray], more_starts: Iterator[NDArray]
 ) -> SearchState | None:
-    """What Gram matrices prove where there is no box, and the points behind them."""
+    """Bound the objective by Gram matrices without a box, searching points between rounds."""
     start, bound = time.process_time(), None
     while True:
         try:
-            found = free_round(context)
+            found = unconstrained_bound(context)
         except KeyboardInterrupt:
-            return unstarted_state(context, near)
+            return unstarted_state(context, candidates)
         if found is None:
             return None
         bound, old = better(bound, found), context.best
-        for starts in (_candidates_from_moments(bound), later):
+        for starts in (_candidates_from_moments(bound), more_starts):
             if not context.closed(lower_bound(bound.certificate)):
                 context, more = update_incumbent(
                     context, list(starts), lower_bound(bound.certificate)
                 )
-                near = near + more
+                candidates = candidates + more
         if (
             context.best is old
             or context.closed(lower_bound(bound.certificate))
             or context.deadline.over
         ):
             break
-    rung = _history_entry(context, bound, bound, time.process_time() - start)
-    return SearchState(context, bound, near, (rung,))
+    entry = _history_entry(context, bound, bound, time.process_time() - start)
+    return SearchState(context, bound, candidates, (entry,))
 
 
 def _run_orders(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> SearchState:
     if context.options.effort == "auto":
         with context.stages.stage("presolve"):
@@ -173,7 +200,7 @@ def _run_orders(
                 context.problem,
                 context.best if replay.cutoff is not None else None,
                 _timed(context),
-                done=trivially(context) or context.deadline.over,
+                done=closed_without_relaxation(context) or context.deadline.over,
                 cutoff=replay.cutoff,
             )
         if finite(box):
@@ -181,28 +208,33 @@ def _run_orders(
                 context.problem, (context.problem.objective,), context.options
             )
             return run_adaptive(
-                AdaptiveSearch(context, Model(proof, box), near, shared_state, later=later)
+                AdaptiveSearch(
+                    context, Model(proof, box), candidates, shared_state, more_starts=more_starts
+                )
             )
         if _restricted(context.problem):
-            orders = partial(_orders, shared=shared, later=later)
-            return _after_free(context, near, iter(()), orders)
-    return _orders(context, near, shared, later)
+            orders = partial(_orders, shared=shared, more_starts=more_starts)
+            return _after_unconstrained(context, candidates, iter(()), orders)
+    return _orders(context, candidates, shared, more_starts)
 
 
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
-    """Let a climber go as far as it must."""
+    """Run an adaptive search to its end and return its state."""
     notes: tuple[str, ...] = ()
     try:
         auto.run()
     except KeyboardInterrupt:
         notes = (INTERRUPTED,)
-    return SearchState(auto.context, auto.outcome, auto.near, tuple(auto.history), notes)
+    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
 
 
 def _orders(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> SearchState:
-    """One order, or with effort "auto" growing orders."""
+    """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
     history: list[HistoryEntry] = []
     for order in _order_numbers(context):
@@ -211,11 +243,13 @@ def _orders(
         if options.effort == "auto" and outcome is None:
             options = replace(options, effort="presolve")  # the first order may step down
         try:
-            step, bound, near = _rounds(replace(context, options=options), near, shared, later)
+            step, bound, candidates = _rounds(
+                replace(context, options=options), candidates, shared, more_starts
+            )
         except KeyboardInterrupt:
             if outcome is None:
-                return unstarted_state(context, near)
-            return SearchState(context, outcome, near, tuple(history), (INTERRUPTED,))
+                return unstarted_state(context, candidates)
+            return SearchState(context, outcome, candidates, tuple(history), (INTERRUPTED,))
         if outcome is not None and bound.relaxation is None:
             break  # this order would be too large
         outcome = better(outcome, bound)
@@ -228,11 +262,11 @@ def _orders(
                 break  # no order proves anything
         shared = None
     assert outcome is not None
-    return SearchState(context, outcome, near, tuple(history))
+    return SearchState(context, outcome, candidates, tuple(history))
 
 
 def _timed(context: SolveContext) -> Options:
-    """The options with half of the time that is left: a box may take two solves."""
+    """Limit the options to half of the time left: a box may take two solves."""
     left = context.deadline.left
     return replace(context.options, time_limit=None if left is None else 0.5 * left)
 
@@ -263,13 +297,16 @@ def _history_entry(
 
 
 def _rounds(
-    context: SolveContext, near: list[NDArray], shared: Model | None, later: Iterator[NDArray]
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
 ) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
-    """Rounds on one order while the attained value improves."""
+    """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
     for _ in range(1 if shared else _ROUNDS):
         try:
-            bound = one_round(context, shared)
+            bound = bound_order(context, shared)
         except KeyboardInterrupt:
             if outcome is None:
                 raise
@@ -280,16 +317,16 @@ def _rounds(
         if context.closed(proved) and context.problem.dimension > _MANY:
             break  # reading further minimisers out of the moments would take the longest
         context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
-        near = near + more
+        candidates = candidates + more
         if not context.closed(proved) and not context.deadline.over:
-            context, more = update_incumbent(context, list(later), proved)
-            near = near + more
+            context, more = update_incumbent(context, list(more_starts), proved)
+            candidates = candidates + more
         if context.closed(proved) or context.deadline.over or context.options.effort == "plain":
             break
         if context.best is old or not _worth_another(old, context.best, bound):
             break
     assert outcome is not None
-    return context, outcome, near
+    return context, outcome, candidates
 
 
 def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]:
@@ -299,7 +336,7 @@ def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]
 
 
 def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: CertifiedBound) -> bool:
-    """Whether the improvement of the attained value is a good part of the open gap."""
+    """Check that the attained value improved by a good part of the open gap."""
     if new is None:
         return False
     if old is None or bound.certificate is None:

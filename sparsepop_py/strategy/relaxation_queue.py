@@ -1,6 +1,6 @@
-"""Which rung next: what is left of the catalogue, by expected gain per second.
+"""Queue of relaxations, ordered by expected gap reduction per CPU second.
 
-A rung whose bound depends on the box may be climbed on a box that linear programs have
+A relaxation whose bound depends on the box may be solved on a box that linear programs have
 tightened first. With seconds t of tightening, s of the relaxation and a chance p that it
 closes the gap without, that is expected to cost t + s against s + (1 - p) (t + s).
 """
@@ -16,13 +16,13 @@ from sparsepop_py.relaxation.hierarchy import RelaxationSpec
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.box.scaling import Scaled
 
-__all__ = ["MOST_TIGHTENED", "PROGRAM", "TIGHTENING", "RelaxationQueue", "worth_in_parts"]
+__all__ = ["MOST_TIGHTENED", "PROGRAM", "TIGHTENING", "RelaxationQueue", "relaxation_for_nodes"]
 
-PROGRAM = "linear program"  # names under which experience keeps their seconds
+PROGRAM = "linear program"  # names under which the cost model keeps their seconds
 TIGHTENING = "tightening"
 MOST_TIGHTENED = 12  # variables whose bounds linear programs tighten at the root
-_DEAR = 3.0  # tightening that takes this many times as long as the next relaxation is left out
-_LEVEL = 0.1  # of a gap (as a logarithm) that cutting closes in the time of a linear program
+_TOO_SLOW = 3.0  # tightening that takes this many times as long as the next relaxation is left out
+_BRANCHING = 0.1  # share of a gap, on a logarithmic scale, closed by a node in the time of an LP
 _WEAK = 0.3  # share of the progress that linear relaxations and the like make at most
 _LINEAR = RelaxationSpec("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
@@ -30,16 +30,16 @@ _TIGHTENED = ("star", "split", "mixed")
 
 @dataclass(eq=False)
 class RelaxationQueue:
-    """The rungs that one objective may still climb.
+    """Relaxations that are left to try for one objective.
 
     Parameters
     ----------
-    ground : Ground
-        Its recipes, and the experience with them.
+    shared_state : SharedState
+        Its relaxations, and the cost model that learns from them.
     scaled : callable
-        The scaled problem on the box as it is now; for estimates.
+        Returns the problem scaled to the current box; for estimates.
     share : float
-        Share of the progress that the last rung makes as a rule.
+        Expected progress of the last relaxation, see :mod:`sparsepop_py.relaxation.hierarchy`.
     """
 
     shared_state: SharedState
@@ -51,7 +51,20 @@ class RelaxationQueue:
         self.specs = list(self.shared_state.specs)
 
     def best(self, left: float | None) -> tuple[RelaxationSpec | None, float]:
-        """The recipe worth most in a second, and that worth, among those that end in time."""
+        """Select the relaxation with the largest expected gain per second.
+
+        Parameters
+        ----------
+        left : float or None
+            Seconds left; relaxations expected to take over twice as long are left out.
+
+        Returns
+        -------
+        spec : RelaxationSpec or None
+            None where nothing is left.
+        rate : float
+            Its expected gain per second.
+        """
         best, most = None, 0.0
         for spec in map(self._prepared, self.specs):
             seconds = self.seconds(spec)
@@ -63,18 +76,18 @@ class RelaxationQueue:
         return best, most
 
     def state(self, spec: RelaxationSpec) -> None:
-        """Leave out a rung and those below it; on a tightened box it may be climbed again."""
+        """Remove a relaxation and all weaker ones; it may return on a tightened box."""
         again = [spec.tightened] if self._may_tighten(spec) else []
         self.specs = [*again, *(r for r in self.specs if r.share > spec.share)]
         self.share = spec.share
 
     def again(self, specs: Iterable[RelaxationSpec]) -> None:
-        """Put rungs back that may do more on a smaller box."""
+        """Put relaxations back that may prove more on a smaller box."""
         self.specs = [*specs, *self.specs]
         self.share = 0.0
 
     def seconds(self, spec: RelaxationSpec) -> float:
-        """Expected seconds: as seen before, else estimated at the pace of the other rungs."""
+        """Estimate the seconds of a relaxation, from earlier solves where there are any."""
         seen, known = self.shared_state.cost_model, self.shared_state.estimates
         if spec.name in seen.seconds:
             return seen.seconds[spec.name]
@@ -83,7 +96,7 @@ class RelaxationQueue:
         if spec.name not in known:
             known[spec.name] = spec.seconds(self.scaled(), self.shared_state.cliques)
         alone = seen.pace * known[spec.name]
-        if spec.shape == "linear" and self.shared_state.narrow and not self.dear:
+        if spec.shape == "linear" and self.shared_state.obbt_lp and not self.obbt_too_slow:
             return alone + self._tightening  # other programs follow the first
         return alone
 
@@ -93,13 +106,13 @@ class RelaxationQueue:
         return min((self.seconds(r) for r in self.specs if r.share > _WEAK), default=np.inf)
 
     @property
-    def dear(self) -> bool:
-        """Whether tightening by linear programs costs more than the next relaxation."""
-        return self._tightening > _DEAR * self.shortest
+    def obbt_too_slow(self) -> bool:
+        """True if tightening by linear programs costs more than the next relaxation."""
+        return self._tightening > _TOO_SLOW * self.shortest
 
     @property
     def _tightening(self) -> float:
-        """Expected seconds of a few rounds of tightening."""
+        """Expected seconds of a few rounds of OBBT by linear programs."""
         seen = self.shared_state.cost_model.seconds
         programs = 2.0 * min(len(self.shared_state.variables), MOST_TIGHTENED)
         return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
@@ -114,10 +127,10 @@ class RelaxationQueue:
 
     def _may_tighten(self, spec: RelaxationSpec) -> bool:
         below = spec.shape in _TIGHTENED and spec.plain is None
-        return self.shared_state.narrow and below and bool(self.shared_state.variables)
+        return self.shared_state.obbt_lp and below and bool(self.shared_state.variables)
 
     def _prepared(self, spec: RelaxationSpec) -> RelaxationSpec:
-        """On a tightened box, where that costs less than failing without is expected to."""
+        """Choose the tightened form where it costs less than failing without is expected to."""
         seen = self.shared_state.cost_model.seconds
         if not self._may_tighten(spec) or not {PROGRAM, TIGHTENING} & seen.keys():
             return spec
@@ -127,25 +140,30 @@ class RelaxationQueue:
         return spec.tightened if both < alone + fails * both else spec
 
 
-def worth_in_parts(
+def relaxation_for_nodes(
     tried: Iterable[tuple[RelaxationSpec, float, float]], gap: tuple[float, float], program: float
 ) -> RelaxationSpec | None:
-    """The relaxation that closed most of a gap in a second, if cutting alone does not do more.
+    """Select the relaxation for nodes: the best per second, if better than branching alone.
 
     Parameters
     ----------
     tried : iterable of (RelaxationSpec, bound, seconds)
+        Relaxations of the root.
     gap : (float, float)
         The bound without them, and the attained value.
     program : float
-        Seconds of the linear programs of one part.
+        Seconds of the linear programs of one node.
+
+    Returns
+    -------
+    RelaxationSpec or None
     """
-    best, most = None, _LEVEL / program
+    best, most = None, _BRANCHING / program
     base, upper = gap
     for spec, bound, seconds in tried:
         whole = upper - base
         closed = (bound - base) / whole if np.isfinite(whole) and whole > 0 else float(bound > base)
-        # a share s needs about log(1 / (1 - s)) fewer levels of cuts
+        # a share s saves about log(1 / (1 - s)) levels of the tree
         worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
         if closed > 0.1 and worth > most:
             best, most = spec, worth

@@ -1,4 +1,4 @@
-"""What all objectives over one feasible set share on their way up the ladder."""
+"""State shared by all objectives over one feasible set."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _LONG = 300  # constraints beyond which linear programs take longer than relaxat
 
 
 def branching(products: Products, options: Options) -> tuple[int, ...]:
-    """The variables to cut: those asked for, else those that cover all products."""
+    """Choose the branching variables: those asked for, else those that cover all products."""
     if options.branch_on is not None:
         return tuple(sorted({int(v) for v in options.branch_on}))
     return products.complicating
@@ -36,25 +36,28 @@ def branching(products: Products, options: Options) -> tuple[int, ...]:
 
 @dataclass(eq=False)
 class SharedState:
-    """What all objectives over one feasible set share on their way up.
+    """State shared by all objectives over one feasible set.
 
     Parameters
     ----------
     products : Products
+        Products of variables in the problem and its objectives.
     cliques : dict
-        A family of cliques for each way of joining variables.
+        Cliques for each way of joining variables.
     variables : tuple of int
-        Those that branch and bound may cut.
-    recipes : tuple of RelaxationSpec
-    experience : Experience
+        Branching variables.
+    specs : tuple of RelaxationSpec
+        The relaxations that the problem admits.
+    cost_model : CostModel
+        Seconds and progress of relaxations solved so far.
     estimates : dict
-        Expected seconds of each recipe.
+        Expected seconds of relaxations not solved yet, by name.
     active : (m,) bool or None
         The constraints that linear relaxations use; None: all.
-    squeeze : RelaxationSpec or None
+    obbt_sdp : RelaxationSpec or None
         The relaxation that tightens bounds in branch and bound, for objectives +-x_v.
-    narrow : bool
-        Whether linear programs tighten bounds on the whole box.
+    obbt_lp : bool
+        Whether linear programs tighten bounds on the root box.
     """
 
     products: Products
@@ -65,28 +68,28 @@ class SharedState:
     estimates: dict[str, float] = field(default_factory=dict)
     active: NDArray[np.bool_] | None = None
     obbt_sdp: RelaxationSpec | None = None
-    narrow: bool = True
+    obbt_lp: bool = True
 
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial], options: Options) -> SharedState:
-        """Structure of a problem and its objectives."""
+        """Analyse the structure of a problem and its objectives."""
         products = Products.of(problem, objectives)
         cliques = families(problem, objectives, options.sparse, options.chordal)
         specs = relaxation_specs(problem, cliques, tuple(objectives), options.order, options.skip)
         specs = tuple(replace(spec, memory=options.memory_limit) for spec in specs)
         specs = tuple(spec for spec in specs if spec.fits(cliques))
         variables = branching(products, options)
-        cuts = "branch" not in options.skip and options.node_limit != 0
-        idle = not cuts or "squeeze" in options.skip or len(variables) > _FEW
-        inside = all(coordinate_of(p) is not None for p in objectives)  # cut-offs are in the box
+        branches = "branch" not in options.skip and options.node_limit != 0
+        may = branches and "obbt_sdp" not in options.skip and len(variables) <= _FEW
+        inside = all(coordinate_of(p) is not None for p in objectives)  # the box holds the cutoffs
         stars = (r for r in specs if r.shape == "star")
-        star = next(stars, None) if inside and not idle else None
+        star = next(stars, None) if inside and may else None
         short = star is None or len(problem.constraints) <= _LONG
-        narrow = "narrow" not in options.skip and short
-        return SharedState(products, cliques, variables, specs, obbt_sdp=star, narrow=narrow)
+        obbt_lp = "obbt_lp" not in options.skip and short
+        return SharedState(products, cliques, variables, specs, obbt_sdp=star, obbt_lp=obbt_lp)
 
     @property
     def effort(self) -> float:
-        """How many relaxations branch and bound is expected to need, up to a factor."""
+        """Number of relaxations that branch and bound is expected to need, up to a factor."""
         count = len(self.variables)
         return count if self.obbt_sdp is not None else 2.0 ** min(count, 8)

@@ -1,1 +1,1 @@
-"""Tighten the bounds of variables: McCormick relaxations, OBBT by linear and semidefinite programs."""
+"""Bound tightening: McCormick relaxations, OBBT by linear and by semidefinite programs."""

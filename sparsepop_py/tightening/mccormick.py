@@ -1,11 +1,11 @@
-"""Linear relaxations on a box: McCormick's envelopes and their products, solved by HiGHS.
+"""Linear relaxations on a box: McCormick envelopes and their products, solved by HiGHS.
 
 Every monomial of the scaled problem becomes a column in [-1, 1] (in [0, 1] where all its
-powers are even); the rows are those of the linear shape of
+powers are even). The rows are those of the linear shape of
 :mod:`sparsepop_py.relaxation.moment`: constraints, equalities times their partners, products of
-bounds. Many objectives are minimised on one model from the last simplex basis. Every
-dual, optimal or of an infeasible program, becomes a :class:`LinearDual` and counts only
-for what that proves.
+bounds. Many objectives are minimised on one model from the last simplex basis. Every dual,
+optimal or of an infeasible program, becomes a :class:`LinearDual` and counts only for what
+that proves.
 
 References
 ----------
@@ -45,7 +45,7 @@ from sparsepop_py.verified.box.scaling import Scaled, Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.steps import Replay, Tightening, coordinates
 
-__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tightened"]
+__all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tighten_bounds"]
 
 _SMALL = 1e-9  # multipliers this small against the largest are left out
 
@@ -77,10 +77,19 @@ class LinearRelaxation:
         active: NDArray[np.bool_] | None = None,
         slack: NDArray[np.float64] | float = 0.0,
     ) -> LinearRelaxation:
-        """Build it, on the model of another box where one is given (its basis is kept).
+        """Build the linear relaxation of a problem on a box.
 
-        With ``active`` (m,) only these constraints take part: a smaller program, weaker at most.
-        Its duals hold on boxes larger by ``room``.
+        Parameters
+        ----------
+        problem : Problem
+        box : Interval
+        cliques : Cliques
+        warm : LinearRelaxation, optional
+            One of another box: its model is loaded anew and keeps its basis.
+        active : (m,) bool, optional
+            Constraints that take part; all when left out. Fewer make a weaker, smaller program.
+        slack : (n,) float
+            Its duals hold on boxes larger by this.
         """
         scaling = Scaling.of_box(box, slack=slack)
         scaled = Scaled.of(problem, scaling, (problem.objective,), active)
@@ -99,7 +108,7 @@ class LinearRelaxation:
 
     @property
     def size(self) -> float:
-        """Original objective = size * scaled objective."""
+        """Factor from the scaled objective to the original one."""
         return self.scaled.objective_sizes[0]
 
     def minimise(self, time_limit: float | None = None) -> LinearSolution:
@@ -107,7 +116,7 @@ class LinearRelaxation:
         return self.model.solve(self.program.q, time_limit)
 
     def holds(self, variable: int) -> bool:
-        """Whether a variable occurs in the relaxation."""
+        """Check whether a variable occurs in the relaxation."""
         return bool(self._columns[variable] >= 0)
 
     def reach(self, variable: int, side: int, time_limit: float | None = None) -> LinearSolution:
@@ -123,7 +132,7 @@ class LinearRelaxation:
 
     @cached_property
     def _rows(self) -> tuple[NDArray[np.int64], Words, NDArray[np.bool_], NDArray[np.float64]]:
-        """Generator, monomial, freedom and size of each row."""
+        """Generator, monomial, sign freedom and size of each row."""
         groups = self.relaxation.groups
         width = max(g.basis.shape[2] for g in groups)
         generator = np.concatenate([np.repeat(g.generator, g.rows_each) for g in groups])
@@ -138,10 +147,21 @@ class LinearRelaxation:
         sizes: Sequence[float],
         short: bool = False,
     ) -> LinearDual:
-        """The multipliers behind row prices; ``sizes`` are those of the scaled objectives.
+        """Convert row prices to multipliers of the original constraints.
 
-        Short ones leave small multipliers out and the rest in short floats, which costs about
-        a millionth of what is proved.
+        Parameters
+        ----------
+        prices : sequence of (m,) float
+            Row duals, one vector for each objective.
+        sizes : sequence of float
+            Sizes of the scaled objectives.
+        short : bool
+            Leave small multipliers out and store the rest in 32 bits. That costs about a millionth
+            of the bound.
+
+        Returns
+        -------
+        LinearDual
         """
         generator, word, free, size = self._rows
         rows, values, owners = [], [], []
@@ -166,7 +186,7 @@ class LinearRelaxation:
         )
 
     def objective_dual(self, solution: LinearSolution) -> LinearDual:
-        """The multipliers of a solution, of either sign where it is a ray of emptiness."""
+        """Convert a solution's duals, or a ray of infeasibility of either sign, to multipliers."""
         size = 1.0 if solution.status == "infeasible" else self.size
         price = solution.dual
         if solution.status == "infeasible" and self._farkas(-price) > self._farkas(price):
@@ -174,25 +194,25 @@ class LinearRelaxation:
         return self.dual([price], [size])
 
     def _farkas(self, price: NDArray[np.float64]) -> float:
-        """About what a ray proves of the constant 0."""
+        """Estimate the bound that a ray proves of the constant 0."""
         z = np.where(self._rows[2], -price, np.maximum(-price, 0.0))
         return float(-self.program.b @ z - np.abs(self.program.A.T @ z).sum())
 
     def point(self, solution: LinearSolution) -> NDArray[np.float64]:
-        """The x of a solution's first moments."""
+        """Return the point x of a solution's first moments, shape (n,)."""
         column = self._columns
         t = np.where(column >= 0, solution.x[np.maximum(column, 0)], 0.0)
         return self.scaled.scaling.point(np.clip(t, -1.0, 1.0))
 
     def products_error(self, solution: LinearSolution) -> NDArray[np.float64]:
-        """How far the products are from their factors at a solution, summed by variable (n,)."""
+        """Sum the violations of products at a solution by variable, shape (n,)."""
         return products_error(self.relaxation, solution.x)
 
 
 def first_moments(
     scaled: Scaled, relaxation: Relaxation, y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The x whose scaled form has the moments of degree one."""
+    """Return the point x whose scaled form has the moments of degree one, shape (n,)."""
     letters = np.arange(1, scaled.problem.dimension + 1, dtype=np.int32)[:, None]
     column = relaxation.moment_numbers(letters) - 1
     t = np.where(column >= 0, y[np.maximum(column, 0)], 0.0)
@@ -200,7 +220,7 @@ def first_moments(
 
 
 def products_error(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum over monomials of |y_a - t^a|, shared out to the variables of each, shape (n,)."""
+    """Sum |y_a - t^a| over the monomials of each variable, shape (n,)."""
     n = relaxation.problem.dimension
     letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
     column = relaxation.moment_numbers(letters) - 1
@@ -215,12 +235,12 @@ def products_error(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np
 def _used_products(
     generator: NDArray[np.int64], products: NDArray[np.int64], problem: Problem
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The same multipliers with the products that none of them needs left out."""
+    """Remove products of constraints that no multiplier uses, and renumber."""
     single = generators.count(len(problem.constraints), problem.dimension)
     needed = np.zeros(single + products.shape[0], bool)
     needed[generator] = True
-    for level in reversed(generators.levels(products, single)):
-        inside = np.array(level)[needed[single + np.array(level)]]
+    for layer in reversed(generators.levels(products, single)):
+        inside = np.array(layer)[needed[single + np.array(layer)]]
         needed[products[inside].ravel()] = True
     kept = np.flatnonzero(needed[single:])
     number = np.arange(needed.size)
@@ -228,7 +248,7 @@ def _used_products(
     return number[generator], number[products[kept]]
 
 
-def tightened(
+def tighten_bounds(
     replay: Replay,
     mccormick: LinearRelaxation,
     box: Interval,
@@ -236,16 +256,31 @@ def tightened(
     time_limit: float | None = None,
     seen: list[NDArray] | None = None,
 ) -> tuple[Interval, Tightening | None, bool]:
-    """Tighten the bounds of some variables on a box by two linear programs each.
+    """Tighten the bounds of variables on a box by two linear programs each (OBBT).
 
-    A side that a solution of this round touches is left alone. The solutions' points are
-    appended to ``seen``. After ``time_limit`` seconds the rest is left out.
+    A side that a solution of this round touches is left out.
+
+    Parameters
+    ----------
+    replay : Replay
+        The problem, with the cutoff.
+    mccormick : LinearRelaxation
+        The linear relaxation on the box.
+    box : Interval
+    variables : sequence of int
+    time_limit : float, optional
+        Seconds after which the remaining sides are left out.
+    seen : list of (n,) float, optional
+        The solutions' points are appended to it.
 
     Returns
     -------
-    box, step, empty
-        The smaller box, the step that proves it (None if nothing was gained), and whether
-        a program was infeasible.
+    box : Interval
+        The tightened box.
+    step : Tightening or None
+        The step that proves it; None if nothing was gained.
+    empty : bool
+        Whether a program was infeasible.
     """
     n = box.lo.size
     prices: list[NDArray] = []
@@ -284,7 +319,7 @@ def tightened(
 
 
 def coordinate_of(objective: Polynomial) -> tuple[int, int] | None:
-    """Variable and side of an objective that is side * x_v, else None."""
+    """Return variable and side of an objective side * x_v, None for any other."""
     if objective.terms != 1 or objective.degree != 1 or abs(objective.coefficients[0]) != 1.0:
         return None
     return int(objective.support[0]), int(objective.coefficients[0])

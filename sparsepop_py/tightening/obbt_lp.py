@@ -1,8 +1,8 @@
-"""Bounds of the variables that matter, tightened by linear programs with the cut-off.
+"""OBBT by linear programs: bounds of the branching variables below the cutoff.
 
-On a box that propagation of f(x) <= level has shrunk, the least and the largest value of a
-variable over the linear relaxation bound it for every point that is worth finding. What the
-box loses makes the next relaxation tighter: products are enveloped on smaller intervals.
+On a box propagated with f(x) <= cutoff, the least and the largest value of a variable over the
+linear relaxation bound it for every point below the cutoff. A smaller box makes the next
+relaxation tighter: products are enveloped on smaller intervals.
 
 References
 ----------
@@ -20,7 +20,7 @@ import numpy as np
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
@@ -33,16 +33,16 @@ _GAINED = 0.8  # another round follows where a width fell below this share
 
 @dataclass(frozen=True, eq=False)
 class TightenedModel:
-    """What one round of tightening made of a box.
+    """Result of one round of OBBT by linear programs.
 
     Parameters
     ----------
     model : Model
-        On a smaller box, which may be empty.
+        With the tightened box, which may be empty.
     gains : bool
         Whether another round may gain.
     empty : bool
-        Whether a linear program had no solution, so that no point of the box is worth finding.
+        Whether a linear program was infeasible: the box holds no point below the cutoff.
     """
 
     model: Model
@@ -53,22 +53,26 @@ class TightenedModel:
 def tighten_by_lp(
     context: SolveContext, model: Model, mccormick: LinearRelaxation, variables: Sequence[int]
 ) -> TightenedModel:
-    """One round over some variables.
+    """Run one round of OBBT by linear programs, then propagate.
 
     Parameters
     ----------
-    task : Task
-        Its attained value is the cut-off.
+    context : SolveContext
+        Its attained value is the cutoff.
     model : Model
         The box and its proof.
-    lifted : LinearRelaxation
+    mccormick : LinearRelaxation
         The linear relaxation on that box.
     variables : sequence of int
+
+    Returns
+    -------
+    TightenedModel
     """
     box = model.box
     open_ = [v for v in variables if box.hi[v] > box.lo[v]]
     replay = context.replay()
-    smaller, step, empty = tightened(replay, mccormick, box, open_, context.deadline.left)
+    smaller, step, empty = tighten_bounds(replay, mccormick, box, open_, context.deadline.left)
     if step is None:
         return TightenedModel(model, empty=empty)
     steps: list[Step] = [*model.proof.steps, step]
@@ -83,7 +87,10 @@ def tighten_by_lp(
 
 
 def apply_steps(replay: Replay, steps: Sequence[Step], box: Interval) -> Interval:
-    """What steps that shrank one box make of another."""
+    """Apply bound-tightening steps derived on one box to another.
+
+    Steps verify themselves, so the result holds although they may have become weaker.
+    """
     for step in steps:
         if is_empty(box):
             break

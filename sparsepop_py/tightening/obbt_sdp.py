@@ -1,13 +1,14 @@
-"""Bounds of the variables that matter, tightened by a semidefinite relaxation with the cut-off.
+"""OBBT by a semidefinite relaxation: bounds of the branching variables below the cutoff.
 
-As :mod:`~sparsepop_py.tightening.obbt_lp` does with linear programs: the least and the largest value of a
-variable over a relaxation of the box bound it for every point that is worth finding, since the
-box holds the cut-off where the objective is a variable. Where few variables complicate a problem,
-its star relaxation often leaves a tenth of each width where linear programs leave most, and the
-next relaxation is tighter on the smaller box. One round takes two solves a variable at most, each
-on the box that the ones before it left, and none for a side that the points of this round nearly
-touch. Variables whose products are least true come first; since the error of a bound falls about
-as their widths do, the round ends where these are small enough.
+As :mod:`~sparsepop_py.tightening.obbt_lp` does with linear programs: the least and the largest
+value of a variable over a relaxation of the box bound it for every point below the cutoff,
+since the box holds the cutoff where the objective is a variable. Where few variables complicate
+a problem, its star relaxation often leaves a tenth of each width where linear programs leave
+most, and the next relaxation is tighter on the smaller box. One round takes two solves a
+variable at most, each on the box that the ones before it left, and none for a side that the
+points of this round nearly touch. Variables with the largest product violations come first.
+The error of a bound falls about as their widths do, so the round ends where these are small
+enough.
 
 References
 ----------
@@ -43,7 +44,7 @@ _ACCURACY = 1e-5  # of a solver, in scaled units: bounds of boxes need no more
 _ROUGH = 5e-3  # ... of one whose gap is that of its safe value
 _ITERATIONS = 30  # a solve that has not ended by then has a bound that is good enough
 _BEYOND = 0.1  # share of a width beyond the other end at which a bound proves enough
-_TOUCHED = 0.1  # share of a width: a side that a point comes this near is left alone
+_TOUCHED = 0.1  # share of a width: a side that a point comes this near is left out
 _WORTH = 0.01  # share of a width that a bound must gain to be kept
 _SHORT = 0.01  # share of what it gained that shorter multipliers may lose
 _SWEEPS = 2  # of propagation after a bound has moved
@@ -51,18 +52,18 @@ _SWEEPS = 2  # of propagation after a bound has moved
 
 @dataclass(frozen=True, eq=False)
 class TightenedBox:
-    """What one round made of a box.
+    """Result of one round of OBBT by a semidefinite relaxation.
 
     Parameters
     ----------
     box : Interval
-        The smaller box, which may be empty.
+        The tightened box, which may be empty.
     steps : tuple
-        How it follows.
+        The steps that prove it.
     left : float
-        Mean share of the widths that is left, weighted; 0 where no point is.
+        Weighted mean share of the widths that is left; 0 for an empty box.
     node : Node or None
-        The argument that no point of the box is worth finding, where a relaxation proved it.
+        The argument that the box holds no point below the cutoff, if a relaxation proved it.
     """
 
     box: Interval
@@ -81,24 +82,28 @@ def tighten_by_relaxation(
     points: Sequence[NDArray[np.float64]] = (),
     slack: NDArray[np.float64] | float = 0.0,
 ) -> TightenedBox:
-    """One round over some variables.
+    """Run one round of OBBT by a semidefinite relaxation.
 
     Parameters
     ----------
-    task : Task
+    context : SolveContext
     replay : Replay
-        Its problem, with the cut-off.
+        Its problem, with the cutoff.
     box : Interval
-    recipe : (RelaxationSpec, Families)
+    spec : (RelaxationSpec, Families)
         The relaxation, and the cliques to build it on.
     weights : mapping from int to float
-        The variables, and how much their widths matter.
+        The variables, and the weights of their widths.
     enough : float
-        Mean share of the widths, weighted, at which the round may end.
+        Weighted mean share of the widths at which the round ends.
     points : sequence of (n,) float
-        First moments of relaxations on this box: sides that they touch are left alone.
-    room : (n,) float
+        First moments of relaxations on this box: sides that they touch are left out.
+    slack : (n,) float
         Arguments hold on boxes larger by this.
+
+    Returns
+    -------
+    TightenedBox
     """
     moved = [v for v in sorted(weights, key=lambda v: -weights[v]) if box.hi[v] > box.lo[v]]
     start, steps, seen = (box.hi - box.lo)[moved], list[Step](), list(points)
@@ -129,7 +134,7 @@ def tighten_by_relaxation(
 
 
 def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ...]]:
-    """What a moved bound does to the others, and the step that proves it."""
+    """Propagate a moved bound to the other variables; return the box and the steps."""
     if is_empty(box):
         return box, ()
     smaller, sweeps = tighten(replay, box, _SWEEPS)
@@ -137,7 +142,7 @@ def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ..
 
 
 def _claimed(found: BoxBound) -> float:
-    """What another machine finds proved, too: there, a step that fails loses all of its box."""
+    """Return the bound less what a replay on another machine may lose by rounding."""
     value = claim(found.proved)
     return value - 1e-14 * abs(value)
 
@@ -149,7 +154,15 @@ def _reached(
     spec: tuple[RelaxationSpec, Families],
     slack: NDArray[np.float64] | float,
 ) -> tuple[BoxBound, NDArray[np.float64] | None]:
-    """What the relaxation proves of side * x_v, the objective of ``about``, and first moments."""
+    """Bound side * x_v, the objective of ``about``, by the relaxation.
+
+    Returns
+    -------
+    BoxBound
+        The bound.
+    (n,) float or None
+        First moments, if the solver found any.
+    """
     with context.stages.stage("relax"):
         scaled = Scaled.of(about, Scaling.of_box(box, slack=slack), (about.objective,))
         relaxation = spec[0].build(scaled, spec[1])

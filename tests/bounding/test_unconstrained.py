@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import problems
+from sparsepop_py.algebra import monomials
 from sparsepop_py.bounding.gram_rounding import exact_grams
 from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
@@ -70,7 +71,7 @@ def damaged(draw):
     values = draw(st.lists(numbers, min_size=len(words), max_size=len(words)))
     f = sp.Polynomial.from_words(np.array(words, np.int32), np.array(values, float), n)
     f = f + sp.total(v**4 for v in sp.variables(n)) * float(draw(st.integers(0, 8)))
-    basis = sp.monomials.full_basis(n, 2)
+    basis = monomials.full_basis(n, 2)
     first, second = np.triu_indices(basis.shape[0])
     entries = draw(st.lists(numbers, min_size=first.size, max_size=first.size))
     return f, ExactGram(basis, first, second, np.array(entries) / 8)

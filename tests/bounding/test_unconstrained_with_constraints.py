@@ -55,11 +55,11 @@ def test_a_square_is_bounded_where_its_sublevel_sets_are_not(effort):
     assert result.certificate.verify(problem).ok
 
 
-def test_rungs_stand_in_the_order_of_climbing():
+def test_history_entries_stand_in_the_order_of_solving():
     """The relaxation proves nothing, then the objective alone does; both are in the history."""
     x, y = sp.variables(2)
     result = sp.solve(sp.Problem((x - y) ** 2, [x + y <= 10]), sp.Options(effort="presolve"))
-    bounds = [rung.lower_bound for rung in result.history]
+    bounds = [entry.lower_bound for entry in result.history]
     assert bounds == [-np.inf, 0.0]
 
 

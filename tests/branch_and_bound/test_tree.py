@@ -1,4 +1,4 @@
-"""Branch and bound: interrupted anywhere it proves what it says, and it says ever more."""
+"""Branch and bound: interrupted anywhere it proves its bound, and the bound only rises."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from random_cases import random_case
-from search_cases import bilinear, cuts_of, least_on_a_grid, processes, search_of, threads
+from search_cases import bilinear, branched_on, least_on_a_grid, processes, search_of, threads
 from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.branch_and_bound.node import process_node
-from sparsepop_py.context import SolveContext
 from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages
@@ -28,44 +28,44 @@ from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 INF = np.inf
-CATALOGUE = relaxation_specs
+ALL_SPECS = relaxation_specs
 
 
 def never():
     return False
 
 
-def test_room_is_small_against_the_box_and_grows_with_what_it_was_at_the_start():
+def test_slack_is_small_against_the_box_and_grows_with_its_first_widths():
     start = Interval(np.array([-1.0, -1.0, 0.0, -np.inf]), np.array([1.0, 1.0, 1e9, np.inf]))
     now = Interval(np.array([-1.0, 0.0, 0.0, 0.0]), np.array([1.0, 1e-6, 1.0, 1.0]))
-    room = rounding_slack(now, start)
-    assert np.all(room > 0) and np.all(room <= 2.0**-20 * (now.hi - now.lo))
-    assert room[1] > 1e-13  # 1e-6 wide, from rows with numbers near 1
-    assert room[3] < 1e-9  # nothing is known of the start
+    slack = rounding_slack(now, start)
+    assert np.all(slack > 0) and np.all(slack <= 2.0**-20 * (now.hi - now.lo))
+    assert slack[1] > 1e-13  # 1e-6 wide, from rows with numbers near 1
+    assert slack[3] < 1e-9  # nothing is known of the start
     assert rounding_slack(start, start)[3] == 0.0
 
 
 @pytest.mark.parametrize("spec", [None, RelaxationSpec("order 1", 0.5, "full", 1)])
-def test_arguments_of_parts_leave_room_for_the_rounding_of_a_replay(spec):
-    """Root and part of width 3 and 0.5: the same argument holds on a box larger by 2e-11."""
+def test_arguments_of_nodes_leave_slack_for_the_rounding_of_a_replay(spec):
+    """Root and node of width 3 and 0.5: the same argument holds on a box larger by 2e-11."""
     problem = bilinear()
     root = Interval(problem.lower, problem.upper)
     search = search_of(problem, (0, 1, 2, 3), spec=spec, slack=rounding_slack(root, root))
     corner = np.array([-1.0, 0.5, 0.7, -0.2])
-    part = process_node(search.context, search.settings, Interval(corner, corner + 0.5), None)
-    assert part.argument is not None
-    larger = Interval(part.box.lo - 2e-11, part.box.hi + 2e-11)
-    again = prove(Replay(search.context.problem, None), larger, part.argument, part.empty)
+    processed = process_node(search.context, search.settings, Interval(corner, corner + 0.5), None)
+    assert processed.argument is not None
+    larger = Interval(processed.box.lo - 2e-11, processed.box.hi + 2e-11)
+    again = prove(Replay(search.context.problem, None), larger, processed.argument, processed.empty)
     assert not again.reason
-    assert abs(again.bound - part.proved.bound) < 1e-10
+    assert abs(again.bound - processed.proved.bound) < 1e-10
 
 
-@pytest.mark.parametrize("narrow", [False, True])
+@pytest.mark.parametrize("obbt_lp", [False, True])
 @pytest.mark.parametrize("start", [None, (1.0, 0.0, 0.0, 1.0)])
-def test_interrupted_after_any_number_of_parts(narrow, start):
+def test_interrupted_after_any_number_of_nodes(obbt_lp, start):
     problem = bilinear()
     least = least_on_a_grid(problem, 25)
-    search = search_of(problem, (0, 1, 2, 3), start, narrow=narrow)
+    search = search_of(problem, (0, 1, 2, 3), start, obbt_lp=obbt_lp)
     bounds = []
     for seen in range(1, 26):
         if search.grow(1, never) == 0:
@@ -96,15 +96,15 @@ def test_until_nothing_is_left():
     assert upper - certificate.bound <= 1e-2 * max(1.0, abs(upper))
 
 
-def test_a_raised_exception_loses_no_part():
+def test_a_raised_exception_loses_no_node():
     problem = bilinear()
     search = search_of(problem, (0, 1, 2, 3), (1.0, 0.0, 0.0, 1.0))
     search.grow(7, never)
-    before, parts = search.certificate().bound, len(search._heap)
+    before, nodes = search.certificate().bound, len(search._heap)
     usual, search._processed = search._processed, None  # calling None raises
     with pytest.raises(TypeError):
         search.grow(5, never)
-    assert len(search._heap) == parts
+    assert len(search._heap) == nodes
     assert search.certificate().bound == before
     search._processed = usual
     search.grow(5, never)
@@ -112,18 +112,18 @@ def test_a_raised_exception_loses_no_part():
     assert search.certificate().verify(problem).ok
 
 
-def test_only_chosen_variables_are_cut():
+def test_only_chosen_variables_are_branched_on():
     problem = bilinear()
     for chosen in ((0,), (1, 2), (3,)):
         search = search_of(problem, chosen, (1.0, 0.0, 0.0, 1.0))
         search.grow(15, never)
         certificate = search.certificate()
-        assert cuts_of(certificate)
-        assert cuts_of(certificate) <= set(chosen)
+        assert branched_on(certificate)
+        assert branched_on(certificate) <= set(chosen)
         assert certificate.verify(problem).ok
 
 
-def test_no_variable_to_cut():
+def test_no_variable_to_branch_on():
     problem = bilinear()
     search = search_of(problem, (), (1.0, 0.0, 0.0, 1.0))
     search.grow(10, never)
@@ -132,7 +132,7 @@ def test_no_variable_to_cut():
     assert search.certificate().verify(problem).ok
 
 
-def test_parts_that_hold_nothing():
+def test_nodes_that_hold_nothing():
     # the circle of radius 1 and the curve x y = 1 are apart: |x y| <= 1/2 on the circle
     x, y = sp.variables(2)
     problem = Problem(x, [x**2 + y**2 == 1, x * y == 1], -2.0, 2.0)
@@ -189,18 +189,18 @@ def test_an_executor_leads_to_the_same_bound(pool):
 
 @pytest.fixture
 def only_branch(monkeypatch):
-    """Only the linear relaxation and branch and bound are left on the ladder."""
+    """Leave only the linear relaxation and branch and bound."""
     monkeypatch.setattr(
         "sparsepop_py.strategy.shared_state.relaxation_specs",
-        lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
+        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
     )
 
 
-def test_the_ladder_branches_where_nothing_else_is_left(only_branch):
+def test_the_adaptive_search_branches_where_nothing_else_is_left(only_branch):
     problem = bilinear()
     result = check(problem, sp.solve(problem, Options(effort="auto", gap=1e-3)))
     assert result.status is Status.OPTIMAL
-    assert [rung.name for rung in result.history][-1] == "branch"
+    assert [entry.name for entry in result.history][-1] == "branch"
     assert result.certificate.leaves > 1
     assert result.lower_bound <= least_on_a_grid(problem, 25)
 
@@ -209,7 +209,7 @@ def test_a_node_limit_of_zero_switches_it_off(only_branch):
     problem = bilinear()
     result = check(problem, sp.solve(problem, Options(effort="auto", node_limit=0)))
     assert result.history
-    assert "branch" not in [rung.name for rung in result.history]
+    assert "branch" not in [entry.name for entry in result.history]
     assert result.certificate.leaves == 1
     assert result.status is Status.BOUNDED
 
@@ -227,10 +227,10 @@ def test_branch_on_is_respected(only_branch):
     problem = bilinear()
     options = Options(effort="auto", branch_on=[1, 2], node_limit=20)
     result = check(problem, sp.solve(problem, options))
-    assert cuts_of(result.certificate) == {1, 2}
+    assert branched_on(result.certificate) == {1, 2}
 
 
-def test_an_executor_in_the_ladder(only_branch):
+def test_an_executor_in_the_adaptive_search(only_branch):
     problem = bilinear()
     with ThreadPoolExecutor(2) as executor:
         options = Options(effort="auto", gap=1e-3, executor=executor)
@@ -239,18 +239,18 @@ def test_an_executor_in_the_ladder(only_branch):
     assert result.lower_bound <= least_on_a_grid(problem, 25)
 
 
-def test_parts_of_a_dropped_tree_stay_counted(only_branch):
+def test_nodes_of_a_dropped_tree_stay_counted(only_branch):
     problem = bilinear()
     context = SolveContext(problem, Options(effort="auto", node_limit=3), Stages(), Deadline(None))
     shared_state = SharedState.of(problem, (problem.objective,), context.options)
     box = Interval(problem.lower, problem.upper)
     auto = AdaptiveSearch(context, Model(BoxProof(), box), [], shared_state)
     auto.run()
-    assert [rung.nodes for rung in auto.history] == [0, 3]
+    assert [entry.nodes for entry in auto.history] == [0, 3]
     auto.context = replace(auto.context, unit=1e-3)  # a smaller gap: its cut-off is a higher one
     auto.queue.specs = list(shared_state.specs)
     auto.run(1)
-    assert [rung.name for rung in auto.history] == ["linear", "branch", "linear"]
+    assert [entry.name for entry in auto.history] == ["linear", "branch", "linear"]
     assert auto.history[-1].nodes == 3
 
 
@@ -270,7 +270,7 @@ def test_what_was_proved_on_a_box_of_its_own_is_proved_anew_on_a_shared_one(only
     node = auto.best.node
     again = prove(auto.context.replay(), auto.model.box, node.argument, node.empty)
     assert auto.best.proved.bound <= again.bound
-    auto.outcome = replace(auto.outcome, certificate=None)  # the narrow box has no proof here
+    auto.outcome = replace(auto.outcome, certificate=None)  # the smaller box has no proof here
     auto.queue.specs = []
     auto.run(1)
     assert auto.outcome.certificate.verify(problem).ok

@@ -16,7 +16,7 @@ from relaxed import assert_rows_hold
 
 import sparsepop_py as sp
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.relaxation.sparsepop.reduction import condensed
+from sparsepop_py.relaxation.sparsepop.reduction import reduce_program
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches, plain_relaxation
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
@@ -320,7 +320,7 @@ def test_point_masses_satisfy_every_row(order: float, scaled: bool, kinds: tuple
     switches = Switches(order=order, scaled=scaled, substituted=kinds, moment_bounds=1)
     cliques = sp.find_cliques(whole.problem)
     relaxation = plain_relaxation(whole.problem, cliques, (), switches)
-    small = condensed(relaxation, whole, whole.problem.objective, switches)
+    small = reduce_program(relaxation, whole, whole.problem.objective, switches)
     for point in POINTS:
         assert problem.violation(point) == 0
         t = (np.array(point) - scaling.centre) / scaling.scale

@@ -1,4 +1,4 @@
-"""The ladder cut short: by a time limit or an interrupt it returns what is proved so far."""
+"""A search ended early, by a time limit or an interrupt, returns what is proved so far."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from loop_cases import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
+from loop_cases import ALL_SPECS, CASES, hierarchy_options, least_of_bilinear, least_of_star, star
 from search_cases import bilinear
 from solved import INF, check
 
@@ -26,11 +26,11 @@ SOLVE_CONIC, EXPLORE, STAGE = relaxation_bound.solve_conic, tree.process_node, S
 
 
 @pytest.mark.parametrize("several", [False, True])
-def test_a_time_limit_holds_on_heavy_rungs(several):
+def test_a_time_limit_holds_on_large_relaxations(several):
     quartic = sp.problems.random_quartic(9, seed=2)  # dense: order 3 has a block of 220
     problem = quartic.with_objective(-quartic.objective)
-    # parts of a tree that tighten bounds by such programs take longer
-    skip = () if several else ("narrow",)
+    # nodes of a tree that tighten bounds by such programs take longer
+    skip = () if several else ("obbt_lp",)
     options = Options(effort="auto", gap=0.0, time_limit=1.5, skip=skip)
     start = time.monotonic()
     if several:
@@ -67,7 +67,7 @@ def test_an_interrupt_keeps_what_is_proved(case, monkeypatch):
     for number in numbers:
         interrupting = Interrupting(SOLVE_CONIC, number)
         monkeypatch.setattr(relaxation_bound, "solve_conic", interrupting)
-        result = check(problem, sp.solve(problem, climbing(skip=skip)))
+        result = check(problem, sp.solve(problem, hierarchy_options(skip=skip)))
         assert interrupting.calls == number
         assert INTERRUPTED in result.notes
         assert result.status in (Status.LIMIT, Status.OPTIMAL)
@@ -105,7 +105,7 @@ def test_an_interrupt_of_one_order_keeps_its_first_relaxation(monkeypatch):
 @pytest.mark.parametrize("number", [1, 3, 20])
 def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
     def only_linear(*args):
-        return tuple(r for r in CATALOGUE(*args) if r.shape == "linear")
+        return tuple(r for r in ALL_SPECS(*args) if r.shape == "linear")
 
     problem = bilinear()
     monkeypatch.setattr("sparsepop_py.strategy.shared_state.relaxation_specs", only_linear)
@@ -122,16 +122,16 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     problem = bilinear()
     monkeypatch.setattr(
         "sparsepop_py.strategy.shared_state.relaxation_specs",
-        lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
+        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
     )
     found = []
 
     def attained(context, starts, proved):
         """Finds nothing before the tree grows, then the best point."""
         if exploring.calls:
-            context, near = honest(context, [np.array([-1.0, 2.0, 2.0, -1.0])])
+            context, vectors = honest(context, [np.array([-1.0, 2.0, 2.0, -1.0])])
             found.append(context.upper)
-            return context, near
+            return context, vectors
         return context, []
 
     honest, exploring = adaptive.update_incumbent, Interrupting(EXPLORE, 4)
@@ -139,7 +139,7 @@ def test_a_point_found_in_the_tree_survives_an_interrupt(monkeypatch):
     monkeypatch.setattr(tree, "process_node", exploring)
     solve = sys.modules["sparsepop_py.pipeline"]
     monkeypatch.setattr(solve, "first_incumbent", lambda context, starts: (context, []))
-    result = check(problem, sp.solve(problem, Options(effort="auto", skip=["narrow"])))
+    result = check(problem, sp.solve(problem, Options(effort="auto", skip=["obbt_lp"])))
     assert INTERRUPTED in result.notes
     assert found
     assert result.upper_bound == min(found) < INF
@@ -152,7 +152,7 @@ def test_an_interrupt_of_several_objectives(number, monkeypatch):
     objectives = [problem.objective, -problem.objective, x[0], x[1] - x[2]]
     interrupting = Interrupting(SOLVE_CONIC, number)
     monkeypatch.setattr(relaxation_bound, "solve_conic", interrupting)
-    results = sp.solve_each(problem, objectives, climbing())
+    results = sp.solve_each(problem, objectives, hierarchy_options())
     assert interrupting.calls == number
     for objective, result in zip(objectives, results, strict=True):
         check(problem.with_objective(objective), result)
@@ -163,8 +163,8 @@ def test_an_interrupt_of_several_objectives(number, monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["motzkin", "laboratory"])
-def test_a_lower_level_makes_no_box_larger(name):
-    # trees are proved at a level a little below that at which the box was found
+def test_a_lower_cutoff_makes_no_box_larger(name):
+    # trees are proved with a cutoff a little below that of the box
     problem = getattr(sp.problems, name)()
     point = {"motzkin": [1.0, 1.0], "laboratory": [9.0, 5.0]}[name]
     best = prove_feasible(problem, np.array(point))

@@ -231,7 +231,7 @@ def test_empty_sets(rows, options):
         assert result.lower_bound == INF
 
 
-def test_an_endless_set():
+def test_an_unbounded_set():
     x, y = sp.variables(2)
     problem = Problem(x, [x * y >= 1], lower=0)
     objectives = [x, -x, x + y, -x - y]
@@ -243,16 +243,16 @@ def test_an_endless_set():
         assert result.lower_bound == -INF
 
 
-def test_progress_is_told_and_bounds_only_improve():
+def test_progress_is_reported_and_bounds_only_improve():
     problem, x, *_ = identification(2)
-    told = {}
+    reports = {}
 
     def hear(number, lower, upper):
-        told.setdefault(number, []).append((lower, upper))
+        reports.setdefault(number, []).append((lower, upper))
 
     results = sp.solve_each(problem, both_signs(x[:2]), WIDTH, on_progress=hear)
-    assert told
-    for number, values in told.items():
+    assert reports
+    for number, values in reports.items():
         result = results[number]
         lower, upper = np.array(values).T
         assert np.all(np.diff(lower) >= 0)

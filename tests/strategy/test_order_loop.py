@@ -1,4 +1,4 @@
-"""The ladder: its record, what may be left out, and problems at its edges."""
+"""The loop over relaxations: its history, steps that may be left out, and extreme problems."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import itertools
 
 import numpy as np
 import pytest
-from loop_cases import CASES, CATALOGUE, climbing, least_of_bilinear, least_of_star, star
+from loop_cases import ALL_SPECS, CASES, hierarchy_options, least_of_bilinear, least_of_star, star
 from matplotlib import pyplot
-from search_cases import bilinear, cuts_of
+from search_cases import bilinear, branched_on
 from solved import INF, LAB_OPTIMUM, check
 
 import sparsepop_py as sp
@@ -19,69 +19,72 @@ from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening import obbt_lp
 from sparsepop_py.verified.certificate.steps import Known
 
-# ---- the record of the rungs ---------------------------------------------------------------
+# ---- the history ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_every_rung_is_recorded_and_bounds_only_improve(case):
+def test_every_step_is_recorded_and_bounds_only_improve(case):
     problem, least = (made() for made in CASES[case])
     skip = () if case == "bilinear" else ("full",)
-    result = check(problem, sp.solve(problem, climbing(node_limit=40, skip=skip, gap=1e-6)))
-    names = [rung.name for rung in result.history]
+    options = hierarchy_options(node_limit=40, skip=skip, gap=1e-6)
+    result = check(problem, sp.solve(problem, options))
+    names = [entry.name for entry in result.history]
     assert len(names) >= (2 if case == "bilinear" else 1)
     for name in names:
         known = ("linear", "star", "split", "mixed", "order ", "branch")
         assert name.startswith(known)
     for name in set(names) - {"branch"}:  # only branch and bound is taken up again
         assert names.count(name) == 1
-    lower = np.array([rung.lower_bound for rung in result.history])
-    upper = np.array([rung.upper_bound for rung in result.history])
+    lower = np.array([entry.lower_bound for entry in result.history])
+    upper = np.array([entry.upper_bound for entry in result.history])
     assert np.all(np.diff(lower) >= 0)
     assert np.all(np.diff(upper) <= 0)
     assert lower[-1] <= result.lower_bound <= least + 1e-9
     assert upper[-1] == result.upper_bound
     assert result.lower_bound >= least - 0.05 * abs(least)
-    nodes = [rung.nodes for rung in result.history]
+    nodes = [entry.nodes for entry in result.history]
     assert nodes == sorted(nodes)
     assert max(nodes) <= 40
-    for rung in result.history:
-        assert rung.seconds >= 0
-        assert (rung.moments > 0) == (rung.name != "branch")
-        assert rung.name.startswith("order ") == (rung.order > 0)
-        if rung.name in ("star", "split") or rung.order > 1:
-            assert rung.largest_block > 1
+    for entry in result.history:
+        assert entry.seconds >= 0
+        assert (entry.moments > 0) == (entry.name != "branch")
+        assert entry.name.startswith("order ") == (entry.order > 0)
+        if entry.name in ("star", "split") or entry.order > 1:
+            assert entry.largest_block > 1
 
 
 def test_the_table_says_what_the_history_holds():
-    result = sp.solve(star(), climbing(node_limit=5))
+    result = sp.solve(star(), hierarchy_options(node_limit=5))
     head, line, *rows = result.history_table().splitlines()
     assert head.count("|") == line.count("|") == 9
     assert set(line) == {"|", "-"}
     assert len(rows) == len(result.history) > 0
-    for row, rung in zip(rows, result.history, strict=True):
-        name, low, high, gap, seconds, block, moments, parts = row.strip("| ").split(" | ")
-        assert name == rung.name
-        assert float(low) <= rung.lower_bound
-        assert float(high) >= rung.upper_bound
-        assert float(low) == pytest.approx(rung.lower_bound, abs=1e-6)
-        assert float(high) == pytest.approx(rung.upper_bound, abs=1e-6)
-        assert float(gap) == pytest.approx(rung.upper_bound - rung.lower_bound, rel=0.1, abs=1e-12)
-        assert float(seconds) == pytest.approx(rung.seconds, abs=0.006)
-        sizes = rung.largest_block, rung.moments, rung.nodes
-        assert (int(block), int(moments), int(parts)) == sizes
+    for row, entry in zip(rows, result.history, strict=True):
+        name, low, high, gap, seconds, block, moments, nodes = row.strip("| ").split(" | ")
+        assert name == entry.name
+        assert float(low) <= entry.lower_bound
+        assert float(high) >= entry.upper_bound
+        assert float(low) == pytest.approx(entry.lower_bound, abs=1e-6)
+        assert float(high) == pytest.approx(entry.upper_bound, abs=1e-6)
+        assert float(gap) == pytest.approx(
+            entry.upper_bound - entry.lower_bound, rel=0.1, abs=1e-12
+        )
+        assert float(seconds) == pytest.approx(entry.seconds, abs=0.006)
+        sizes = entry.largest_block, entry.moments, entry.nodes
+        assert (int(block), int(moments), int(nodes)) == sizes
         assert f"  {name}: >= " in result.summary()
 
 
 def test_the_picture_of_the_history():
-    result = sp.solve(star(), climbing())
+    result = sp.solve(star(), hierarchy_options())
     ax = result.plot_history()
     try:
         (curve,) = ax.get_lines()
-        seconds = list(itertools.accumulate(rung.seconds for rung in result.history))
+        seconds = list(itertools.accumulate(entry.seconds for entry in result.history))
         assert np.allclose(curve.get_xdata(), seconds)
         gaps = [max(r.upper_bound - r.lower_bound, 1e-16) for r in result.history]
         assert np.allclose(curve.get_ydata(), gaps)
-        assert [text.get_text() for text in ax.texts] == [rung.name for rung in result.history]
+        assert [text.get_text() for text in ax.texts] == [entry.name for entry in result.history]
         assert ax.get_yscale() == "log"
         assert ax.get_xlabel() == "CPU seconds"
         own = pyplot.figure().add_subplot()
@@ -119,64 +122,64 @@ def test_never_worse_than_one_order(name):
 # ---- what is left out ------------------------------------------------------------------------
 
 
-def named(part, name):
-    """Whether a rung of that name belongs to a part that can be left out."""
+def belongs(step, name):
+    """Check whether an entry of that name belongs to a step that can be left out."""
     words = {"full": "order ", "monomials": "monomial", "partners": "partner"}
-    if part == "components":  # these blocks belong to the usual orders
+    if step == "components":  # these blocks belong to the usual orders
         return False
-    if part in ("full", "mixed"):
-        return name.startswith(words.get(part, part))
-    return words.get(part, part) in name
+    if step in ("full", "mixed"):
+        return name.startswith(words.get(step, step))
+    return words.get(step, step) in name
 
 
-def all_recipes(problem, skip=(), order=None):
+def all_specs(problem, skip=(), order=None):
     options = Options(effort="auto", skip=skip, order=order)
     return SharedState.of(problem, (problem.objective,), options).specs
 
 
-@pytest.mark.parametrize("part", SKIPPED[:9])
-def test_parts_left_out_are_there_otherwise(part):
+@pytest.mark.parametrize("step", SKIPPED[:9])
+def test_parts_left_out_are_there_otherwise(step):
     x = sp.variables(8)
     rows = [sp.total([*x[2:], x[0] * x[2]]) <= 3, x[1] * x[7] + x[3] <= 1]
     objective = x[0] * sp.total(x[2:5]) + x[1] * sp.total(x[5:])
-    cubic = (part == "monomials") * x[2] * x[3] * x[4]  # order 1 has none of them
+    cubic = (step == "monomials") * x[2] * x[3] * x[4]  # order 1 has none of them
     problem = Problem(objective + cubic, rows, -1.0, 1.0)
-    with_, without = all_recipes(problem), all_recipes(problem, (part,))
+    with_, without = all_specs(problem), all_specs(problem, (step,))
     kinds = [{r.shape, r.joined, r.terms} for r in with_]
-    assert any(part in kind for kind in kinds)
+    assert any(step in kind for kind in kinds)
     for spec in without:
-        assert part not in {spec.shape, spec.joined, spec.terms}
-        assert not named(part, spec.name)
+        assert step not in {spec.shape, spec.joined, spec.terms}
+        assert not belongs(step, spec.name)
     kept = {r.name for r in without}
-    lost = {r.name for r, kind in zip(with_, kinds, strict=True) if part in kind}
-    assert kept == {r.name for r in with_} - (set() if part == "components" else lost)
+    lost = {r.name for r, kind in zip(with_, kinds, strict=True) if step in kind}
+    assert kept == {r.name for r in with_} - (set() if step == "components" else lost)
 
 
 @pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("part", [p for p in SKIPPED if p not in ("quote", "squeeze")])
-def test_bounds_are_valid_without_any_part(part, case, monkeypatch):
+@pytest.mark.parametrize("step", [p for p in SKIPPED if p not in ("quote", "obbt_sdp")])
+def test_bounds_are_valid_without_any_part(step, case, monkeypatch):
     def refused(*args, **kwargs):
         raise AssertionError("bounds of variables are tightened")
 
-    if part == "narrow":
-        monkeypatch.setattr(obbt_lp, "tightened", refused)
-        monkeypatch.setattr(node, "tightened", refused)
+    if step == "obbt_lp":
+        monkeypatch.setattr(obbt_lp, "tighten_bounds", refused)
+        monkeypatch.setattr(node, "tighten_bounds", refused)
     problem, least = (made() for made in CASES[case])
-    options = Options(effort="auto", skip=[part], gap=1e-5, node_limit=30, time_limit=10.0)
+    options = Options(effort="auto", skip=[step], gap=1e-5, node_limit=30, time_limit=10.0)
     result = check(problem, sp.solve(problem, options))
     assert result.history
-    assert not [rung.name for rung in result.history if named(part, rung.name)]
+    assert not [entry.name for entry in result.history if belongs(step, entry.name)]
     assert least - 0.05 * abs(least) <= result.lower_bound <= least + 1e-9
-    if part == "cutoff":
+    if step == "cutoff":
         assert result.certificate.cutoff is None
         assert not result.certificate.uses_cutoff
-    if part == "branch":
+    if step == "branch":
         assert result.certificate.leaves == 1
-        assert all(rung.nodes == 0 for rung in result.history)
+        assert all(entry.nodes == 0 for entry in result.history)
 
 
 @pytest.mark.parametrize("effort", ["auto", "presolve"])
-def test_an_endless_set_without_a_cutoff(effort):
+def test_an_unbounded_set_without_a_cutoff(effort):
     problem = sp.problems.laboratory()
     options = Options(effort=effort, skip=["cutoff"], time_limit=2.0)
     result = check(problem, sp.solve(problem, options))
@@ -189,7 +192,7 @@ def test_bounds_of_one_objective_are_quoted_by_the_others_unless_left_out(skip):
     rows = [x[0] * x[1] + x[1] * x[2] >= 1.5, x[0] ** 2 + x[1] ** 2 <= 1.5, x[2] * x[0] <= 0.5]
     problem = Problem(x[0], rows, -2.0, 2.0)
     objectives = [side * v for v in x for side in (1.0, -1.0)]
-    options = Options(effort="auto", skip=(*skip, "narrow"))
+    options = Options(effort="auto", skip=(*skip, "obbt_lp"))
     results = sp.solve_each(problem, objectives, options)
     known = 0
     for objective, result in zip(objectives, results, strict=True):
@@ -202,7 +205,7 @@ def test_bounds_of_one_objective_are_quoted_by_the_others_unless_left_out(skip):
 
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_an_order_asked_for_leaves_out_everything_below(order):
-    specs = all_recipes(star(), order=order)
+    specs = all_specs(star(), order=order)
     assert {r.order for r in specs if r.shape == "full"} >= {order, order + 1}
     assert (min(r.order or 0 for r in specs) == 0) == (order == 1)
     assert all((r.order or 1) >= order for r in specs)
@@ -238,7 +241,7 @@ def test_wrong_values_name_their_field(name, value):
         Options(**{name: value})
 
 
-def test_variables_to_cut_must_exist():
+def test_branching_variables_must_exist():
     problem = bilinear()
     with pytest.raises(ProblemError, match=r"Options\.branch_on: found 4"):
         sp.solve(problem, Options(branch_on=[0, 4]))
@@ -294,14 +297,14 @@ def test_sets_without_end_but_with_an_answer():
 
 
 @pytest.mark.parametrize("effort", ["auto", "presolve"])
-def test_progress_is_told_between_the_bounds(effort):
-    problem, told = bilinear(), []
+def test_progress_is_reported_between_the_bounds(effort):
+    problem, reports = bilinear(), []
     objectives = [problem.objective, -problem.objective]
     results = sp.solve_each(
-        problem, objectives, Options(effort=effort), on_progress=lambda *args: told.append(args)
+        problem, objectives, Options(effort=effort), on_progress=lambda *args: reports.append(args)
     )
-    assert {number for number, _, _ in told} == {0, 1}
-    for number, lower, upper in told:
+    assert {number for number, _, _ in reports} == {0, 1}
+    for number, lower, upper in reports:
         assert lower <= results[number].lower_bound
         assert upper >= results[number].upper_bound
     assert results[0].lower_bound <= least_of_bilinear()
@@ -310,13 +313,13 @@ def test_progress_is_told_between_the_bounds(effort):
 def test_what_terms_leave_as_it_is_is_solved_once(monkeypatch):
     monkeypatch.setattr(
         "sparsepop_py.strategy.shared_state.relaxation_specs",
-        lambda *args: tuple(r for r in CATALOGUE(*args) if r.order == 4),
+        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.order == 4),
     )
     x, y, z = sp.variables(3)  # so coupled that chordal terms of order 4 are all terms
     problem = Problem(x**4 * y + y * z**3 - x * z, [x**2 + y**2 <= 1, y * z <= 0.3], -1, 1)
     options = Options(effort="auto", gap=0.0, node_limit=0)
     result = check(problem, sp.solve(problem, options))
-    sizes = [(rung.largest_block, rung.moments) for rung in result.history]
+    sizes = [(entry.largest_block, entry.moments) for entry in result.history]
     assert len(sizes) == len(set(sizes)) > 0
 
 
@@ -328,7 +331,7 @@ def test_repaired_vectors_are_only_starting_points(value):
         seen.append(x.copy())
         return x if value is None else np.full(x.size, value)
 
-    options = climbing(skip=("linear", "full"))
+    options = hierarchy_options(skip=("linear", "full"))
     (result,) = sp.solve_each(problem, [problem.objective], options, repair=repair)
     check(problem, result)
     assert seen
@@ -336,16 +339,16 @@ def test_repaired_vectors_are_only_starting_points(value):
     assert result.lower_bound <= least_of_star() + 1e-9
 
 
-def test_variables_to_cut_of_several_objectives(monkeypatch):
+def test_branching_variables_of_several_objectives(monkeypatch):
     monkeypatch.setattr(
         "sparsepop_py.strategy.shared_state.relaxation_specs",
-        lambda *args: tuple(r for r in CATALOGUE(*args) if r.shape == "linear"),
+        lambda *args: tuple(r for r in ALL_SPECS(*args) if r.shape == "linear"),
     )
     problem = bilinear()
     objectives = [problem.objective, -problem.objective]
-    options = Options(effort="auto", branch_on=[0], node_limit=15, skip=["narrow"])
+    options = Options(effort="auto", branch_on=[0], node_limit=15, skip=["obbt_lp"])
     results = sp.solve_each(problem, objectives, options, branch_on=[1, 2])
-    cuts = set().union(*(cuts_of(result.certificate) for result in results))
+    cuts = set().union(*(branched_on(result.certificate) for result in results))
     assert cuts == {1, 2}
     for objective, result in zip(objectives, results, strict=True):
         check(problem.with_objective(objective), result)

@@ -11,19 +11,19 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py import Problem, Status
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 
 
-def lifted_of(problem):
+def relaxation_of(problem):
     box = Interval(problem.lower, problem.upper)
     return LinearRelaxation.of(problem, box, find_cliques(problem)), box
 
 
 def value_of(problem):
-    mccormick, _ = lifted_of(problem)
+    mccormick, _ = relaxation_of(problem)
     solution = mccormick.minimise()
     assert solution.status == "solved"
     proved = prove(
@@ -66,10 +66,10 @@ def test_rows_and_their_products_only_add_to_the_envelopes(seed):
 @settings(max_examples=20, deadline=None)
 def test_tightened_boxes_hold_all_feasible_points(seed):
     case = random_case(seed)
-    mccormick, box = lifted_of(case.problem)
+    mccormick, box = relaxation_of(case.problem)
     replay = Replay(case.problem, None)
     variables = range(case.problem.dimension)
-    smaller, step, _ = tightened(replay, mccormick, box, variables)
+    smaller, step, _ = tighten_bounds(replay, mccormick, box, variables)
     assert np.all(case.points >= smaller.lo)
     assert np.all(case.points <= smaller.hi)
     assert np.all((smaller.lo >= box.lo) & (smaller.hi <= box.hi))
@@ -83,8 +83,8 @@ def test_tightening_finds_what_no_row_shows_alone():
     # x + y >= 3, x - y >= -1 and x <= 4: x >= 1 needs both rows
     x, y = sp.variables(2)
     problem = Problem(x, [x + y >= 3, x - y >= -1, x * y <= 100], [-9.0, -9.0], [4.0, 9.0])
-    mccormick, box = lifted_of(problem)
-    smaller, step, _ = tightened(Replay(problem, None), mccormick, box, (0, 1))
+    mccormick, box = relaxation_of(problem)
+    smaller, step, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1))
     assert step is not None
     assert smaller.lo == pytest.approx([1.0, -1.0], abs=1e-6)
     assert smaller.hi == pytest.approx([4.0, 5.0], abs=1e-6)
@@ -93,8 +93,8 @@ def test_tightening_finds_what_no_row_shows_alone():
 def test_variables_that_occur_nowhere_are_left_alone():
     x, y, z = sp.variables(3)
     problem = Problem(x, [x + y >= 1, x - y >= 0], -1.0, 1.0)
-    mccormick, box = lifted_of(problem)
-    smaller, _, _ = tightened(Replay(problem, None), mccormick, box, (0, 1, 2))
+    mccormick, box = relaxation_of(problem)
+    smaller, _, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1, 2))
     assert smaller.lo[2] == -1.0
     assert smaller.hi[2] == 1.0
     assert smaller.lo[0] == pytest.approx(0.5, abs=1e-6)
@@ -105,7 +105,7 @@ def test_infeasible_programs_give_proofs(seed):
     made = Bilinear(seed, feasible=False)
     if not np.all(np.abs(made.a).sum(axis=1) > 0) or not made.q.any():
         made.problem = Problem(made.problem.objective, [sp.variables(4)[0] >= 50], -2.0, 2.0)
-    mccormick, box = lifted_of(made.problem)
+    mccormick, box = relaxation_of(made.problem)
     solution = mccormick.minimise()
     assert solution.status == "infeasible"
     dual = mccormick.objective_dual(solution)
@@ -119,7 +119,7 @@ def test_infeasible_programs_give_proofs(seed):
 @settings(max_examples=20, deadline=None)
 def test_a_model_of_another_box_starts_it_without_changing_the_value(seed):
     made = Bilinear(seed)
-    mccormick, box = lifted_of(made.problem)
+    mccormick, box = relaxation_of(made.problem)
     mccormick.minimise()
     middle = 0.5 * (box.lo + box.hi)
     half = Interval(box.lo, np.where(np.arange(4) == 1, middle, box.hi))

@@ -1,4 +1,4 @@
-"""Bounds tightened by relaxations: boxes lose no point that is worth finding, and replay.
+"""OBBT by semidefinite relaxations: no point below the cutoff is lost, and boxes replay.
 
 The problem is a record y_k - e_k + a (y_{k-1} - e_{k-1}) = b u_k with |e_k| <= 0.1 and the least a
 or b that explains it. With a fixed it is a linear program: a grid of a, 1/500 wide, is the oracle.
@@ -21,8 +21,8 @@ from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound import node
 from sparsepop_py.branch_and_bound.node import NodeSettings, process_node
 from sparsepop_py.branch_and_bound.tree import Search
-from sparsepop_py.context import SolveContext
 from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.progress import Stages
@@ -82,7 +82,7 @@ def least(problem: Problem) -> float:
     return float(min(problem.objective(x) for x in feasible_points()))
 
 
-def ground_of(problem: Problem, **options) -> SharedState:
+def shared_state_of(problem: Problem, **options) -> SharedState:
     return SharedState.of(problem, (problem.objective,), Options(effort="auto", **options))
 
 
@@ -90,32 +90,32 @@ def whole(problem: Problem) -> Interval:
     return Interval(problem.lower, problem.upper)
 
 
-def cut(problem: Problem, level: float) -> Interval:
-    """The whole box, below a level."""
-    return tighten(Replay(problem, level), whole(problem), 1)[0]
+def below(problem: Problem, cutoff: float) -> Interval:
+    """Propagate the cutoff over the whole box."""
+    return tighten(Replay(problem, cutoff), whole(problem), 1)[0]
 
 
-def one_round(problem: Problem, level: float, **how) -> TightenedBox:
-    shared_state = ground_of(problem)
+def one_round(problem: Problem, cutoff: float, **how) -> TightenedBox:
+    shared_state = shared_state_of(problem)
     assert shared_state.obbt_sdp is not None
     context = SolveContext(problem, Options(effort="auto"), Stages(), Deadline(None))
     weights = dict.fromkeys(shared_state.variables, 1.0)
     spec = (shared_state.obbt_sdp, shared_state.cliques)
     return tighten_by_relaxation(
-        context, Replay(problem, level), cut(problem, level), spec, weights, **how
+        context, Replay(problem, cutoff), below(problem, cutoff), spec, weights, **how
     )
 
 
-def replayed(problem: Problem, level: float, *steps, room: float = 0.0) -> Interval:
-    box = cut(problem, level)
-    larger = Interval(box.lo - room, box.hi + room)
-    return BoxProof(steps).replay(Replay(problem, level), larger)
+def replayed(problem: Problem, cutoff: float, *steps, slack: float = 0.0) -> Interval:
+    box = below(problem, cutoff)
+    larger = Interval(box.lo - slack, box.hi + slack)
+    return BoxProof(steps).replay(Replay(problem, cutoff), larger)
 
 
 def planted(local: bool = False) -> tuple[Problem, Search]:
     """A tree for the least b, before it grows."""
     problem = record()
-    shared_state, points = ground_of(problem), feasible_points()
+    shared_state, points = shared_state_of(problem), feasible_points()
     best = points[np.argmin([problem.objective(x) for x in points])]
     search = search_of(
         problem,
@@ -134,19 +134,19 @@ ENDS = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)]
 
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("above", [0.01, 0.1])
-def test_no_point_below_the_level_is_lost_and_the_box_replays(end, above: float) -> None:
+def test_no_point_below_the_cutoff_is_lost_and_the_box_replays(end, above: float) -> None:
     problem = record(*end)
     points = feasible_points()
     value = np.array([problem.objective(x) for x in points])
-    level = least(problem) + above
-    made = one_round(problem, level)
-    good = points[value <= level]
+    cutoff = least(problem) + above
+    made = one_round(problem, cutoff)
+    good = points[value <= cutoff]
     assert good.shape[0] > 3
     assert np.all(good >= made.box.lo - 1e-9) and np.all(good <= made.box.hi + 1e-9)
     assert made.node is None and made.left < 0.9
-    again = replayed(problem, level, *made.steps)
+    again = replayed(problem, cutoff, *made.steps)
     assert np.array_equal(again.lo, made.box.lo) and np.array_equal(again.hi, made.box.hi)
-    old, new = cut(problem, level), made.box
+    old, new = below(problem, cutoff), made.box
     assert made.left == pytest.approx((new.hi - new.lo)[0] / (old.hi - old.lo)[0])
 
 
@@ -155,7 +155,7 @@ def test_below_the_least_value_nothing_is_left(end) -> None:
     """The grid is 1/500 wide: the least value on it is nearly that of the set."""
     problem = record(*end)
     context = SolveContext(problem, Options(effort="auto"), Stages(), Deadline(None))
-    shared_state = ground_of(problem)
+    shared_state = shared_state_of(problem)
     settings = NodeSettings(
         shared_state.cliques, shared_state.variables, obbt_sdp=shared_state.obbt_sdp
     )
@@ -167,8 +167,8 @@ def test_below_the_least_value_nothing_is_left(end) -> None:
 
 def test_a_round_ends_where_widths_are_small_enough() -> None:
     problem = record()
-    level = least(problem) + 0.02
-    full, brief = one_round(problem, level), one_round(problem, level, enough=0.999)
+    cutoff = least(problem) + 0.02
+    full, brief = one_round(problem, cutoff), one_round(problem, cutoff, enough=0.999)
     counts = [sum(isinstance(s, Tightening) for s in made.steps) for made in (brief, full)]
     assert counts == [1, 2]
     assert full.left < brief.left < 0.999
@@ -176,17 +176,17 @@ def test_a_round_ends_where_widths_are_small_enough() -> None:
 
 def test_sides_that_a_point_touches_are_left_alone() -> None:
     problem = record()
-    level = least(problem) + 0.02
-    box = cut(problem, level)
-    made = one_round(problem, level, points=[box.lo, box.hi])
+    cutoff = least(problem) + 0.02
+    box = below(problem, cutoff)
+    made = one_round(problem, cutoff, points=[box.lo, box.hi])
     assert made.steps == () and made.left == 1.0
-    one_side = one_round(problem, level, points=[box.lo]).box
+    one_side = one_round(problem, cutoff, points=[box.lo]).box
     assert one_side.hi[0] < box.hi[0] - 0.01
 
 
 def test_time_that_is_over_ends_a_round() -> None:
     problem, deadline = record(), Deadline(None)
-    shared_state = ground_of(problem)
+    shared_state = shared_state_of(problem)
     deadline.stop()
     context = SolveContext(problem, Options(effort="auto"), Stages(), deadline)
     spec = (shared_state.obbt_sdp, shared_state.cliques)
@@ -194,23 +194,23 @@ def test_time_that_is_over_ends_a_round() -> None:
     assert made.steps == () and not is_empty(made.box)
 
 
-def test_arguments_leave_room_for_the_rounding_of_a_replay() -> None:
+def test_arguments_leave_slack_for_the_rounding_of_a_replay() -> None:
     problem = record()
-    level = least(problem) + 0.02
-    made = one_round(problem, level, slack=rounding_slack(whole(problem), whole(problem)))
-    again = replayed(problem, level, *made.steps, room=1e-12)
+    cutoff = least(problem) + 0.02
+    made = one_round(problem, cutoff, slack=rounding_slack(whole(problem), whole(problem)))
+    again = replayed(problem, cutoff, *made.steps, slack=1e-12)
     assert again.lo[0] == pytest.approx(made.box.lo[0], abs=1e-10)
     assert again.hi[0] == pytest.approx(made.box.hi[0], abs=1e-10)
-    without = one_round(problem, level)
-    assert replayed(problem, level, *without.steps, room=1e-12).lo[0] < without.box.lo[0] - 0.01
+    without = one_round(problem, cutoff)
+    assert replayed(problem, cutoff, *without.steps, slack=1e-12).lo[0] < without.box.lo[0] - 0.01
 
 
-LEVEL = 0.95  # of b, which the record bounds from below by about 0.87
+CUTOFF = 0.95  # of b, which the record bounds from below by about 0.87
 
 
 def step_of() -> tuple[Problem, Tightening]:
     problem = record()
-    step = one_round(problem, LEVEL).steps[0]
+    step = one_round(problem, CUTOFF).steps[0]
     assert isinstance(step, Tightening) and isinstance(step.argument, Identity)
     return problem, step
 
@@ -218,7 +218,7 @@ def step_of() -> tuple[Problem, Tightening]:
 def test_forged_steps_shrink_nothing() -> None:
     problem, step = step_of()
     twice = [np.repeat(getattr(step, name), 2) for name in ("variable", "side", "value")]
-    start, honest = cut(problem, LEVEL), replayed(problem, LEVEL, step)
+    start, honest = below(problem, CUTOFF), replayed(problem, CUTOFF, step)
     assert np.any(honest.lo > start.lo) or np.any(honest.hi < start.hi)
     for wrong in (
         replace(step, value=step.value + 1e-3 * abs(step.value)),
@@ -227,7 +227,7 @@ def test_forged_steps_shrink_nothing() -> None:
         replace(step, variable=np.array([1])),
         Tightening(*twice, step.argument, False),  # an identity speaks of one polynomial
     ):
-        box = replayed(problem, LEVEL, wrong)
+        box = replayed(problem, CUTOFF, wrong)
         assert np.array_equal(box.lo, start.lo) and np.array_equal(box.hi, start.hi)
 
 
@@ -237,9 +237,9 @@ def test_values_that_overflow_when_negated_shrink_nothing(kind) -> None:
     problem, step = step_of()
     least = np.iinfo(kind).min if np.issubdtype(kind, np.integer) else 0
     forged = replace(step, side=np.array([-1]), value=np.array([least], kind))
-    start, box = cut(problem, LEVEL), replayed(problem, LEVEL, forged)
+    start, box = below(problem, CUTOFF), replayed(problem, CUTOFF, forged)
     assert np.array_equal(box.lo, start.lo) and np.array_equal(box.hi, start.hi)
-    assert replayed(problem, LEVEL, replace(forged, value=np.array([-128.0]))).hi[0] == start.hi[0]
+    assert replayed(problem, CUTOFF, replace(forged, value=np.array([-128.0]))).hi[0] == start.hi[0]
 
 
 def test_quoted_bounds_that_overflow_when_negated_empty_no_box() -> None:
@@ -250,8 +250,8 @@ def test_quoted_bounds_that_overflow_when_negated_empty_no_box() -> None:
     assert proof.verify(about).ok
     for bound in (-(2**63), np.int64(-(2**63))):
         known = Known(((0, -1, replace(proof, bound=bound)),))
-        box = replayed(problem, LEVEL, known)
-        assert np.array_equal(box.hi, cut(problem, LEVEL).hi)
+        box = replayed(problem, CUTOFF, known)
+        assert np.array_equal(box.hi, below(problem, CUTOFF).hi)
 
 
 def test_blocks_without_monomials_prove_nothing() -> None:
@@ -260,24 +260,24 @@ def test_blocks_without_monomials_prove_nothing() -> None:
         np.zeros(1, int), np.zeros((1, 0, 1), np.int32), np.zeros((1, 0, 0)), floor=1.0
     )
     forged = replace(step, argument=replace(step.argument, multipliers=(group,)))
-    start, box = cut(problem, LEVEL), replayed(problem, LEVEL, forged)
+    start, box = below(problem, CUTOFF), replayed(problem, CUTOFF, forged)
     assert np.array_equal(box.lo, start.lo) and np.array_equal(box.hi, start.hi)
 
 
 def test_an_argument_for_a_smaller_box_proves_nothing() -> None:
     problem, step = step_of()
-    box = replayed(problem, LEVEL, step, room=0.01)
+    box = replayed(problem, CUTOFF, step, slack=0.01)
     assert box.lo[0] == -1.51 and box.hi[0] == 0.01
 
 
-@pytest.mark.parametrize("skip", [(), ("squeeze",)])
+@pytest.mark.parametrize("skip", [(), ("obbt_sdp",)])
 def test_trees_with_and_without_prove_the_same(skip: tuple[str, ...], monkeypatch) -> None:
     calls, written = [], []
     real = node.tighten_by_relaxation
     monkeypatch.setattr(
         node, "tighten_by_relaxation", lambda *a, **k: calls.append(1) or real(*a, **k)
     )
-    skipped = ("linear", "split", "mixed", "full", "narrow", *skip)
+    skipped = ("linear", "split", "mixed", "full", "obbt_lp", *skip)
     for end in ENDS:
         problem = record(*end)
         result = check(problem, sp.solve(problem, Options(effort="auto", skip=skipped, gap=1e-6)))
@@ -295,20 +295,20 @@ def test_long_problems_are_tightened_by_relaxations_only() -> None:
         c, *v = sp.variables(rows + 2)
         return Problem(c, [c * a + b == 0.1 for a, b in zip(v, v[1:], strict=False)], -1.0, 1.0)
 
-    short, long = ground_of(chain(100)), ground_of(chain(301))
-    assert short.narrow and not long.narrow
-    assert ground_of(chain(301), skip=("squeeze",)).narrow
-    assert not ground_of(chain(100), skip=("narrow",)).narrow
+    short, long = shared_state_of(chain(100)), shared_state_of(chain(301))
+    assert short.obbt_lp and not long.obbt_lp
+    assert shared_state_of(chain(301), skip=("obbt_sdp",)).obbt_lp
+    assert not shared_state_of(chain(100), skip=("obbt_lp",)).obbt_lp
 
 
-def test_objectives_that_are_no_variable_are_not_squeezed() -> None:
+def test_objectives_that_are_no_variable_keep_their_box() -> None:
     """Their cut-off is no bound of the box: nothing would be gained."""
-    assert ground_of(star()).obbt_sdp is None
-    assert ground_of(record()).obbt_sdp is not None
+    assert shared_state_of(star()).obbt_sdp is None
+    assert shared_state_of(record()).obbt_sdp is not None
 
 
-def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
-    """Rounds that gain nothing: after some parts the plan is the one without them."""
+def test_obbt_sdp_stops_where_it_leaves_most_of_the_widths(monkeypatch) -> None:
+    """Rounds that gain nothing: after some nodes the settings are those without them."""
     monkeypatch.setattr(
         node, "tighten_by_relaxation", lambda context, replay, box, *rest: TightenedBox(box)
     )
@@ -318,7 +318,7 @@ def test_squeezing_is_given_up_where_it_leaves_most(monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("pool", [threads, pytest.param(processes, marks=pytest.mark.slow)])
-def test_an_executor_squeezes_to_the_same_bound(pool) -> None:
+def test_an_executor_tightens_to_the_same_bound(pool) -> None:
     (problem, alone), (_, shared) = planted(local=True), planted(local=True)
     alone.grow(200, lambda: False)
     with pool() as executor:
@@ -330,7 +330,7 @@ def test_an_executor_squeezes_to_the_same_bound(pool) -> None:
 
 
 @pytest.mark.parametrize("solves", [0, 1])
-def test_an_interrupted_round_loses_no_part(solves: int, monkeypatch) -> None:
+def test_an_interrupted_round_loses_no_node(solves: int, monkeypatch) -> None:
     count, real = [], obbt_sdp.bound_box
 
     def interrupted(*args):
@@ -356,6 +356,6 @@ def test_the_error_that_a_bound_may_have_says_when_widths_are_small_enough() -> 
     problem, search = planted()
     context, upper = search.context, search.context.upper
     assert node._enough(context, upper - 0.1, upper - 1.0) == pytest.approx(0.05)
-    for level, bound in ((None, 0.0), (upper, upper), (upper, -np.inf), (upper, np.nan)):
-        assert node._enough(context, level, bound) == 0.0
+    for cutoff, bound in ((None, 0.0), (upper, upper), (upper, -np.inf), (upper, np.nan)):
+        assert node._enough(context, cutoff, bound) == 0.0
     assert node._enough(replace(context, best=None), 0.5, 0.0) == 0.0

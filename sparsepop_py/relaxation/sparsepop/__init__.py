@@ -1,1 +1,1 @@
-"""The relaxation of SparsePOP 3.03, switch by switch."""
+"""Relaxation of SparsePOP 3.03, switch by switch."""

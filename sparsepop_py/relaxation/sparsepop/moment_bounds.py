@@ -29,7 +29,7 @@ def moment_bounds(
     groups: tuple[BlockGroup, ...],
     switch: int,
 ) -> PolynomialSystem:
-    """The rows x^a - low >= 0 and high - x^a >= 0 of the monomials of bounded variables.
+    """Bound the monomials x^a of bounded variables by low <= x^a <= high.
 
     Parameters
     ----------
@@ -43,6 +43,11 @@ def moment_bounds(
         The blocks of the relaxation.
     switch : {0, 1, 2}
         No rows, all with a finite end, or those that the blocks do not imply.
+
+    Returns
+    -------
+    PolynomialSystem
+        The rows x^a - low >= 0 and high - x^a >= 0.
     """
     n = problem.dimension
     ranges = monomial_ranges(words, Interval(*ends))
@@ -69,7 +74,7 @@ def moment_bounds(
 def _implied(
     problem: Problem, words: Words, groups: tuple[BlockGroup, ...]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Monomials that the blocks bound already, from below and from above.
+    """Find monomials that the blocks bound already, from below and from above.
 
     From below those on the diagonal of a block of 1 or of a bound; from above those on the
     diagonal of a block of an upper bound, and those off the diagonal of a moment matrix, since

@@ -1,6 +1,6 @@
-"""Conic programs made smaller before they are solved, and solutions carried back.
+"""Reduction of conic programs before they are solved, and recovery of their solutions.
 
-Rows of the zero cone that say what one moment is in terms of smaller ones are solved for it,
+Rows of the zero cone that express one moment in terms of smaller ones are solved for it,
 which takes the row and the moment out of the program. Their multipliers follow from the
 stationarity q + A'z = 0 of the moments that left. Rows and moments may also be rescaled, so
 that the program is that of the unscaled problem; semidefinite blocks keep their cones, since
@@ -27,21 +27,21 @@ from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.relaxation.sparsepop.substitution import Rules
 from sparsepop_py.verified.box.scaling import Scaled
 
-__all__ = ["Condensed", "condensed"]
+__all__ = ["ReducedProgram", "reduce_program"]
 
 
 @dataclass(frozen=True, eq=False)
-class Condensed:
-    """A smaller program, and the way back.
+class ReducedProgram:
+    """Reduced program with the data to recover solutions of the whole one.
 
     Parameters
     ----------
     program : ConicProgram
-        What a solver is given.
+        The reduced program, for the solver.
     whole : ConicProgram
         The program of the relaxation.
     moments, rows : (M',) int, (R',) int
-        Which moments and rows of the whole program are left.
+        Moments and rows of the whole program that are left.
     moment_scale, row_scale : (M',) float, (R',) float
         moment = scale * scaled moment, and likewise for rows.
     objective_scale : float
@@ -60,13 +60,13 @@ class Condensed:
     leaving: NDArray[np.int64]
 
     def reduced(self, solution: ConicSolution) -> ConicSolution:
-        """The solution of the smaller program that one of the whole program holds."""
+        """Restrict a solution of the whole program to the reduced one."""
         y = solution.y[self.moments] * self.moment_scale
         z = solution.z[self.rows] * self.objective_scale / self.row_scale
         return _again(self.program, solution, y, z)
 
     def restored(self, solution: ConicSolution) -> ConicSolution:
-        """The solution of the whole program that a solution of the smaller one stands for."""
+        """Recover the solution of the whole program from one of the reduced program."""
         whole = self.whole
         y, z = np.zeros(whole.q.size), np.zeros(whole.b.size)
         y[self.moments] = solution.y / self.moment_scale
@@ -85,10 +85,10 @@ def _again(program: ConicProgram, of: ConicSolution, y: NDArray, z: NDArray) -> 
     return replace(recomputed(program, of.status, y, z, *words), wall=of.wall)
 
 
-def condensed(
+def reduce_program(
     relaxation: Relaxation, scaled: Scaled, objective: Polynomial, switches: Switches
-) -> Condensed:
-    """The program that is solved for a plain relaxation with the given scaled objective."""
+) -> ReducedProgram:
+    """Reduce the program of a relaxation with a scaled objective."""
     whole = assemble(relaxation, objective)
     solved, leaving = _pivots(relaxation, whole, switches)
     rows = np.setdiff1d(np.arange(whole.b.size), solved)
@@ -121,11 +121,13 @@ def condensed(
         A = sps.csc_array(sps.diags_array(row_scale) @ A @ sps.diags_array(1.0 / moment_scale))
         q, b, offset = unit * q / moment_scale, row_scale * b, unit * offset
     program = ConicProgram(q, A, b, cones, offset)
-    return Condensed(program, whole, moments, rows, moment_scale, row_scale, unit, solved, leaving)
+    return ReducedProgram(
+        program, whole, moments, rows, moment_scale, row_scale, unit, solved, leaving
+    )
 
 
 def _solved(pivots: sps.csc_array, right: sps.csc_array) -> sps.csc_array:
-    """Pivots^-1 right, both sparse; what is substituted mostly has one term."""
+    """Compute pivots^-1 right, both sparse; substituted equations mostly have one term."""
     unit = sps.eye_array(pivots.shape[0], format="csc")
     diagonal = pivots.diagonal()
     scaled = sps.csc_array(sps.diags_array(1.0 / diagonal) @ pivots)
@@ -142,7 +144,7 @@ def _solved(pivots: sps.csc_array, right: sps.csc_array) -> sps.csc_array:
 def _pivots(
     relaxation: Relaxation, program: ConicProgram, switches: Switches
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of substituted equations and the moment that each is solved for."""
+    """List rows of substituted equations and the moment that each is solved for."""
     rules = Rules.of(relaxation.problem, switches.substituted)
     if not rules.generator.size:
         return np.zeros(0, int), np.zeros(0, int)
@@ -160,7 +162,7 @@ def _triangle(program: ConicProgram, rows: NDArray, moments: NDArray) -> sps.csr
 
 
 def _of_rows(relaxation: Relaxation) -> tuple[NDArray[np.int64], Words]:
-    """Generator of each row, and the monomial that multiplies it there."""
+    """List the generator of each row and the monomial that multiplies it."""
     numbers, words = [], []
     width = 1
     for group in relaxation.groups:
@@ -174,7 +176,7 @@ def _of_rows(relaxation: Relaxation) -> tuple[NDArray[np.int64], Words]:
 def _original(
     relaxation: Relaxation, scaled: Scaled, moments: NDArray, rows: NDArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Sizes of moments, rows and objective in the units of the problem as given."""
+    """Compute sizes of moments, rows and objective in the units of the given problem."""
     scale = np.where(scaled.scaling.scale > 0, scaled.scaling.scale, 1.0)
     generator, words = _of_rows(relaxation)
     sizes = scaled.generator_sizes(relaxation.products)

@@ -1,4 +1,4 @@
-"""The relaxation of Waki, Kim, Kojima and Muramatsu as SparsePOP builds it, switch by switch.
+"""Relaxation of Waki, Kim, Kojima and Muramatsu with the switches of SparsePOP.
 
 With cliques C_1, ..., C_p and an order d, the sum-of-squares side is
 
@@ -9,13 +9,14 @@ degree d - ceil(deg g_k / 2) and lambda_j a polynomial of degree 2 (d - ceil(deg
 the variables of the cliques that cover the constraint, merged as far as is allowed. Each
 finite bound of a variable is such a g_k. Bounds of the moments themselves may be added.
 Equations with at most two terms, of the kinds that are chosen, are not multiplied but
-substituted: their monomials leave all bases, and :mod:`sparsepop_py.relaxation.sparsepop.reduction` solves the rows
-that remain of them. A fractional order gives matrices of the whole order below it, and
-equations multipliers up to the degree floor(2 (d - ceil(deg h / 2))).
+substituted: their monomials leave all bases, and
+:mod:`sparsepop_py.relaxation.sparsepop.reduction` solves the rows that remain of them. A
+fractional order gives matrices of the whole order below it, and equations multipliers up to
+the degree floor(2 (d - ceil(deg h / 2))).
 
-The multipliers of constraints may be narrower: sums of squares of polynomials whose monomials
-are products of at most floor(d / deg g - 1/2) terms of g, and for an equation products of twice
-as many. With a perturbation as small as rounding errors that is enough for convergence.
+The multipliers of constraints may have fewer monomials: sums of squares of polynomials whose
+monomials are products of at most floor(d / deg g - 1/2) terms of g, and for an equation products
+of twice as many. With a perturbation as small as rounding errors that is enough for convergence.
 
 References
 ----------
@@ -23,7 +24,8 @@ H. Waki, S. Kim, M. Kojima, M. Muramatsu, Sums of squares and semidefinite progr
 relaxations for polynomial optimization problems with structured sparsity, SIAM J. Optim.
 17 (2006) 218-242.
 M. Muramatsu, H. Waki, L. Tuncel, A perturbed sums of squares theorem for polynomial
-optimization and its applications, Optim. Methods Softw. 31 (2016) 134-156 (narrow multipliers).
+optimization and its applications, Optim. Methods Softw. 31 (2016) 134-156 (multipliers of
+few monomials).
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ __all__ = ["Switches", "plain_relaxation"]
 
 @dataclass(frozen=True)
 class Switches:
-    """What may be chosen of the plain relaxation; the defaults are SparsePOP's.
+    """Switches of SparsePOP's relaxation; the defaults are SparsePOP's.
 
     Parameters
     ----------
@@ -97,6 +99,15 @@ class Switches:
     ------
     ProblemError
         If a value is outside its range.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> options = sp.Options(effort="plain", switches=sp.Switches(order=1, scaled=False))
+    >>> abs(sp.solve(problem, options).lower_bound + 0.5) < 1e-6
+    True
     """
 
     order: float | None = None
@@ -128,17 +139,25 @@ class Switches:
                 )
 
     def perturbed(self, objective: Polynomial, relaxation: Relaxation) -> Polynomial:
-        """The objective with its random linear part, which is the same in every run.
+        """Add the random linear part to an objective; it is the same in every run.
 
-        Variables that are no moments of the relaxation (fixed ones) have no part in it.
+        Parameters
+        ----------
+        objective : Polynomial
+        relaxation : Relaxation
+            Variables that are no moments of it (fixed ones) are left out.
+
+        Returns
+        -------
+        Polynomial
         """
         if not self.perturbation:
             return objective
         n = objective.dimension
-        part = self.perturbation * (2.0 * np.random.RandomState(2008).random_sample(n) - 1.0)
+        change = self.perturbation * (2.0 * np.random.RandomState(2008).random_sample(n) - 1.0)
         letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
         held = relaxation.moment_numbers(letters) >= 0
-        return objective + Polynomial.from_words(letters[held], part[held], n)
+        return objective + Polynomial.from_words(letters[held], change[held], n)
 
 
 def plain_relaxation(
@@ -147,7 +166,7 @@ def plain_relaxation(
     objectives: Sequence[Polynomial],
     switches: Switches,
 ) -> Relaxation:
-    """Build the relaxation.
+    """Build SparsePOP's relaxation of a problem.
 
     Parameters
     ----------
@@ -157,6 +176,10 @@ def plain_relaxation(
     objectives : sequence of Polynomial
         All objectives that the relaxation must be able to carry.
     switches : Switches
+
+    Returns
+    -------
+    Relaxation
 
     Examples
     --------
@@ -228,7 +251,7 @@ def _multiplied(
     order: float,
     switches: Switches,
 ) -> Blocks:
-    """Blocks of all constraints and bounds, but for those that are substituted."""
+    """Build the blocks of constraints and bounds that are not substituted."""
     m, n = len(problem.constraints), problem.dimension
     fixed = problem.lower == problem.upper
     degree = np.zeros(system.size, int)
@@ -270,7 +293,7 @@ def _multiplied(
 
 
 def _powers(system: Generators, number: int, times: int, fixed: NDArray[np.bool_]) -> Words:
-    """Products (s, D) of at most so many terms of a polynomial, terms of open variables."""
+    """Multiply at most so many terms of a polynomial, in open variables; shape (s, D)."""
     _, term = system.terms_of(np.array([number]))
     words = system.words[term]
     words = words[~np.append(False, fixed)[words].any(axis=1)]
@@ -284,7 +307,7 @@ def _powers(system: Generators, number: int, times: int, fixed: NDArray[np.bool_
 
 
 def _alive(block: BlockGroup, system: Generators, rules: Rules) -> Blocks:
-    """A block without the monomials b for which every term of g b^2 is substituted by 0."""
+    """Drop monomials b for which every term of g b^2 is substituted by 0."""
     basis = block.basis
     if block.free or not rules.vanishes.any():
         return [block]
@@ -298,7 +321,7 @@ def _alive(block: BlockGroup, system: Generators, rules: Rules) -> Blocks:
 
 
 class _Unions:
-    """Which variables the multiplier of a constraint may have.
+    """Variables that the multiplier of a constraint may have.
 
     Cliques are met in the order in which they arise when variables are eliminated.
     """
@@ -314,7 +337,7 @@ class _Unions:
                 self.holding.setdefault(v, []).append(k)
 
     def of(self, support: NDArray) -> tuple[int, tuple[int, ...]]:
-        """The first clique that covers the support, and the variables after merging others."""
+        """Find the first clique covering a support, and the variables after merging others."""
         wanted = support.tolist()
         rare = min(wanted, key=lambda v: len(self.holding[v]))
         covering = [k for k in self.holding[rare] if self.sets[k].issuperset(wanted)]

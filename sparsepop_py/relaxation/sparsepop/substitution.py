@@ -1,4 +1,4 @@
-"""Equations with at most two terms, substituted instead of multiplied.
+"""Substitution of equations with at most two terms.
 
 An equation x^2 = c, x^2 = c x, x = c or x y = 0 rewrites every multiple of its leading
 monomial. The rewriting is read off the equation itself, coefficients included, and enters a
@@ -59,7 +59,7 @@ KINDS: dict[str, Callable[[list[Letters]], bool]] = {
 
 @dataclass(frozen=True, eq=False)
 class Rules:
-    """The equations of a problem that are substituted.
+    """Equations of a problem that are substituted.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Rules:
 
     @staticmethod
     def of(problem: Problem, kinds: tuple[str, ...]) -> Rules:
-        """The equations of the kinds asked for, one for each leading monomial."""
+        """Collect the equations of the kinds asked for, one for each leading monomial."""
         found: dict[Letters, tuple[int, Letters, bool]] = {}
         for number in np.flatnonzero(problem.equality):
             polynomial = problem.constraints[number].polynomial
@@ -95,7 +95,7 @@ class Rules:
         return Rules(numbers, _two(found), _two(w for _, w, _ in found.values()), vanishes)
 
     def which(self, words: Words) -> NDArray[np.int64]:
-        """The first rule that rewrites each word (..., D), -1 where none does."""
+        """Find the first rule that rewrites each word (..., D), -1 for none."""
         first = np.full(words.shape[:-1], -1)
         for number in range(self.generator.size - 1, -1, -1):
             a, b = self.leading[number].tolist()
@@ -106,11 +106,11 @@ class Rules:
         return first
 
     def divides(self, words: Words) -> NDArray[np.bool_]:
-        """Which words (..., D) are rewritten."""
+        """Mark the words (..., D) that are rewritten."""
         return self.which(words) >= 0
 
     def vanish(self, words: Words) -> NDArray[np.bool_]:
-        """Which words (..., D) hold a product that is zero, whatever the others become."""
+        """Mark words (..., D) with a product that is zero, whatever the others become."""
         alone = self.vanishes
         if not alone.any():
             return np.zeros(words.shape[:-1], bool)
@@ -118,7 +118,7 @@ class Rules:
         return only.divides(words)
 
     def rewritten(self, words: Words) -> Words:
-        """What becomes of each word (T, D), coefficients aside; words that vanish stay."""
+        """Rewrite each word (T, D), coefficients aside; words that vanish stay."""
         if not self.generator.size:
             return words
         words = words.copy()
@@ -134,7 +134,7 @@ class Rules:
                 words[rows] = joined[:, joined.shape[1] - words.shape[1] :]
 
     def binary(self, problem: Problem) -> NDArray[np.bool_]:
-        """Variables with a rule x^2 = x up to scaling, and bounds that say the same."""
+        """Mark variables with a rule x^2 = c x and bounds that say the same."""
         found = np.zeros(problem.dimension, bool)
         for k, number in enumerate(self.generator.tolist()):
             if self.rest[k].any() and self.leading[k].all():
@@ -145,13 +145,13 @@ class Rules:
         return found
 
     def normal(self, blocks: Blocks) -> Blocks:
-        """The blocks without the monomials that are rewritten."""
+        """Drop the monomials that are rewritten from blocks."""
         if not self.generator.size:
             return blocks
         return [part for block in blocks for part in ragged(block, ~self.divides(block.basis))]
 
     def rows(self, words: Words, n: int) -> Blocks:
-        """One row L(h x^a) = 0 for each word that is rewritten, and for those that come up."""
+        """Build a row L(h x^a) = 0 for each word that is rewritten, repeatedly."""
         blocks = Blocks()
         done = np.zeros((0, 1), np.int32)
         while True:
@@ -183,7 +183,7 @@ def _stacked(parts: list[Words]) -> Words:
 
 
 def _quotient(words: Words, leading: Words) -> Words:
-    """The words divided by one that divides them all."""
+    """Divide words by one that divides them all."""
     rest = words.copy()
     for letter in leading[leading > 0].tolist():
         rest[np.arange(rest.shape[0]), np.argmax(rest == letter, axis=1)] = 0

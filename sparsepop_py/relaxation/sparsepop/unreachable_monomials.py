@@ -31,10 +31,10 @@ __all__ = ["eliminated"]
 
 @dataclass(frozen=True, eq=False)
 class _Terms:
-    """What the blocks of one group contribute: one entry a term of a row.
+    """Terms that the blocks of one group contribute: one entry a term of a row.
 
     ``keys`` names the monomial, ``sign`` the sign of the term, 0 where it is rewritten;
-    ``block``, ``left`` and ``right`` say which product of the basis it comes from.
+    ``block``, ``left`` and ``right`` number the product of the basis that it comes from.
     """
 
     keys: NDArray
@@ -47,7 +47,7 @@ class _Terms:
 def eliminated(
     blocks: Blocks, system: Generators, held: Sequence[Words], rules: Rules, degree: int = 0
 ) -> Blocks:
-    """The blocks without the monomials that leave; the value of the relaxation stays.
+    """Drop monomials that no multiplier can hold; the value of the relaxation stays.
 
     Parameters
     ----------
@@ -57,9 +57,13 @@ def eliminated(
     held : sequence of (T, D) words
         Monomials of the objectives.
     rules : Rules
-        Equations that are substituted: what they rewrite is left alone.
+        Equations that are substituted: monomials that they rewrite stay.
     degree : int
         Monomials of moment matrices below it stay.
+
+    Returns
+    -------
+    list of BlockGroup
     """
     plain = [block for block in blocks if not block.free and block.place is None]
     others = [block for block in blocks if block.free or block.place is not None]
@@ -106,7 +110,7 @@ def _keys(words: Words, width: int, rules: Rules, system: Generators) -> NDArray
 
 
 def _matched(parts: Sequence[_Terms], kept: Sequence[NDArray], known: NDArray) -> NDArray:
-    """Monomials whose coefficients do not force squares to vanish."""
+    """Find monomials whose coefficients do not force squares to vanish."""
     found, up, down = [known], [known[:0]], [known[:0]]
     for part, keep in zip(parts, kept, strict=True):
         alive = keep[part.block, part.left] & keep[part.block, part.right]

@@ -224,7 +224,7 @@ def clique_tree(program: ConicProgram, settings: SolverSettings) -> ConicSolutio
 
 
 def _compiled(program: ConicProgram, settings: Settings, time_limit: float | None) -> bool:
-    """Whether to use compiled kernels: if asked to, or if they are there and pay."""
+    """Check whether to use compiled kernels: asked for, or available and worth it."""
     if settings.kernels == "numba":
         try:
             compiled_kernels()

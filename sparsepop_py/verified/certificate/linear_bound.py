@@ -27,7 +27,7 @@ __all__ = ["LinearBound", "check_linear", "cost_of", "value_at"]
 
 @dataclass(frozen=True, eq=False)
 class LinearBound:
-    """A linear objective over linear constraints, settled without rounding.
+    """Exact optimum of a linear objective over linear constraints.
 
     Parameters
     ----------
@@ -46,6 +46,14 @@ class LinearBound:
         The optimum.
     vertex, ray : tuple of Fraction or None
         A feasible point; where unbounded, a direction along which the objective falls.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> (bound,) = sp.linear_bounds(sp.Problem(x, [3 * x >= 1, y >= x]), [x + y])
+    >>> bound.value, bound.multipliers
+    (Fraction(2, 3), ((0, Fraction(2, 3)), (1, Fraction(1, 1))))
     """
 
     status: str
@@ -69,6 +77,11 @@ class LinearBound:
         -------
         Verdict
             With the bound that the multipliers prove.
+
+        Raises
+        ------
+        ProblemError
+            If the objective or a constraint is not linear.
         """
         check_linear(problem, [objective])
         rows = Polyhedron.of(problem)
@@ -77,7 +90,7 @@ class LinearBound:
         return Verdict(not point, bound, point)
 
     def _bound(self, rows: Polyhedron, objective: Polynomial) -> tuple[float, str]:
-        """What the multipliers prove, and what is wrong with them."""
+        """Compute the bound that the multipliers prove, and a reason if they fail."""
         if self.status == "UNBOUNDED":
             return -np.inf, ""
         total, rest = Fraction(0), [-Fraction(c) for c in cost_of(objective)]
@@ -101,7 +114,7 @@ class LinearBound:
         return bound, "" if bound >= self.lower else "the multipliers prove less than is claimed"
 
     def _point_fails(self, rows: Polyhedron, objective: Polynomial) -> str:
-        """What is wrong with the attained point or the ray, if anything."""
+        """Describe the fault of the attained point or ray, empty if there is none."""
         if self.status == "INFEASIBLE":
             return ""
         if self.vertex is None or len(self.vertex) != rows.dimension:

@@ -1,7 +1,7 @@
-"""Polyhedra of doubles with exact signs: A x + b >= 0, rows in integers where it matters.
+"""Polyhedra A x + b >= 0 in doubles, with exact signs from integer rows.
 
-Signs are screened in floating point with a bound on the error; only what that cannot
-decide is evaluated in integers.
+Signs are screened in floating point with a bound on the error; only those that this cannot
+decide are evaluated in integers.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Polyhedron:
 
     @staticmethod
     def of(problem: Problem) -> Polyhedron:
-        """The feasible set of a problem whose constraints are linear."""
+        """Build the feasible set of a problem whose constraints are linear."""
         n, m = problem.dimension, len(problem.constraints)
         matrix, constant = np.zeros((m, n)), np.zeros(m)
         letter, rows = problem.rows.words[:, -1], problem.rows
@@ -71,26 +71,29 @@ class Polyhedron:
         return np.isfinite(self.constant)
 
     def row(self, number: int) -> tuple[list[int], int]:
-        """A row in integers: n coefficients and the constant, times a power of two."""
+        """Convert a row to integers: n coefficients and the constant, times a power of two."""
         if number not in self._whole:
             whole = integers([*self.matrix[number].tolist(), float(self.constant[number])])
             self._whole[number] = whole[:-1], whole[-1]
         return self._whole[number]
 
     def scale(self, number: int) -> Fraction:
-        """The factor of :meth:`row`."""
+        """Return the factor of :meth:`row`."""
         values = [*self.matrix[number].tolist(), float(self.constant[number])]
         place = next(i for i, value in enumerate(values) if value)
         whole = self.row(number)
         return Fraction((*whole[0], whole[1])[place]) / Fraction(values[place])
 
     def value(self, number: int, point: list[int], weight: int) -> int:
-        """The integer row at point / weight, times weight (0: its slope along point)."""
+        """Evaluate the integer row at point / weight, times weight.
+
+        With weight 0 it is the slope along the point.
+        """
         slope, constant = self.row(number)
         return sum(a * x for a, x in zip(slope, point, strict=True) if a) + constant * weight
 
     def signs(self, point: list[int], weight: int, total: int) -> NDArray[np.int64]:
-        """Signs of all rows at the point (weight / total = 1) or along it (weight = 0).
+        """Compute the signs of all rows at a point, or along a direction.
 
         Parameters
         ----------

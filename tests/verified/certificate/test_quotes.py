@@ -11,7 +11,7 @@ import pytest
 
 import sparsepop_py as sp
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.steps import BoxProof, Known, Propagation, Replay
@@ -117,12 +117,12 @@ def test_a_certificate_that_quotes_itself_proves_nothing_by_it():
 def test_the_memo_of_tightened_boxes_belongs_to_their_feasible_set():
     x, y = sp.variables(2)
     rows = ([x + y >= 1.5, x * y <= 0.75], [x + y >= 0.5, x * y <= 0.75])
-    narrow, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
-    box = Interval(narrow.lower, narrow.upper)
-    mccormick = LinearRelaxation.of(narrow, box, find_cliques(narrow))
-    _, step, _ = tightened(Replay(narrow, None), mccormick, box, [0, 1])
+    box_problem, wide = (sp.Problem(x + 0 * y, row, lower=0, upper=1) for row in rows)
+    box = Interval(box_problem.lower, box_problem.upper)
+    mccormick = LinearRelaxation.of(box_problem, box, find_cliques(box_problem))
+    _, step, _ = tighten_bounds(Replay(box_problem, None), mccormick, box, [0, 1])
     root, memo = Node(BoxProof((step,))), {}
-    for problem, true in ((narrow, 0.5), (wide, 0.0), (narrow, 0.5)):
+    for problem, true in ((box_problem, 0.5), (wide, 0.0), (box_problem, 0.5)):
         found = Certificate(problem.fingerprint, 0.0, root).verify(problem, memo).bound
         assert found <= true
         assert found == pytest.approx(true, abs=1e-6)

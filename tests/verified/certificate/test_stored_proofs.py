@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from benchmarks.identification import task as identification_task
-from sparsepop_py.context import SolveContext
+from benchmarks.identification import task as identification_context
 from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.recover_multipliers import identity_of, shortened
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
@@ -59,7 +59,7 @@ def test_indices_are_short():
 @pytest.mark.parametrize("kind, times", [("oe", 2), ("eiv", 4)])
 def test_a_proof_is_at_most_a_few_times_the_data(kind, times):
     """All ten bounds of a record: what the proof of one takes, in multiples of the problem."""
-    given = identification_task(kind, 20)
+    given = identification_context(kind, 20)
     options = sp.Options(effort="auto", gap_kind="width", gap=1e-3)
     results = sp.solve_each(given.problem, given.objectives, options)
     assert all(result.status is sp.Status.OPTIMAL for result in results)

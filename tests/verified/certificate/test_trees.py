@@ -14,7 +14,7 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py.problem import generators
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.tightening.mccormick import LinearRelaxation, tightened
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
@@ -31,7 +31,7 @@ def cut_in_two(node, cut, low, high):
     return replace(node, argument=None, empty=False, branch=cut, children=(low, high))
 
 
-def lifted_part(problem, box, level, deep, rng):
+def linear_node(problem, box, level, deep, rng):
     """A part and what follows: propagation, bound tightening, multipliers, and cuts at random."""
     replay = Replay(problem, level)
     steps = [Propagation(int(rng.integers(0, 3)), bool(rng.integers(2)))]
@@ -41,13 +41,13 @@ def lifted_part(problem, box, level, deep, rng):
         return node
     mccormick = LinearRelaxation.of(problem, box, find_cliques(problem))
     if rng.integers(2):
-        box, step, _ = tightened(replay, mccormick, box, range(problem.dimension))
+        box, step, _ = tighten_bounds(replay, mccormick, box, range(problem.dimension))
         node = replace(node, box=BoxProof((*steps, *([step] if step else []))))
     if deep and not is_empty(box):
         v = int(rng.integers(problem.dimension))
         place = float(rng.uniform(box.lo[v], box.hi[v]))
         low, high = (
-            lifted_part(problem, h, level, deep - 1, rng) for h in split_box(box, (v, place))
+            linear_node(problem, h, level, deep - 1, rng) for h in split_box(box, (v, place))
         )
         return cut_in_two(node, (v, place), low, high)
     solution = mccormick.minimise()
@@ -56,7 +56,7 @@ def lifted_part(problem, box, level, deep, rng):
 
 
 def random_tree(problem, level, rng, deep=2):
-    root = lifted_part(problem, Interval(problem.lower, problem.upper), level, deep, rng)
+    root = linear_node(problem, Interval(problem.lower, problem.upper), level, deep, rng)
     return Certificate(problem.fingerprint, -INF, root, level)
 
 

@@ -82,7 +82,7 @@ class Cone:
         return result
 
     def sandwich(self, left: Reals, middle: Reals, right: Reals) -> Reals:
-        """The symmetric part of P D Z, and p d z."""
+        """Compute the symmetric part of P D Z, and p d z."""
         result = np.empty_like(middle)
         self._sandwich(left, middle, right, result)
         tail = slice(self.entries, None)
@@ -90,7 +90,10 @@ class Cone:
         return result
 
     def largest_step(self, factor: Reals, direction: Reals, limit: float, roughly: bool) -> float:
-        """The largest a <= limit that keeps x + a d in the cone, x by its inverse factor."""
+        """Compute the largest a <= limit that keeps x + a d in the cone.
+
+        x is given by its inverse factor.
+        """
         limit = self._largest_step(factor, direction, limit, roughly)
         ratio = direction[self.entries :] * factor[self.entries :] ** 2
         least = float(ratio.min(initial=0.0))
@@ -136,7 +139,7 @@ class CompiledCone(Cone):
     workers: Workers
 
     def _each(self, name: str, vectors: tuple[Reals, ...], last: Reals | float) -> list[Any]:
-        """What the kernel of this name returns for all parts."""
+        """Run the kernel of this name on all parts and list its results."""
         compiled = compiled_kernels()
         kernels = getattr(compiled.blocks, name), getattr(compiled.lanes, name)
 

@@ -49,7 +49,7 @@ _SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
 _EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
 _CORRECTORS = 4  # where a factorization costs so many times what a direction costs:
-_DEAR = 20.0
+_EXPENSIVE = 20.0
 # Step of the predictor below which its second-order term is weakened, and by how much at most;
 # not with equations, where records need up to twice the iterations without it:
 _TRUSTED, _LEAST_TRUST = 0.3, 0.1
@@ -76,7 +76,7 @@ class _Residuals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Newton:
-    """The factorized system of one iteration."""
+    """Factorized Newton system of one iteration."""
 
     numbers: Numbers
     settings: Settings
@@ -88,7 +88,7 @@ class _Newton:
     mu: float
 
     def direction(self, centring: float, correction: Reals | None) -> Iterate:
-        """The direction towards mu * centring, with Mehrotra's second-order term."""
+        """Compute the direction towards mu * centring, with Mehrotra's second-order term."""
         n = self.numbers
         fixed = centring * self.mu * self.inverse - self.z - self.moved
         if correction is not None:
@@ -99,12 +99,15 @@ class _Newton:
         return Iterate(dy, self.residuals.cone - change, fixed + image, dw)
 
     def _needed(self, right: Reals) -> float:
-        """The accuracy that leaves a dual residual well below the gap that is left."""
+        """Compute the accuracy that leaves a dual residual well below the gap."""
         allowed = _SPARED * self.mu * self.numbers.cone.degree / max(right.size, 1)
         return float(min(_ROUGH, max(_EXACT, allowed / np.abs(right).max(initial=1e-300))))
 
     def _solve(self, h: Reals, equal: Reals, accuracy: float) -> tuple[Reals, ...]:
-        """Solution of M dy + E'dw = h, E dy = equal, refined up to an accuracy; C dy, D(C dy)."""
+        """Solve M dy + E'dw = h, E dy = equal to an accuracy.
+
+        Refines the solution of the factorized system. Returns dy, dw, C dy and D(C dy).
+        """
         n, delta = self.numbers, self.settings.penalty
         first, second = h, equal
         size, before = np.abs(h).max(initial=1e-300), np.inf
@@ -136,7 +139,7 @@ def minimise(
     target: float | None = None,
     deadline: float | None = None,
 ) -> Outcome:
-    """Run the method.
+    """Run the interior-point method.
 
     Parameters
     ----------
@@ -148,6 +151,10 @@ def minimise(
         Stop once the safe value reaches it (scaled).
     deadline : float, optional
         CPU time (``time.process_time``) after which to stop.
+
+    Returns
+    -------
+    Outcome
     """
     clock = _Clock()
     point = start or _cold_start(numbers)
@@ -200,7 +207,10 @@ def _repaired(
     point: Iterate,
     repair: Repair,
 ) -> Iterate | None:
-    """The point with repaired multipliers, and its safe value in the log, if that is the best."""
+    """Repair the multipliers of a point; None unless its safe value is the best.
+
+    The safe value is put into the log.
+    """
     try:
         new = repair(point)
     except OutOfTime:
@@ -271,17 +281,20 @@ def _measure(
 
 
 def _correctors(numbers: Numbers) -> int:
-    """How many correctors may be tried, each from the second-order term of the one before."""
+    """Choose the number of correctors, by the costs of factorization and direction.
+
+    Each starts from the second-order term of the one before.
+    """
     tree, stacks = numbers.symbolic.tree, numbers.cone.stacks
-    dear = tree.operations + sum(s.count * s.size**4 for s in stacks)
+    factorization = tree.operations + sum(s.count * s.size**4 for s in stacks)
     direction = 4 * tree.entries + 30 * numbers.c.size
-    return _CORRECTORS if dear > _DEAR * direction else 1
+    return _CORRECTORS if factorization > _EXPENSIVE * direction else 1
 
 
 def _advance(
     newton: _Newton, point: Iterate, root_s: Reals, root_z: Reals, clock: _Clock
 ) -> tuple[Iterate, tuple[float, float, float]]:
-    """One step by a predictor and a corrector, or the longest of several."""
+    """Take one step by a predictor and a corrector, or the longest of several."""
     cone, settings = newton.numbers.cone, newton.settings
 
     def lengths(d: Iterate, part: float, roughly: bool) -> tuple[float, float]:

@@ -122,7 +122,7 @@ class Numbers:
         return self.Et @ w if self.e.size else np.zeros_like(self.q)
 
     def fixed_entries(self, weight: float) -> tuple[NDArray[np.int64], Reals]:
-        """The entries of all fronts that weight * E'E changes, and by what."""
+        """Find the entries of all fronts that weight * E'E changes, and the changes."""
         pairs = self.symbolic.zero
         if not pairs.place.size:
             return pairs.place, np.zeros(0)
@@ -139,7 +139,7 @@ class Numbers:
         dual: Reals,
         deadline: float | None = None,
     ) -> None:
-        """Put ``fixed`` and the sum of C_p' (S^-1 x Z) C_q of all blocks and rows to the fronts.
+        """Assemble the fronts: ``fixed`` plus C_p' (S^-1 x Z) C_q of all blocks and rows.
 
         Raises
         ------
@@ -157,7 +157,7 @@ class Numbers:
             np.add.at(entries, pairs.place, weight)
 
     def multipliers(self, z: Reals, free: Reals) -> Reals:
-        """The program's multipliers from cone entries and multipliers of equalities."""
+        """Convert cone entries and multipliers of equalities to the program's multipliers."""
         layout, zero = self.symbolic.layout, free.size
         place, mirror = layout.place[zero:], layout.mirror[zero:]
         rows = np.where(place == mirror, z[place], np.sqrt(0.5) * (z[place] + z[mirror]))
@@ -165,7 +165,7 @@ class Numbers:
 
 
 def _row_scale(program: ConicProgram, block: NDArray[np.int64]) -> Reals:
-    """One over the largest coefficient of each row or block."""
+    """Compute one over the largest coefficient of each row or block."""
     count = int(block.max(initial=-1)) + 1
     largest = np.zeros(count)
     np.maximum.at(largest, block[program.A.indices], np.abs(program.A.data))

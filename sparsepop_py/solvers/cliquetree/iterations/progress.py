@@ -1,4 +1,4 @@
-"""What the method carries along: settings, points, log; and when it ends.
+"""State of the interior-point method: settings, points, log, and termination.
 
 A solve ends on what matters to a proof: the distance of the primal value from the safe value,
 which is the dual value less the largest effect of its residual on moments in [-1, 1].
@@ -71,7 +71,7 @@ class Settings:
     kernels : {"auto", "numpy", "numba"}
         ``"auto"``: those of numba where it is installed and the program is large enough.
     solves : int
-        How many solves of this kind are to come: loading compiled kernels is paid for once.
+        Number of solves of this kind to come: loading compiled kernels is paid for once.
     threads : int
         Of the compiled kernels, over blocks and over branches of the tree. Results are the same
         to the last bit. BLAS is to have one thread (``OMP_NUM_THREADS=1``).
@@ -96,7 +96,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iterate:
-    """A point of the method, in scaled numbers.
+    """Point of the method, in scaled numbers.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class Iteration:
     primal_residual, dual_residual : float
         Largest entries.
     primal, dual, safe : float
-        q'y, the dual objective, and what is left of it on moments in [-1, 1].
+        q'y, the dual objective, and its safe value on moments in [-1, 1].
     centring, primal_step, dual_step : float
         Of the step that led here.
     """
@@ -140,7 +140,7 @@ class Iteration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """Where the method ended.
+    """Final point and status of the method.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def judge(
     at: Iterate,
     target: float | None,
 ) -> tuple[str, str]:
-    """A status and its reason, or two empty strings to go on.
+    """Decide status and reason, or two empty strings to go on.
 
     Parameters
     ----------
@@ -179,6 +179,10 @@ def judge(
     at : Iterate
     target : float or None
         A safe value that is enough, scaled.
+
+    Returns
+    -------
+    status, detail : str
     """
     now = log[-1]
     if not np.isfinite(now.mu + now.primal + now.dual):
@@ -207,7 +211,7 @@ def judge(
 
 
 def _extreme(numbers: Numbers, settings: Settings, now: Iteration, at: Iterate) -> tuple[str, str]:
-    """Whether the values left the range that moments in [-1, 1] allow."""
+    """Decide whether the values left the range that moments in [-1, 1] allow."""
     reach = float(np.abs(numbers.q).sum())
     fall = -now.primal / max(reach, 1e-300)
     if fall > _FAR and now.primal_residual < settings.loose * fall:
@@ -220,9 +224,9 @@ def _extreme(numbers: Numbers, settings: Settings, now: Iteration, at: Iterate) 
 
 
 def gap(numbers: Numbers, log: list[Iteration]) -> float:
-    """Distance of q'y and the best safe value, relative to what can be asked for.
+    """Measure the distance of q'y and the best safe value, relative to a scale.
 
-    That is max(1, |q'y + offset|) in the program's units, or a part of sum |q| that rounding
+    The scale is max(1, |q'y + offset|) in the program's units, or a part of sum |q| that rounding
     errors do not allow to resolve.
     """
     distance = abs(log[-1].primal - max(line.safe for line in log))
@@ -230,7 +234,7 @@ def gap(numbers: Numbers, log: list[Iteration]) -> float:
 
 
 def wants_repair(numbers: Numbers, settings: Settings, log: list[Iteration]) -> bool:
-    """Whether the dual residual is all that keeps the gap open."""
+    """Check that the dual residual alone keeps the gap open."""
     now = log[-1]
     return (
         now.primal_residual < settings.feasibility
@@ -240,7 +244,7 @@ def wants_repair(numbers: Numbers, settings: Settings, log: list[Iteration]) -> 
 
 
 def _complementarity(numbers: Numbers, log: list[Iteration]) -> float:
-    """The gap that exact arithmetic would leave, on the same scale."""
+    """Measure the gap that exact arithmetic would leave, on the same scale."""
     return log[-1].mu * numbers.cone.degree / _scale(numbers, log)
 
 
@@ -251,9 +255,9 @@ def _scale(numbers: Numbers, log: list[Iteration]) -> float:
 
 
 def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
-    """Whether nothing that counts got better for a while.
+    """Check that nothing improved for a number of iterations.
 
-    Once the rows hold, that is the distance of primal and safe value only.
+    Once the rows hold, only the distance of primal and safe value counts.
     """
     if len(log) <= patience:
         return False
@@ -271,7 +275,7 @@ def _stalled(log: list[Iteration], patience: int, settings: Settings) -> bool:
 
 
 def verdict(numbers: Numbers, settings: Settings, log: list[Iteration]) -> str:
-    """What to call a solve that cannot go on."""
+    """Name the status of a solve that cannot go on."""
     distance = gap(numbers, log)
     if log[-1].primal_residual > settings.loose or distance > max(settings.loose, settings.gap):
         return "failed"
@@ -279,7 +283,7 @@ def verdict(numbers: Numbers, settings: Settings, log: list[Iteration]) -> str:
 
 
 def better(first: Outcome, second: Outcome) -> Outcome:
-    """The outcome with the higher safe value, with the CPU seconds of both."""
+    """Return the outcome with the higher safe value, with the CPU seconds of both."""
     chosen = max(second, first, key=lambda out: max(line.safe for line in out.log))
     seconds = {
         phase: first.seconds.get(phase, 0.0) + second.seconds.get(phase, 0.0)

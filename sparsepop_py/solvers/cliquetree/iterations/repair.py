@@ -29,13 +29,13 @@ _SOFT = 1e-9  # multiple of the unit matrix that is added to Z in the weights
 
 
 class Repair:
-    """What repairs the points of one solve.
+    """Repair of the points of one solve.
 
     Parameters
     ----------
     numbers : Numbers
     factor : Factor or FrontFactor
-        Memory for a factorization; what is in it is lost.
+        Memory for a factorization; its content is lost.
     deadline : float, optional
         CPU time after which to give up.
     """
@@ -48,7 +48,7 @@ class Repair:
         self._deadline = deadline
 
     def __call__(self, at: Iterate) -> Iterate:
-        """The point with repaired multipliers, or as it was where that gains nothing.
+        """Repair the multipliers of a point; return it as it was where nothing is gained.
 
         Raises
         ------
@@ -76,6 +76,9 @@ class Repair:
 
 
 def safe_value(numbers: Numbers, at: Iterate) -> float:
-    """The dual value less the largest effect of its residual on moments in [-1, 1]."""
+    """Compute the dual value less the largest effect of its residual.
+
+    Moments lie in [-1, 1].
+    """
     residual = -numbers.q - numbers.Ct @ at.z - numbers.rows_turned(at.w)
     return float(-numbers.c @ at.z - numbers.e @ at.w - np.abs(residual).sum())

@@ -32,7 +32,7 @@ _ROOT2 = float(np.sqrt(2.0))
 def with_second_order(
     program: ConicProgram, G: sps.csc_array, h: Reals, sizes: Sequence[int]
 ) -> ConicProgram:
-    """The program with further rows h - G y in a product of second-order cones.
+    """Add rows h - G y in a product of second-order cones to a program.
 
     Parameters
     ----------
@@ -41,6 +41,10 @@ def with_second_order(
     h : (sum of sizes,) float
     sizes : sequence of int
         Rows of each cone, the bound t first.
+
+    Returns
+    -------
+    ConicProgram
 
     Raises
     ------
@@ -89,14 +93,18 @@ def with_second_order(
 
 
 def second_order_multipliers(z: Reals, sizes: Sequence[int]) -> Reals:
-    """The multipliers (sum of sizes,) of the cones, from those of a program made of them.
+    """Recover the multipliers of second-order cones, shape (sum of sizes,).
 
     Parameters
     ----------
     z : (R,) float
-        All multipliers of what :func:`with_second_order` returned.
+        All multipliers of a program of :func:`with_second_order`.
     sizes : sequence of int
         As given there.
+
+    Returns
+    -------
+    (sum of sizes,) float
     """
     found = []
     begin = z.size - sum(s * (s + 1) // 2 for s in sizes)

@@ -42,7 +42,7 @@ class OutOfTime(Exception):
 
 
 class Workers:
-    """Threads that do parts of one piece of work, each with the same result whoever does it.
+    """Threads that share one piece of work; results do not depend on their number.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Workers:
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def each(self, work: Callable[[Part], Result], parts: Sequence[Part]) -> list[Result]:
-        """The results of all parts, in their order; an error is raised after all have ended."""
+        """List the results of all parts; an error is raised after all have ended."""
         if self._pool is None or len(parts) < 2:
             return [work(part) for part in parts]
         asked = [self._pool.submit(work, part) for part in parts]
@@ -81,7 +81,11 @@ def check(deadline: float | None) -> None:
 
 
 def compiled_kernels() -> ModuleType:
-    """The kernels that numba compiles.
+    """Import the kernels that numba compiles.
+
+    Returns
+    -------
+    module
 
     Raises
     ------
@@ -95,12 +99,12 @@ def compiled_kernels() -> ModuleType:
 
 
 def transposed(matrices: Reals) -> Reals:
-    """A view of each matrix transposed."""
+    """View each matrix transposed."""
     return matrices.swapaxes(1, 2)
 
 
 def symmetric(matrices: Reals) -> Reals:
-    """The symmetric part of each matrix."""
+    """Compute the symmetric part of each matrix."""
     return 0.5 * (matrices + transposed(matrices))
 
 
@@ -147,7 +151,7 @@ def _invert(factors: Reals, result: Reals) -> None:
 
 
 def largest_step(inverse: Reals, direction: Reals, limit: float, roughly: bool = False) -> float:
-    """The largest a <= limit for which every L L' + a D stays positive semidefinite.
+    """Compute the largest a <= limit that keeps every L L' + a D semidefinite.
 
     Parameters
     ----------
@@ -158,6 +162,10 @@ def largest_step(inverse: Reals, direction: Reals, limit: float, roughly: bool =
     limit : float
     roughly : bool
         Whether to look at the suspects only (see below) and perhaps return too much.
+
+    Returns
+    -------
+    float
 
     Notes
     -----
@@ -200,7 +208,7 @@ def _least_eigenvalue_bounds(matrices: Reals) -> Reals:
 
 
 def _inside(scaled: Reals, step: float) -> bool:
-    """Whether every I + step T is positive definite."""
+    """Check that every I + step T is positive definite."""
     diagonal = np.arange(scaled.shape[1])
     moved = step * scaled
     moved[:, diagonal, diagonal] += 1.0

@@ -59,7 +59,7 @@ def _ones():
 
 @jit
 def _extend_add(values, work, stack, source, to, base, e, u):
-    """Add the update of a child to the pivots (values) and the update (work) of its parent."""
+    """Add a child's update to pivots (values) and update (work) of its parent."""
     inner = np.searchsorted(to, e)
     for i in range(to.size):
         row = source + i * to.size
@@ -73,7 +73,7 @@ def _extend_add(values, work, stack, source, to, base, e, u):
 
 @jit
 def _eliminate(front, e, u, inverse):
-    """The e rows of U with U'U the pivots, in place of these and of the u columns behind them.
+    """Replace pivots and columns behind them by the e rows of U, U'U the pivots.
 
     Rows are taken in panels, and triangles of a panel are inverted: products of matrices run at
     almost twice the speed of LAPACK's Cholesky factorization and of triangular solves.
@@ -180,14 +180,14 @@ def factorize(
 
 @jit
 def scatter(values, sums, place, low, high):
-    """Add sums one after the other to values at the places from low to high - 1."""
+    """Add sums one after the other to values at places low to high - 1."""
     for k in range(low, high):
         values[np.int64(place[k])] += sums[k - low]
 
 
 @inline
 def _row(front, known, width):
-    """The product of a row of a front and what is known."""
+    """Multiply a row of a front by known values."""
     found = filled(0.0)
     for at in range(0, width * WORD, LANES * WORD):
         found = found + load(front + at) * load(known + at)
@@ -196,7 +196,7 @@ def _row(front, known, width):
 
 @inline
 def _rows(values, base, e, low, high, known, width, x):
-    """Subtract the products of rows from low to high - 1 and what is known, four at a time."""
+    """Subtract products of rows low to high - 1 with known values, four at once."""
     step, n = e * WORD, known.ctypes.data
     for i in range(low, high - 3, 4):
         at = values.ctypes.data + (base + i * e) * WORD
@@ -217,7 +217,7 @@ def _rows(values, base, e, low, high, known, width, x):
 
 @inline
 def _column(values, base, e, k, high, x):
-    """What is left of x[k:k + 8] without the products of later rows and the rest of x."""
+    """Subtract the products of later rows and entries of x from x[k:k + 8]."""
     step, at = e * WORD, values.ctypes.data + (base + k) * WORD
     x_at = x.ctypes.data
     one, two = load(x_at + k * WORD), filled(0.0)

@@ -1,4 +1,4 @@
-"""Compiled kernels on semidefinite blocks, taken one by one so that each stays in the cache.
+"""Compiled kernels on semidefinite blocks, taken one by one for the cache.
 
 Block k has size[k]^2 entries from start[k] on, by rows. Work is done on copies whose rows are
 padded to whole vectors; two rows are computed at a time, the last two again where their number
@@ -49,9 +49,10 @@ def room_of(size):
 
 @inline
 def _two_rows(out, stride, a, row, step, x, width, low, high):
-    """Two rows of eight sums over k in [low, high) of a number times a vector.
+    """Sum products of numbers and vectors over k, for two rows.
 
-    out[r * stride] = sum of a[r * row + k * step] * x[k * width] for r = 0, 1; all in bytes.
+    out[r * stride] = sum of a[r * row + k * step] * x[k * width] over k in [low, high), for
+    r = 0, 1; all in bytes.
     """
     one, two = filled(0.0), filled(0.0)
     for k in range(low, high):
@@ -79,13 +80,13 @@ def _pad_turned(x, begin, s, width, result, place):
 
 @inline
 def _row(r, s):
-    """The first of two rows; the last two where only one is left."""
+    """Return the first of two rows; the last two where only one is left."""
     return r if r + 2 <= s else s - 2
 
 
 @jit
 def sandwich(left, middle, right, start, size, low, high, result):
-    """The symmetric part of P D Z of the blocks from low to high - 1."""
+    """Compute the symmetric part of P D Z of blocks low to high - 1."""
     room = room_of(size[low:high])
     work = np.zeros(3 * room)
     z_at = work.ctypes.data
@@ -139,7 +140,7 @@ def _factorized(x, begin, s, width):
 
 @inline
 def _inverted(x, begin, s):
-    """The inverse of what ``_factorized`` leaves, in place."""
+    """Invert the result of ``_factorized`` in place."""
     for j in range(s):
         for i in range(j + 1, s):
             ii = begin + i * s
@@ -151,7 +152,7 @@ def _inverted(x, begin, s):
 
 @jit
 def inverse_factors(x, start, size, low, high, result):
-    """Inverse lower Cholesky factors of the blocks from low on; the first one without, or -1."""
+    """Compute inverse lower Cholesky factors; return the first block without one, or -1."""
     n, info = np.empty(1, np.int32), np.zeros(1, np.int32)
     upper, general = _LETTERS.ctypes.data, _LETTERS.ctypes.data + 1
     n_at, failed = n.ctypes.data, info.ctypes.data
@@ -206,7 +207,7 @@ def inverses(factor, start, size, low, high, result):
 
 @inline
 def _scaled(inverse, direction, b, s, width, room, work):
-    """The lower triangle of L^-1 D L^-T in the last quarter of the working memory."""
+    """Put the lower triangle of L^-1 D L^-T into the last quarter of memory."""
     f_at = work.ctypes.data
     d_at, x_at, t_at = f_at + room * WORD, f_at + 2 * room * WORD, f_at + 3 * room * WORD
     row, step = s * WORD, width * WORD
@@ -225,7 +226,7 @@ def _scaled(inverse, direction, b, s, width, room, work):
 
 @jit
 def _moved(T, s, width, limit, result):
-    """The lower triangle of I + limit T, and the squares of all entries of limit T."""
+    """Compute the lower triangle of I + limit T and the squares of limit T."""
     square = 0.0
     for i in range(s):
         for j in range(i + 1):
@@ -238,7 +239,7 @@ def _moved(T, s, width, limit, result):
 
 @jit
 def _definite(x, s):
-    """Whether a matrix, by its lower triangle, has a Cholesky factor, which takes its place."""
+    """Check that a matrix has a Cholesky factor, which takes its place."""
     if s <= _SMALL:
         return _factorized(x, 0, s, s)
     n, info = np.array([s], np.int32), np.zeros(1, np.int32)
@@ -249,11 +250,11 @@ def _definite(x, s):
 
 @jit
 def largest_step(inverse, direction, start, size, low, high, limit):
-    """The largest a <= limit that keeps all L L' + a D semidefinite, by inverse factors.
+    """Compute the largest a <= limit that keeps all L L' + a D semidefinite.
 
     T = L^-1 D L^-T has eigenvalues above minus its Frobenius norm, and I + a T has a Cholesky
     factor up to the step that is sought. An estimate of the least eigenvalue is usually confirmed
-    at once, otherwise bisection goes on. What is returned is a little less than the longest step,
+    at once, otherwise bisection goes on. The step returned is a little less than the longest one,
     lest a chain of almost equal blocks make every second one fail.
     """
     room = room_of(size[low:high])

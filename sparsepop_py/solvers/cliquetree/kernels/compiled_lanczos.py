@@ -29,7 +29,7 @@ _LANCZOS = 20  # steps that find a least eigenvalue up to a thousandth, more or 
 
 @inline
 def _multiplied(T, x, s, width, y):
-    """The product T x of a symmetric T, put to y."""
+    """Write the product T x of a symmetric T to y."""
     step, n = width * WORD, s - s % 2
     for t in range(0, step, LANES * WORD):
         at, one, two = T.ctypes.data + t, filled(0.0), filled(0.0)
@@ -43,7 +43,7 @@ def _multiplied(T, x, s, width, y):
 
 @jit
 def ritz(T, s, width, vectors, diagonal, beside):
-    """The least eigenvalue of T from above, by a few steps of Lanczos (1950)."""
+    """Bound the least eigenvalue of T from above by a few Lanczos steps (1950)."""
     x, y, before = vectors[0], vectors[1], vectors[2]
     square = 0.0
     for i in range(s):
@@ -75,7 +75,7 @@ def ritz(T, s, width, vectors, diagonal, beside):
 
 @inline
 def _least(diagonal, beside, count):
-    """The least eigenvalue of a tridiagonal matrix from above, up to a ten-thousandth."""
+    """Bound the least eigenvalue of a tridiagonal matrix from above, to a ten-thousandth."""
     low, high, last = diagonal[0], diagonal[0], 0.0
     for k in range(count):
         off = beside[k] if k + 1 < count else 0.0

@@ -37,7 +37,7 @@ def _room(size):
 
 @inline
 def _dot(total, a, a_step, b, b_step, low, high):
-    """The vector less the sum of a_k b_k."""
+    """Subtract the sum of a_k b_k from a vector."""
     for k in range(low, high):
         total = total - load(a + k * a_step) * load(b + k * b_step)
     return total
@@ -45,7 +45,7 @@ def _dot(total, a, a_step, b, b_step, low, high):
 
 @inline
 def _product(a, a_step, b, b_step, low, high):
-    """The sum of a_k b_k."""
+    """Compute the sum of a_k b_k."""
     total = filled(0.0)
     for k in range(low, high):
         total = total + load(a + k * a_step) * load(b + k * b_step)
@@ -54,7 +54,7 @@ def _product(a, a_step, b, b_step, low, high):
 
 @jit
 def sandwich(left, middle, right, start, size, low, high, result):
-    """The symmetric part of P D Z of the groups from low to high - 1."""
+    """Compute the symmetric part of P D Z of groups low to high - 1."""
     work = np.zeros(_room(size[low:high]))
     t_at, half = work.ctypes.data, filled(0.5)
     for k in range(low, high):
@@ -100,7 +100,7 @@ def _factorized(x, s):
 
 @jit
 def inverse_factors(x, start, size, low, high, result):
-    """Inverse lower Cholesky factors of the groups from low on; the first one without, or -1."""
+    """Compute inverse lower Cholesky factors; return the first group without one, or -1."""
     nothing = filled(0.0)
     for k in range(low, high):
         s, b = size[k], start[k] * WORD
@@ -122,7 +122,7 @@ def inverse_factors(x, start, size, low, high, result):
 
 @jit
 def inverses(factor, start, size, low, high, result):
-    """F' F of the lower triangular blocks F of the groups from low to high - 1."""
+    """Compute F' F of lower triangular blocks F of groups low to high - 1."""
     for k in range(low, high):
         s, b = size[k], start[k] * WORD
         row = s * _STEP
@@ -136,7 +136,7 @@ def inverses(factor, start, size, low, high, result):
 
 @inline
 def _scaled(f_at, d_at, s, x_at, t_at):
-    """The lower triangles of T = F D F'."""
+    """Compute the lower triangles of T = F D F'."""
     row = s * _STEP
     for i in range(s):
         for j in range(s):
@@ -149,7 +149,7 @@ def _scaled(f_at, d_at, s, x_at, t_at):
 
 @jit
 def _inside(t_at, s, limit, moved):
-    """Whether all eight I + limit T are positive definite."""
+    """Check that all eight I + limit T are positive definite."""
     row, factor = s * _STEP, filled(limit)
     for i in range(s):
         for j in range(i + 1):
@@ -162,7 +162,7 @@ def _inside(t_at, s, limit, moved):
 
 @jit
 def largest_step(inverse, direction, start, size, low, high, limit):
-    """The largest a <= limit that keeps all L L' + a D semidefinite, by inverse factors.
+    """Compute the largest a <= limit that keeps all L L' + a D semidefinite.
 
     T = L^-1 D L^-T has eigenvalues above minus its Frobenius norm, and I + a T has a Cholesky
     factor up to the step that is sought, which is found up to a thousandth by bisection.
@@ -199,10 +199,11 @@ def largest_step(inverse, direction, start, size, low, high, limit):
 
 @jit
 def pair_sums(inverse, dual, start, size, member, first, row, column, weight, low, high, result):
-    """<A_p, P A_q Z> of the groups from low to high - 1 and all pairs p <= q of their moments.
+    """Compute <A_p, P A_q Z> of groups for all pairs of their moments.
 
-    Group k has the moments member[k] to member[k + 1]; moment p has the nonzeros first[p] to
-    first[p + 1] of the lower triangle, each with eight weights, those of the diagonal halved.
+    Pairs p <= q; group k has the moments member[k] to member[k + 1]; moment p has the nonzeros
+    first[p] to first[p + 1] of the lower triangle, each with eight weights, those of the diagonal
+    halved. Groups run from low to high - 1.
     """
     weights, out = weight.ctypes.data, result.ctypes.data
     for k in range(low, high):

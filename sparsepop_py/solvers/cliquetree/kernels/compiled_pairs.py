@@ -33,7 +33,7 @@ _MANY = 4  # moments whose products are formed together
 
 @inline
 def _grown(sums, left, right):
-    """Four vectors, each with a multiple of one more: the numbers from ``left`` on times it."""
+    """Add multiples of one vector, the numbers from ``left`` on, to four vectors."""
     return (
         sums[0] + spread(left) * right,
         sums[1] + spread(left + WORD) * right,
@@ -44,10 +44,10 @@ def _grown(sums, left, right):
 
 @inline
 def _symmetric(out, at, row, column, weights, step, begin, end):
-    """Four rows of eight entries of P A Z + Z A P, A by the nonzeros of its lower triangle.
+    """Compute four rows of eight entries of P A Z + Z A P.
 
-    ``at`` has the first row of P and of Z from the first of the rows on, and from the first of the
-    entries on.
+    A is given by the nonzeros of its lower triangle. ``at`` has the first row of P and of Z from
+    the first of the rows on, and from the first of the entries on.
     """
     sums = filled(0.0), filled(0.0), filled(0.0), filled(0.0)
     p_left, z_left, p_right, z_right = at
@@ -66,7 +66,7 @@ def _symmetric(out, at, row, column, weights, step, begin, end):
 
 @inline
 def _product(v, p, z, s, step, row, column, weights, begin, end):
-    """The lower triangle of P A Z + Z A P, A by its nonzeros."""
+    """Compute the lower triangle of P A Z + Z A P from A's nonzeros."""
     for i in range(0, s, 4):
         for t in range(0, min(i + 4, s) * WORD, LANES * WORD):
             at = p + i * WORD, z + i * WORD, p + t, z + t
@@ -75,7 +75,7 @@ def _product(v, p, z, s, step, row, column, weights, begin, end):
 
 @inline
 def _weighed(weights, places, low, high, v):
-    """The sum of weight V over the nonzeros from low to high - 1 of a moment."""
+    """Sum weight V over the nonzeros low to high - 1 of a moment."""
     total = 0.0
     for nonzero in range(low, high):
         at = nonzero * WORD
@@ -85,7 +85,7 @@ def _weighed(weights, places, low, high, v):
 
 @inline
 def _four_weighed(weights, places, low, high, v, step, out, n):
-    """The same for four V behind each other, put to row n of a triangle by rows and three more."""
+    """Sum weight V for four consecutive V, into row n and three more of a triangle."""
     one, two, three, four = 0.0, 0.0, 0.0, 0.0
     for nonzero in range(low, high):
         at = nonzero * WORD
@@ -102,12 +102,12 @@ def _four_weighed(weights, places, low, high, v, step, out, n):
 
 @jit
 def pair_sums(inverse, dual, start, size, member, first, row, column, weight, low, high, result):
-    """<A_p, P A_q Z> of the blocks from low to high - 1 and all pairs p <= q of their moments.
+    """Compute <A_p, P A_q Z> of blocks for all pairs of their moments.
 
-    Block k has the moments member[k] to member[k + 1]; moment p has the nonzeros first[p] to
-    first[p + 1] of the lower triangle, weights of the diagonal halved. With V = P A_q Z + Z A_q P
-    the result is the sum of weight V over the nonzeros of p; those of one q follow each other.
-    Four q are taken at a time.
+    Pairs p <= q; block k has the moments member[k] to member[k + 1]; moment p has the nonzeros
+    first[p] to first[p + 1] of the lower triangle, weights of the diagonal halved. With
+    V = P A_q Z + Z A_q P the result is the sum of weight V over the nonzeros of p; those of one q
+    follow each other. Four q are taken at a time. Blocks run from low to high - 1.
     """
     room = room_of(size[low:high])
     work = np.zeros((2 + _MANY) * room)

@@ -1,8 +1,8 @@
-"""What the compiled kernels are made with: numba, the BLAS and LAPACK of scipy, vectors.
+"""Tools for compiled kernels: numba, the BLAS and LAPACK of scipy, vectors.
 
 LLVM does not vectorise short loops well: it guards each against overlapping arrays, and leaves
-what does not fill a vector to scalars. So all work on blocks is written here in vectors of
-eight doubles, which LLVM cuts into what the processor has. They are loaded from and stored to
+loops that do not fill a vector to scalars. So all work on blocks is written here in vectors of
+eight doubles, which LLVM splits into those of the processor. They are loaded from and stored to
 addresses in bytes; between these they are added and multiplied like numbers.
 """
 
@@ -41,17 +41,17 @@ _intrinsic: Any = intrinsic
 
 
 def jit(function: Any) -> Any:
-    """The function, compiled at its first call; kept on disk, without Python's lock."""
+    """Compile a function at its first call; keep it on disk, without Python's lock."""
     return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
 
 
 def inline(function: Any) -> Any:
-    """The function, compiled into those that call it."""
+    """Compile a function into those that call it."""
     return numba.njit(inline="always")(function)
 
 
 def routine(library: str, name: str, arguments: int) -> Any:
-    """A routine of scipy by its address; all arguments are pointers."""
+    """Look up a routine of scipy by its address; all arguments are pointers."""
     address = get_cython_function_address(f"scipy.linalg.cython_{library}", name)
     llvmlite.binding.add_symbol(f"cliquetree_{name}", address)
     return types.ExternalFunction(f"cliquetree_{name}", types.void(*[types.intp] * arguments))
@@ -101,7 +101,7 @@ def _spread(builder: ir.IRBuilder, x: Any) -> Any:
 
 @_intrinsic
 def load(typing, address):
-    """The vector at an address."""
+    """Load the vector at an address."""
 
     def build(context, builder, signature, arguments):
         return builder.load(builder.inttoptr(arguments[0], _VECTOR.as_pointer()), align=WORD)
@@ -124,7 +124,7 @@ def store(typing, address, vector):
 
 @_intrinsic
 def spread(typing, address):
-    """A vector of the number at an address."""
+    """Fill a vector with the number at an address."""
 
     def build(context, builder, signature, arguments):
         pointer = builder.inttoptr(arguments[0], _REAL.as_pointer())
@@ -135,7 +135,7 @@ def spread(typing, address):
 
 @_intrinsic
 def number(typing, address):
-    """The number at an address."""
+    """Load the number at an address."""
 
     def build(context, builder, signature, arguments):
         return builder.load(builder.inttoptr(arguments[0], _REAL.as_pointer()), align=WORD)
@@ -145,7 +145,7 @@ def number(typing, address):
 
 @_intrinsic
 def index(typing, address):
-    """The integer at an address."""
+    """Load the integer at an address."""
 
     def build(context, builder, signature, arguments):
         pointer = builder.inttoptr(arguments[0], ir.IntType(64).as_pointer())
@@ -167,7 +167,7 @@ def put(typing, address, number):
 
 @_intrinsic
 def filled(typing, number):
-    """A vector of a number."""
+    """Fill a vector with a number."""
 
     def build(context, builder, signature, arguments):
         return _spread(builder, arguments[0])
@@ -177,7 +177,7 @@ def filled(typing, number):
 
 @_intrinsic
 def root(typing, vector):
-    """The square roots of its entries."""
+    """Compute the square roots of a vector's entries."""
 
     def build(context, builder, signature, arguments):
         kind = ir.FunctionType(_VECTOR, [_VECTOR])
@@ -189,7 +189,7 @@ def root(typing, vector):
 
 @_intrinsic
 def all_positive(typing, vector):
-    """Whether all entries are positive."""
+    """Check that all entries are positive."""
 
     def build(context, builder, signature, arguments):
         found = builder.fcmp_ordered(">", arguments[0], ir.Constant(_VECTOR, None))
@@ -200,7 +200,7 @@ def all_positive(typing, vector):
 
 
 def _reduction(name: str, *start: float) -> Any:
-    """What LLVM calls so, of all entries of a vector."""
+    """Build a reduction of all entries of a vector by LLVM's name."""
 
     @_intrinsic
     def reduction(typing, vector):

@@ -1,4 +1,4 @@
-"""What depends on the pattern of a program only: layout of blocks, fronts, index maps.
+"""Symbolic analysis of a program's pattern: layout of blocks, fronts, index maps.
 
 Every semidefinite block, linear row and equality row couples the moments it holds, so the
 matrix of the Newton system is a union of cliques. These are eliminated along a tree of
@@ -65,12 +65,12 @@ class Symbolic:
 
     @property
     def compiled(self) -> bool:
-        """Whether this is for the compiled kernels."""
+        """True if this is for the compiled kernels."""
         return isinstance(self.tree, Fronts)
 
 
 def pattern_key(program: ConicProgram) -> bytes:
-    """A digest of the pattern of A and of the cones."""
+    """Compute a digest of the pattern of A and of the cones."""
     digest = hashlib.blake2b(digest_size=16)
     cones = program.cones
     digest.update(repr((program.A.shape, cones.zero, cones.nonnegative, cones.psd)).encode())
@@ -120,7 +120,7 @@ def analyse(program: ConicProgram, compiled: bool = False) -> Symbolic:
 
 
 def _rank(row: Indices, column: Indices, key: Indices) -> Indices:
-    """How to sort the moments of each block: by the number of nonzeros, then by the first one.
+    """Rank the moments of each block by number of nonzeros, then first nonzero.
 
     So moments of blocks side by side correspond, and loops over nonzeros are of equal length.
     """
@@ -133,7 +133,7 @@ def _rank(row: Indices, column: Indices, key: Indices) -> Indices:
 
 
 def _tree(member: Indices, first: Indices, moments: int, compiled: bool) -> Tree | Fronts:
-    """The elimination tree of the cliques."""
+    """Build the elimination tree of the cliques."""
     cliques = [member[a:b] for a, b in zip(first, first[1:], strict=False)]
     order = eliminate(maximal(cliques, moments), moments, _LEAN if compiled else _SHALLOW)
     fronts = amalgamate(order, moments)

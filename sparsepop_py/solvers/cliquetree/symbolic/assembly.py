@@ -1,4 +1,4 @@
-"""Which products of blocks and rows are added where, when the Newton matrix is formed.
+"""Index maps of the Newton matrix: products of blocks and rows, and their places.
 
 With A_p the coefficient matrices of the moments of a block, its part of the matrix is
 <A_p, P A_q Z>. For numpy, blocks of one size are taken together in chunks that fit into the
@@ -63,7 +63,7 @@ class Assembly:
     place: Indices
 
     def bound(self, data: Reals, workers: Workers) -> StackProduct:
-        """The same with numbers: ``data`` of the entry matrix."""
+        """Attach numbers: ``data`` of the entry matrix."""
         count, size, moments = self.count, self.size, self.moments
         left = sps.csr_array(
             (data[self.left_source], self.left_indices, self.left_indptr),
@@ -134,11 +134,11 @@ class BlockPairs:
     place: NDArray[np.uint32] | Indices
 
     def parts(self) -> list[tuple[int, int]]:
-        """Ranges of groups with about equal work for operations on matrices, one if it is small."""
+        """Split groups into ranges of about equal work, one if the work is small."""
         return _ranges(self.lanes * self.size.astype(float) ** 3 + 50.0, _PART, _MOST_PARTS)
 
     def bound(self, data: Reals, workers: Workers) -> PairProduct:
-        """The same with numbers: ``data`` of the entry matrix."""
+        """Attach numbers: ``data`` of the entry matrix."""
         half = np.repeat(np.where(self.row == self.column, 0.5, 1.0), self.lanes)
         held = np.diff(self.at)
         ranges = _ranges(held, _HELD, held.size + 1)
@@ -210,18 +210,22 @@ class RowPairs:
 def block_pairs(
     layout: Layout, first: Indices, spot: Indices, local: Indices, tree: Fronts
 ) -> tuple[BlockPairs, ...]:
-    """Those of single blocks and those of blocks side by side.
+    """Collect the pairs of single blocks and those of blocks side by side.
 
     Parameters
     ----------
     layout : Layout
     first : int array
-        Where the moments of each block or row begin among those of all,
+        Start of the moments of each block or row among those of all.
     spot : int array
-        of which this is the rank.
+        Moment of each rank.
     local : (nnz,) int
         Number of the moment of each nonzero within its block or row.
     tree : Fronts
+
+    Returns
+    -------
+    tuple of BlockPairs
     """
     kinds = [[s for s in layout.stacks if (s.lanes > 1) == beside] for beside in (False, True)]
     return tuple(_pairs(kind, layout, first, spot, local, tree) for kind in kinds if kind)
@@ -235,7 +239,7 @@ def _pairs(
     local: Indices,
     tree: Fronts,
 ) -> BlockPairs:
-    """Nonzeros of each moment of each group, and the places of all pairs of its moments."""
+    """Collect nonzeros of each moment of each group, and places of moment pairs."""
     lanes = stacks[0].lanes
     blocks = layout.head + np.concatenate([s.blocks for s in stacks])
     size = np.concatenate([np.full(s.count // lanes, s.size) for s in stacks])
@@ -271,7 +275,7 @@ def _pairs(
 def _places(
     low: Indices, width: Indices, at: Indices, spot: Indices, tree: Fronts
 ) -> NDArray[np.uint32] | Indices:
-    """The entries of all fronts that belong to the pairs of groups of blocks side by side."""
+    """Find the entries of fronts for pairs of groups of blocks side by side."""
     lanes = low.shape[1]
     place = np.empty(at[-1], np.uint32 if tree.entries < 2**32 else np.int64)
     for count in np.unique(width).tolist():

@@ -50,7 +50,7 @@ class Front:
 
 
 def maximal(cliques: list[Columns], columns: int) -> list[Columns]:
-    """The cliques that are no subset of another one, largest first.
+    """Select cliques that are no subset of another one, largest first.
 
     Parameters
     ----------
@@ -58,6 +58,10 @@ def maximal(cliques: list[Columns], columns: int) -> list[Columns]:
         Distinct column numbers each.
     columns : int
         Number of columns.
+
+    Returns
+    -------
+    list of (C,) int
     """
     kept: list[Columns] = []
     sets: list[set[int]] = []
@@ -287,13 +291,18 @@ def amalgamate(fronts: list[Front], columns: int) -> list[Front]:
 
 
 def parents(fronts: list[Front], columns: int) -> tuple[Columns, Columns]:
-    """The front that eliminates each column, and the parent of each front or -1.
+    """Find the front that eliminates each column, and each front's parent or -1.
 
     Parameters
     ----------
     fronts : list of Front
         Each after all that update it.
     columns : int
+
+    Returns
+    -------
+    front : (columns,) int
+    parent : (F,) int
     """
     home = np.zeros(columns, np.int64)
     for number, front in enumerate(fronts):

@@ -97,14 +97,14 @@ class Fronts:
 
     @cached_property
     def _home(self) -> tuple[Indices, Indices]:
-        """The front of each rank and the key front * M + rank of each column of each front."""
+        """Front of each rank, and key front * M + rank of each column."""
         number = np.arange(self.pivots.size)
         width = max(self.rank.size, 1)
         key = np.repeat(number, self.pivots + self.updates) * width + self.rank[self.columns]
         return np.repeat(number, self.pivots), key
 
     def locate(self, owner: Indices, member: Indices, first: Indices) -> Indices:
-        """What ``pairs`` needs to know of each column."""
+        """Compute the data of each column that ``pairs`` needs."""
         return self.rank[member]
 
     def pairs(self, spot: Indices, inside: NDArray[np.bool_]) -> Indices:
@@ -134,7 +134,7 @@ class Fronts:
 
     @cached_property
     def plan(self) -> tuple[Indices, ...]:
-        """What the kernel asks for: child, children, slot, slots, home; and the stack's size."""
+        """Arguments of the kernel: child, children, slot, slots, home; stack size."""
         parent, updates = self.parent, self.updates
         children = np.flatnonzero(parent >= 0)
         children = children[np.argsort(parent[children], kind="stable")]
@@ -150,7 +150,7 @@ class Fronts:
         return child, children, _starts(updates), slots, home, np.array([largest])
 
     def _homes(self) -> tuple[Indices, int]:
-        """Where the update of each front goes, and how much room that takes.
+        """Assign memory to the update of each front, and compute the total.
 
         Each branch has a stack of its own and each front of the trunk a place of its own, so
         that branches need not wait for each other.
@@ -253,20 +253,24 @@ class FrontFactor:
             eliminate(part)
 
     def solve(self, right: Reals) -> Reals:
-        """The solution of the factorized system for one right-hand side (M,)."""
+        """Solve the factorized system for one right-hand side (M,)."""
         x, t = right.copy(), self.tree
         compiled_kernels().solve(self.entries, x, t.pivots, t.updates, t.base, t.first, t.columns)
         return x
 
 
 def line_up(fronts: list[Front], columns: int) -> Fronts:
-    """Number the fronts of an elimination order so that children come right before parents.
+    """Number the fronts of an elimination order, children right before parents.
 
     Parameters
     ----------
     fronts : list of Front
         Each after all that update it.
     columns : int
+
+    Returns
+    -------
+    Fronts
     """
     parent = parents(fronts, columns)[1]
     children: list[list[int]] = [[] for _ in fronts]

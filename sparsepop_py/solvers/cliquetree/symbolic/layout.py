@@ -1,4 +1,4 @@
-"""Where the entries of all blocks and rows stand in one vector.
+"""Layout of the entries of all blocks and rows in one vector.
 
 Matrices are written out in full, blocks of one size one after the other, so that all
 of them are one (K, s, s) array; linear rows follow. For compiled kernels, small blocks of one size
@@ -58,14 +58,14 @@ class BlockStack:
         return self.count, self.size, self.size
 
     def matrices(self, x: Reals) -> Reals:
-        """The blocks (count, size, size) of a vector of all entries, those side by side copied."""
+        """View the blocks (count, size, size) of a vector; those side by side are copied."""
         if self.lanes == 1:
             return x[self.span].reshape(self.shape)
         groups = x[self.span].reshape(-1, self.size, self.size, self.lanes)
         return groups.transpose(0, 3, 1, 2).reshape(self.shape)
 
     def entries(self, matrices: Reals) -> Reals:
-        """The entries of blocks (count, size, size) as they stand in the vector."""
+        """Arrange the entries of blocks (count, size, size) as in the vector."""
         groups = matrices.reshape(-1, self.lanes, self.size, self.size)
         return groups.transpose(0, 2, 3, 1).ravel()
 
@@ -103,7 +103,7 @@ class Layout:
 
 
 def lay_out(cones: Cones, row: Indices, column: Indices, compiled: bool = False) -> Layout:
-    """The layout of a program whose nonzeros stand in these rows and columns.
+    """Lay out a program by the rows and columns of its nonzeros.
 
     Parameters
     ----------
@@ -111,6 +111,10 @@ def lay_out(cones: Cones, row: Indices, column: Indices, compiled: bool = False)
     row, column : (nnz,) int
     compiled : bool
         Whether to put small blocks of one pattern side by side.
+
+    Returns
+    -------
+    Layout
     """
     sizes = np.array(cones.psd, np.int64)
     head = cones.zero + cones.nonnegative

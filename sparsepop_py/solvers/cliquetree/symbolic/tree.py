@@ -216,7 +216,7 @@ def _stack(
 
 
 class Factor:
-    """Working memory of factorizations on a tree: L^-1 (K, e, e) and F21 L^-T (K, u, e) a stack.
+    """Working memory of factorizations: L^-1 (K, e, e) and F21 L^-T (K, u, e) stacks.
 
     Memory is taken once and used again, since pages that are returned and asked for in every
     iteration cost more than the arithmetic on small fronts.
@@ -264,7 +264,7 @@ class Factor:
                 np.add.at(self.entries, stack.parent.ravel(), update.ravel())
 
     def solve(self, right: Reals) -> Reals:
-        """The solution of the factorized system for one right-hand side (M,)."""
+        """Solve the factorized system for one right-hand side (M,)."""
         x = np.append(right, 0.0)
         parts = list(zip(self.tree.stacks, self.inverse, self.across, strict=True))
         for stack, inverse, across in parts:
