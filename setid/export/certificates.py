@@ -13,17 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .boxed import start_of
-from .boxes import LeftInverse, ParameterBox, SignTree, linear_rows
-from .data import IOData
-from .errors import SetidError
-from .formulation import Formulation
-from .intervals import Identification
-from .layout import Layout
-from .models.lti import TransferFunction
-from .regression import Regression
-from .units import in_units
+from setid.data.record import IOData
+from setid.errors import SetidError
+from setid.formulation.formulation import Formulation
+from setid.formulation.layout import Layout
+from setid.formulation.regression import Regression
+from setid.formulation.units import in_units
+from setid.models.lti import TransferFunction
+from setid.proofs.parameter_box import start_of
+from setid.result.identification import Identification
+from sparsepop_py.verified.uncertain_rows.sign_tree import (
+    LeftInverse,
+    ParameterBox,
+    SignTree,
+    linear_rows,
+)
 
 __all__ = ["certificate_files"]
 
@@ -172,7 +176,7 @@ def _end(result: sp.Result) -> dict[str, Any]:
 
 def _linear_bound(bound: sp.LinearBound) -> dict[str, Any]:
     return {
-        "status": bound.status.name,
+        "status": str(bound.status),
         "multipliers": [[int(row), str(value)] for row, value in bound.multipliers],
         "vertex": _rationals(bound.vertex),
         "ray": _rationals(bound.ray),
