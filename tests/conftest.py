@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import matplotlib
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 from sparsepop_py import pipeline
 from sparsepop_py.io.json_ import from_json, to_json
@@ -13,6 +13,15 @@ from sparsepop_py.result import Result
 
 matplotlib.use("Agg")
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# Deliberate faults (tests/mutants): the same examples each time, and the first failure is enough.
+settings.register_profile(
+    "mutants",
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    phases=(Phase.explicit, Phase.generate),
+)
 settings.load_profile("patient")
 
 

@@ -16,9 +16,10 @@ from scipy.linalg import solve_triangular
 from setid.data.checks import frozen, number
 from setid.data.record import IOData
 from setid.errors import DataError, SetidError
-from setid.feasible_set.linear_programs import left_inverse, minimise
+from setid.feasible_set.linear_programs import minimise
 from setid.formulation.regression import Regression, regression_of_data
 from setid.models.equations import Structure
+from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
 __all__ = ["Estimate", "l1", "least_squares", "linf", "recursive_least_squares"]
 

@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from setid.errors import SetidError
 
-__all__ = ["left_inverse", "minimise"]
+__all__ = ["minimise"]
 
 # the next where one meets numerical difficulties; long recursions lose their meaning in presolve
 _TRIES = (("highs", True), ("highs-ipm", True), ("highs", False))
@@ -97,12 +97,3 @@ def _scales(
             count = np.bincount(place, minlength=scale.size)
             scale -= np.bincount(place, left, scale.size) / np.maximum(count, 1)
     return np.exp2(np.round(row)), np.exp2(np.round(column))
-
-
-def left_inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The pseudoinverse (p, R) of columns brought to one size, so that none counts as zero."""
-    size = np.abs(matrix).max(axis=0, initial=0.0)
-    units = np.ldexp(1.0, np.frexp(np.where(size > 0, size, 1.0))[1])
-    with np.errstate(over="ignore"):
-        found = np.linalg.pinv(matrix / units) / units[:, None]
-    return np.nan_to_num(found, posinf=0.0, neginf=0.0)  # for columns whose inverse is no double

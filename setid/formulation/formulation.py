@@ -20,7 +20,6 @@ from setid.formulation.assembly import Rows, build
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
 from setid.formulation.printing import equation_text
-from setid.formulation.products import MonomialRows
 from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
@@ -28,6 +27,7 @@ from setid.models.equations import Equation, Structure
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
 __all__ = ["Formulation", "Structs", "formulate", "settled", "to_structs"]
 
@@ -53,7 +53,7 @@ class Formulation:
     smoothed : Regression or None
         The same rows, and where they are differences over time also their sums through
         low-pass filters (:mod:`setid.formulation.smoothing`): what boxes of the parameters rest on.
-    products : MonomialRows or None
+    products : ProductRows or None
         The same in products of parameters, for block structures whose internal signals can
         be eliminated.
     data, model, noise, priors
@@ -81,7 +81,7 @@ class Formulation:
     rows: Rows
     regression: Regression | None
     smoothed: Regression | None
-    products: MonomialRows | None
+    products: ProductRows | None
     data: IOData
     model: Structure
     noise: Noise

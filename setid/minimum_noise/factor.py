@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.record import IOData
-from setid.feasible_set.directions import units_of_rows
-from setid.feasible_set.sign_tree import parameter_box
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.options import Options
 from setid.proofs.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import ProvedBox, start_of
-from setid.proofs.sign_tree import ParameterBox
+from sparsepop_py.uncertain_rows.directions import units_of_rows
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["least_factor", "search_factor", "on_box", "refuted_factor", "rounding_factor"]
 

@@ -15,7 +15,7 @@ from setid.formulation.units import in_units
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.parameter_box import ProvedBox, box_follows
-from setid.proofs.sign_tree import ParameterBox
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
     "NoiseScale",

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.formulation.interval_arithmetic import Ends
-from setid.formulation.products import Total, contracted
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
-from setid.proofs.base import Bounds
 from setid.proofs.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
+from sparsepop_py.verified.arithmetic.scalar_interval import Ends
+from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 
 __all__ = ["CellBox", "Parts", "cell_box", "parts_of"]
 
@@ -144,7 +144,7 @@ class CellBox(Bounds):
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.proofs.base.Bounds`.
+        As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
     unknowns : (K,) int
         Numbers of the samples of the internal signal.
     low, high : (K,) float

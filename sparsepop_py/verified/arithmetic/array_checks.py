@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["are_indices", "are_numbers", "is_index"]
+__all__ = ["are_indices", "are_numbers", "frozen", "is_index"]
+
+
+def frozen(array: NDArray) -> NDArray:
+    """The same array, made read-only."""
+    array.flags.writeable = False
+    return array
 
 
 def are_indices(array: NDArray, stop: int) -> bool:

@@ -7,7 +7,7 @@ gamma_i = phi_i / s, |s| <= 1 / R, max |phi_i| = 1 and c = b / s,
 
 so that on each face phi_i = 1 of a cube all unknowns are bounded: c by the rows, as b gamma_i.
 Where it is certified that no face holds a consistent point, all |gamma_i| < R.
-:mod:`setid.feasible_set.unbounded_coefficients` searches for the certificates.
+:mod:`sparsepop_py.uncertain_rows.unbounded_coefficients` searches for the certificates.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.formulation.formulation import Formulation
-from setid.formulation.products import MonomialRows, Total, contracted
+from sparsepop_py.algebra.polynomial import Constraint, Polynomial, variables
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
+from sparsepop_py.verified.uncertain_rows.products import ProductRows, Total, contracted
 
 __all__ = ["CoefficientLimit", "Faces"]
 
@@ -36,7 +38,7 @@ class CoefficientLimit(NamedTuple):
 
     parameters: tuple[int, ...]
     reach: float
-    proofs: tuple[sp.Certificate | None, ...]  # None where bounds of products are enough
+    proofs: tuple[Certificate | None, ...]  # None where bounds of products are enough
 
     def within(self, box: Reals) -> Reals:
         """The box (2, p) with these bounds."""
@@ -45,11 +47,9 @@ class CoefficientLimit(NamedTuple):
         found[1, chosen] = np.minimum(found[1, chosen], self.reach)
         return found
 
-    def follows(
-        self, formulation: Formulation, rows: MonomialRows, ends: Reals, box: Reals
-    ) -> bool:
+    def follows(self, coupled: CoupledRows, rows: ProductRows, ends: Reals, box: Reals) -> bool:
         """Check the proofs, given what the search was given."""
-        faces = Faces.of(formulation, rows, ends, box)
+        faces = Faces.of(coupled, rows, ends, box)
         if faces is None or faces.far != self.parameters or len(self.proofs) != len(faces.far):
             return False
         if any(type(i) is not int for i in self.parameters):
@@ -66,42 +66,36 @@ class CoefficientLimit(NamedTuple):
 class Faces:
     """What the problems of all faces have in common."""
 
-    formulation: Formulation
-    rows: MonomialRows
+    coupled: CoupledRows
+    rows: ProductRows
     ends: Reals
     box: Reals
     far: tuple[int, ...]  # the parameters without bounds
     partners: frozenset[int]  # what they are multiplied by
 
     @staticmethod
-    def of(formulation: Formulation, rows: MonomialRows, ends: Reals, box: Reals) -> Faces | None:
+    def of(coupled: CoupledRows, rows: ProductRows, ends: Reals, box: Reals) -> Faces | None:
         """None where an unbounded parameter is not always multiplied by one partner."""
         far = tuple(np.flatnonzero(np.any(np.isinf(box), axis=0)).tolist())
         pairs = [m for column in rows.columns for m in column if len(m) == 2]
         partners = frozenset(
             i for m in pairs for i, other in (m, m[::-1]) if other in far and i not in far
         )
-        found = Faces(formulation, rows, ends, box, far, partners)
+        found = Faces(coupled, rows, ends, box, far, partners)
         return found if far and partners and all(map(found._expressible, found._samples)) else None
 
     @cached_property
-    def _samples(self) -> list[sp.Constraint]:
+    def _samples(self) -> list[Constraint]:
         """The first rows of the record."""
-        return self._of(True)[:_ROWS]
-
-    def _of(self, model: bool) -> list[sp.Constraint]:
-        """The rows of the record, or what priors say."""
-        known = self.formulation
-        pairs = zip(known.problem.constraints, known.rows.origin, strict=True)
-        return [row for row, origin in pairs if (origin == "model") == model]
+        return self.coupled.constraints[:_ROWS]
 
     @cached_property
-    def constraints(self) -> dict[int, list[sp.Constraint]]:
+    def constraints(self) -> dict[int, list[Constraint]]:
         """For each face its constraints; priors that its unknowns cannot express are left out."""
-        kept = [row for row in (*self._samples, *self._of(False)) if self._expressible(row)]
+        kept = [row for row in (*self._samples, *self.coupled.others) if self._expressible(row)]
         return {face: [self._row(row, face) for row in kept] for face in self.far}
 
-    def _expressible(self, row: sp.Constraint) -> bool:
+    def _expressible(self, row: Constraint) -> bool:
         """Whether the unknowns of a face can express a constraint."""
         return all(map(self._suits, row.polynomial.words.tolist()))
 
@@ -110,14 +104,14 @@ class Faces:
         far = sum(letter - 1 in self.far for letter in word)
         return far <= sum(letter - 1 in self.partners for letter in word) <= 1
 
-    def _mapped(self, variables: Sequence[int], face: int) -> list[int]:
+    def _mapped(self, factors: Sequence[int], face: int) -> list[int]:
         """A product of theta and noise in the unknowns of a face: c for b, s for gamma_face."""
-        if face in variables:
-            return sorted(v for v in variables if v != face)
-        if any(v in self.far for v in variables):
-            return sorted(variables)  # c phi
-        held = [face] if any(v in self.partners for v in variables) else []
-        return sorted([*variables, *held])
+        if face in factors:
+            return sorted(v for v in factors if v != face)
+        if any(v in self.far for v in factors):
+            return sorted(factors)  # c phi
+        held = [face] if any(v in self.partners for v in factors) else []
+        return sorted([*factors, *held])
 
     @property
     def unit(self) -> float:
@@ -132,18 +126,18 @@ class Faces:
             return 1.0
         return float(np.exp2(np.clip(np.round(np.log2(top / below)), -60, 60)))
 
-    def holds(self, face: int, reach: float, proof: sp.Certificate | None) -> bool:
+    def holds(self, face: int, reach: float, proof: Certificate | None) -> bool:
         """Whether a face is proved to hold no consistent point."""
         box = self.unknowns(face, reach)
         if np.any(box[0] > box[1]):
             return True
-        if not isinstance(proof, sp.Certificate) or not np.all(np.isfinite(box)):
+        if not isinstance(proof, Certificate) or not np.all(np.isfinite(box)):
             return False
         return proof.bound == np.inf and proof.verify(self.problem(face, box)).ok
 
     def unknowns(self, face: int, reach: float) -> Reals:
         """Bounds (2, n) of the unknowns with |s| <= 1 / reach; crossing where there is no point."""
-        known, p = self.formulation.problem, self.box.shape[1]
+        known, p = self.coupled.problem, self.box.shape[1]
         start, inverse = self.box.copy(), float(np.nextafter(1.0 / reach, np.inf))
         start[:, list(self.far)] = [[-1.0], [1.0]]
         start[:, list(self.partners)] = [[-np.inf], [np.inf]]
@@ -155,19 +149,19 @@ class Faces:
         box = contracted(start, totals, ())
         return np.concatenate([box, [known.lower[p:], known.upper[p:]]], axis=1)
 
-    def problem(self, face: int, box: Reals) -> sp.Problem:
+    def problem(self, face: int, box: Reals) -> Problem:
         """The consistent points of a face."""
-        names = self.formulation.problem.names
-        nothing = 0.0 * sp.variables(len(names))[0]
-        return sp.Problem(nothing, self.constraints[face], box[0], box[1], names)
+        names = self.coupled.problem.names
+        nothing = 0.0 * variables(len(names))[0]
+        return Problem(nothing, self.constraints[face], box[0], box[1], names)
 
-    def _row(self, row: sp.Constraint, face: int) -> sp.Constraint:
+    def _row(self, row: Constraint, face: int) -> Constraint:
         """A constraint in the unknowns of a face."""
         words = row.polynomial.words.tolist()
         mapped = [self._mapped([v - 1 for v in word if v], face) for word in words]
         wide = np.zeros((len(words), max(map(len, mapped), default=0) or 1), np.int32)
-        for place, variables in enumerate(mapped):
-            wide[place, wide.shape[1] - len(variables) :] = [v + 1 for v in variables]
-        n, names = self.formulation.problem.dimension, self.formulation.problem.names
-        made = sp.Polynomial.from_words(wide, row.polynomial.coefficients, n, names)
-        return sp.Constraint(made, row.kind)
+        for place, word in enumerate(mapped):
+            wide[place, wide.shape[1] - len(word) :] = [v + 1 for v in word]
+        n, names = self.coupled.problem.dimension, self.coupled.problem.names
+        made = Polynomial.from_words(wide, row.polynomial.coefficients, n, names)
+        return Constraint(made, row.kind)

@@ -1,9 +1,10 @@
 """Boxes where rows hold products of parameters, and how they are checked.
 
 With several denominators multiplied out, a row is linear in the monomials of theta (a1, b1,
-a1*b1, ...). The rows in these monomials bound them as :mod:`setid.proofs.sign_tree` does, those
-of degree one are parameters, and the products of their bounds bound the rest of the next round.
-:mod:`setid.feasible_set.lifted_products` finds such boxes.
+a1*b1, ...). The rows in these monomials bound them as
+:mod:`sparsepop_py.verified.uncertain_rows.sign_tree` does, those of degree one are parameters,
+and the products of their bounds bound the rest of the next round.
+:mod:`sparsepop_py.uncertain_rows.lifted_products` finds such boxes.
 """
 
 from __future__ import annotations
@@ -15,14 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.data.checks import frozen
-from setid.formulation.formulation import Formulation
-from setid.formulation.products import Monomial, MonomialRows, merged
-from setid.formulation.regression import Regression
-from setid.proofs.base import Bounds
-from setid.proofs.sign_tree import ParameterBox, linear_rows
-from setid.proofs.unbounded_coefficients import CoefficientLimit
+from sparsepop_py.algebra.polynomial import Kind, Polynomial, total, variables
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.certificate.linear_bound import LinearBound
+from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
+from sparsepop_py.verified.uncertain_rows.products import Monomial, ProductRows, merged
+from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox, linear_rows
+from sparsepop_py.verified.uncertain_rows.unbounded_coefficients import CoefficientLimit
 
 __all__ = ["Factor", "LiftedBox", "lifted_rows"]
 
@@ -40,69 +43,94 @@ class LiftedBox(Bounds):
     names : tuple of str
     lower, upper : (p,) float
     rounds : tuple of ParameterBox
-    sums : tuple of tuple of sp.LinearBound
+    sums : tuple of tuple of LinearBound
         For each round, bounds of the sums of monomials that static gains of 1 speak of.
-    sharper : tuple of sp.Certificate or None
+    sharper : tuple of Certificate or None
         Of these sums and their negatives on the last round's box, over all rows at once.
     limit : CoefficientLimit or None
         Bounds of what is then still unbounded.
     """
 
     rounds: tuple[ParameterBox, ...]
-    sums: tuple[tuple[sp.LinearBound, ...], ...]
-    sharper: tuple[sp.Certificate | None, ...] = ()
+    sums: tuple[tuple[LinearBound, ...], ...]
+    sharper: tuple[Certificate | None, ...] = ()
     limit: CoefficientLimit | None = None
 
-    def verify(
-        self, rows: MonomialRows, start: Reals, formulation: Formulation | None = None
-    ) -> bool:
-        """Replay all rounds from the rows of the data, without any solver."""
-        box = start
-        if len(self.rounds) != len(self.sums):
+    def verify(self, rows: ProductRows, start: Reals, coupled: CoupledRows | None = None) -> bool:
+        """Replay all rounds from the rows, without any solver.
+
+        Parameters
+        ----------
+        rows : ProductRows
+        start : (2, p) float
+            Bounds that are known already.
+        coupled : CoupledRows, optional
+            Equations with the numbers that they share; needed where the proof uses them.
+        """
+        box = self._replayed(rows, start)
+        if box is not None and (self.sharper or self.limit is not None):
+            box = None if coupled is None else self._sharpened(rows, box, coupled)
+        if box is None:
             return False
+        return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
+
+    def _replayed(self, rows: ProductRows, start: Reals) -> Reals | None:
+        """The box after all rounds; None where one of them does not hold."""
+        if len(self.rounds) != len(self.sums):
+            return None
+        box = start
         for found, sums in zip(self.rounds, self.sums, strict=True):
             if not found.verify(rows.regression, rows.start(box)):
-                return False
+                return None
             if sums and not _sums_hold(rows, found, sums):
-                return False
+                return None
             box = shrunk(rows, box, found, sums)
+        return box
+
+    def _sharpened(self, rows: ProductRows, box: Reals, coupled: CoupledRows) -> Reals | None:
+        """The box after what rests on all rows at once; None where that does not hold."""
+        if not self.rounds:
+            return None
+        last, sums = self.rounds[-1], self.sums[-1]
         if self.sharper:
-            joined = (
-                None
-                if formulation is None
-                else joined_equations(formulation, rows, self.rounds[-1])
-            )
+            joined = joined_equations(coupled, rows, last)
             if joined is None or not _sharper_hold(joined, rows, self.sharper):
-                return False
-            box = shrunk(rows, box, self.rounds[-1], self.sums[-1], self.sharper)
+                return None
+            box = shrunk(rows, box, last, sums, self.sharper)
         if self.limit is not None:
-            if not isinstance(self.limit, CoefficientLimit) or not self.rounds:
-                return False
-            ends = np.array([self.rounds[-1].lower, self.rounds[-1].upper])
-            if formulation is None or not self.limit.follows(formulation, rows, ends, box):
-                return False
-            box = shrunk(rows, self.limit.within(box), self.rounds[-1], self.sums[-1], self.sharper)
-        return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
+            ends = np.array([last.lower, last.upper])
+            if not isinstance(self.limit, CoefficientLimit):
+                return None
+            if not self.limit.follows(coupled, rows, ends, box):
+                return None
+            box = shrunk(rows, self.limit.within(box), last, sums, self.sharper)
+        return box
 
     @property
     def cut_short(self) -> bool:
         """Whether time ended before all nodes had been processed."""
         return any(found.cut_short for found in self.rounds)
 
-    def conflicting(self, rows: MonomialRows) -> list[tuple[int, int]]:
-        """(record, sample) of the rows whose multipliers prove emptiness."""
-        return self.rounds[-1].conflicting(rows.regression)
+    def used_rows(self, rows: UncertainRows) -> dict[int, int]:
+        """Count how often rows are used in a proof of emptiness, as of :class:`ParameterBox`.
+
+        Parameters
+        ----------
+        rows : UncertainRows
+            Those of the products.
+        """
+        return self.rounds[-1].used_rows(rows)
 
 
 def shrunk(
-    rows: MonomialRows,
+    rows: ProductRows,
     box: Reals,
     found: ParameterBox,
-    sums: tuple[sp.LinearBound, ...],
-    sharper: tuple[sp.Certificate | None, ...] = (),
+    sums: tuple[LinearBound, ...],
+    sharper: tuple[Certificate | None, ...] = (),
 ) -> Reals:
     empty = np.array([np.full(box.shape[1], np.inf), np.full(box.shape[1], -np.inf)])
-    if found.empty or any(b.status is sp.Status.INFEASIBLE for b in sums):
+    if found.empty or any(b.status == "INFEASIBLE" for b in sums):
         return empty
     lows = [bound.lower for bound in sums]
     for number, proof in enumerate(sharper):
@@ -112,7 +140,7 @@ def shrunk(
     return empty if np.any(box[0] > box[1]) else box
 
 
-def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBound, ...]) -> bool:
+def _sums_hold(rows: ProductRows, found: ParameterBox, sums: tuple[LinearBound, ...]) -> bool:
     problem = linear_rows(rows.regression, (found.lower, found.upper))
     asked = rows.objectives()
     return len(asked) == len(sums) and all(
@@ -121,17 +149,17 @@ def _sums_hold(rows: MonomialRows, found: ParameterBox, sums: tuple[sp.LinearBou
 
 
 def joined_equations(
-    formulation: Formulation, rows: MonomialRows, found: ParameterBox
-) -> sp.Problem | None:
+    coupled: CoupledRows, rows: ProductRows, found: ParameterBox
+) -> Problem | None:
     """The equations with sums of monomials of theta as unknowns of their own, ahead of the others.
 
     None where an equation holds other monomials, or multiplies those of a sum by different things.
     """
-    problem, p, q = formulation.problem, len(formulation.parameters), len(rows.columns)
-    x = sp.variables(q + problem.dimension - p)
+    problem, p, q = coupled.problem, coupled.parameters, len(rows.columns)
+    x = variables(q + problem.dimension - p)
     equations = []
-    for row, origin in zip(problem.constraints, formulation.rows.origin, strict=True):
-        if origin != "model" or row.kind is not sp.Kind.ZERO:
+    for row in coupled.constraints:
+        if row.kind is not Kind.ZERO:
             continue
         factors = _factors([row.polynomial], p)
         summands = [(0.0 * x[0] + 1.0, factor) for factor in factors.pop((), [])]
@@ -146,27 +174,25 @@ def joined_equations(
             math.prod([x[q + v - p] for v in noise], start=value * unknown)
             for unknown, (_, noise, value) in summands
         ]
-        equations.append(sp.total(terms) == 0)
+        equations.append(total(terms) == 0)
     lower = np.concatenate([found.lower, problem.lower[p:]])
     upper = np.concatenate([found.upper, problem.upper[p:]])
     if not equations or not np.all(np.isfinite(lower) & np.isfinite(upper)):
         return None
-    return sp.Problem(x[0], equations, lower=lower, upper=upper)
+    return Problem(x[0], equations, lower=lower, upper=upper)
 
 
-def sum_objectives(joined: sp.Problem, rows: MonomialRows) -> list[sp.Polynomial]:
+def sum_objectives(joined: Problem, rows: ProductRows) -> list[Polynomial]:
     """The sums and their negatives in the unknowns of the joined equations."""
-    x = sp.variables(joined.dimension)
+    x = variables(joined.dimension)
     return [
-        sp.total(
-            [value * x[v] for v, value in zip(p.words[:, -1] - 1, p.coefficients, strict=True)]
-        )
+        total([value * x[v] for v, value in zip(p.words[:, -1] - 1, p.coefficients, strict=True)])
         for p in rows.objectives()
     ]
 
 
 def _sharper_hold(
-    joined: sp.Problem, rows: MonomialRows, sharper: tuple[sp.Certificate | None, ...]
+    joined: Problem, rows: ProductRows, sharper: tuple[Certificate | None, ...]
 ) -> bool:
     asked, known = sum_objectives(joined, rows), dict[int, Any]()
     return len(asked) == len(sharper) and all(
@@ -175,28 +201,26 @@ def _sharper_hold(
     )
 
 
-def lifted_rows(formulation: Formulation) -> MonomialRows | None:
-    """The equations of a formulation as rows in monomials of theta.
+def lifted_rows(coupled: CoupledRows, names: tuple[str, ...]) -> ProductRows | None:
+    """State equations as rows in monomials of theta, row by row, shared numbers forgotten.
 
     Parameters
     ----------
-    formulation : Formulation
+    coupled : CoupledRows
+        Of which the equations are taken.
+    names : tuple of str
+        Of the parameters.
 
     Returns
     -------
-    MonomialRows or None
-        None where an unknown other than theta has no finite bounds, or no row is left.
+    ProductRows or None
+        One row an equation, in their order. None where an unknown other than theta has no
+        finite bounds, or no row is left.
     """
-    if formulation.products is not None:
-        return formulation.products
-    problem, p = formulation.problem, len(formulation.parameters)
-    kept = [
-        row
-        for row, origin in enumerate(formulation.rows.origin)
-        if origin == "model" and problem.constraints[row].kind is sp.Kind.ZERO
-    ]
+    problem, p = coupled.problem, coupled.parameters
+    kept = [row.polynomial for row in coupled.constraints if row.kind is Kind.ZERO]
     reach = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
-    factors = _factors([problem.constraints[row].polynomial for row in kept], p)
+    factors = _factors(kept, p)
     constant = factors.pop((), [])
     if not factors:
         return None
@@ -206,18 +230,13 @@ def lifted_rows(formulation: Formulation) -> MonomialRows | None:
     (regressors, radii), (target, radius) = measured
     if not np.all(np.isfinite(radii)) or not np.all(np.isfinite(radius)):
         return None
-    names = tuple("*".join(formulation.parameters[i] for i in m) for m in monomials)
-    rows = formulation.rows
-    channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
-    record, sample = rows.record[kept], rows.sample[kept]
-    where = formulation.data.starts[record - 1] + sample - 1
-    arrays = (target[:, 0], regressors, radius[:, 0], radii, where, record, sample, channel)
-    regression = Regression(names, *(frozen(np.array(array)) for array in arrays))
-    found = MonomialRows(regression, tuple((m,) for m in monomials), formulation.parameters)
+    columns = tuple("*".join(names[i] for i in m) for m in monomials)
+    rows = UncertainRows(columns, target[:, 0], regressors, radius[:, 0], radii)
+    found = ProductRows(rows, tuple((m,) for m in monomials), names)
     return merged(found, [tuple(factors[m]) for m in monomials])
 
 
-def _factors(rows: list[sp.Polynomial], p: int) -> dict[Monomial, list[Factor]]:
+def _factors(rows: list[Polynomial], p: int) -> dict[Monomial, list[Factor]]:
     """What each monomial of theta multiplies: row, noise samples and value of each term."""
     found: dict[Monomial, list[Factor]] = {}
     for number, row in enumerate(rows):

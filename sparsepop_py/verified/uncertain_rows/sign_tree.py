@@ -5,9 +5,9 @@ secant over the bounds known so far, which is linear as well; where no bounds ar
 in which it occurs are left out. So a linear program at a node of the tree bounds all its leaves,
 and a node that is infeasible is fathomed with one proof.
 
-A first box comes from the priors, or from a left inverse M of R: theta - theta0 = M R (theta -
+A first box is known already, or comes from a left inverse M of R: theta - theta0 = M R (theta -
 theta0) + (I - M R)(theta - theta0) gives abs(theta - theta0) <= d + G abs(theta - theta0).
-:mod:`setid.feasible_set.sign_tree` finds such boxes; nothing here runs a linear program.
+:mod:`sparsepop_py.uncertain_rows.sign_tree` finds such boxes; nothing here runs a linear program.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.data.checks import frozen
-from setid.formulation.regression import Regression
-from setid.proofs.base import Bounds, Box
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, variables
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import frozen
+from sparsepop_py.verified.certificate.linear_bound import LinearBound
+from sparsepop_py.verified.uncertain_rows.box import Bounds, Box
+from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
 
 __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows"]
 
@@ -44,7 +46,7 @@ class LeftInverse:
     centre: Reals
     radius: Reals
 
-    def holds(self, rows: Regression) -> bool:
+    def holds(self, rows: UncertainRows) -> bool:
         """Check abs(theta - centre) <= radius with all rounding errors counted.
 
         d + G v <= v and G v < v for v = radius > 0 imply it, since G is not negative.
@@ -62,7 +64,7 @@ class LeftInverse:
         return np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
 
 
-def drive_and_coupling(rows: Regression, inverse: Reals, centre: Reals) -> tuple[Reals, Reals]:
+def drive_and_coupling(rows: UncertainRows, inverse: Reals, centre: Reals) -> tuple[Reals, Reals]:
     """Upper ends of d (p,) and G (p, p)."""
     count, p = rows.regressors.shape
     loss = 2.0 * (count + p + 8) * _UNIT
@@ -85,14 +87,14 @@ class SignTree:
         Parameter (from 0) at whose zero the node is branched; -1 for a leaf.
     children : tuple of SignTree
         The nodes theta_i <= 0 and theta_i >= 0, where there are children.
-    bounds : tuple of sp.LinearBound
+    bounds : tuple of LinearBound
         At a leaf: of theta_1, -theta_1, theta_2, ..., or a single one that proves it empty,
         or none where the time was over: then the box of the node is kept as it is.
     """
 
     split: int
     children: tuple[SignTree, ...]
-    bounds: tuple[sp.LinearBound, ...]
+    bounds: tuple[LinearBound, ...]
 
     def leaves(self) -> list[SignTree]:
         """Nodes without children."""
@@ -101,14 +103,14 @@ class SignTree:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ParameterBox(Bounds):
-    """A box that holds every consistent parameter vector, with its proof.
+    """A box that holds every parameter vector with these rows, with its proof.
 
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.proofs.base.Bounds`.
+        As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
     start : (2, p) float
-        The box that the priors give.
+        Bounds that were known already.
     steps : tuple of LeftInverse and SignTree
         What made it smaller, in this order.
     """
@@ -116,23 +118,23 @@ class ParameterBox(Bounds):
     start: Reals
     steps: tuple[LeftInverse | SignTree, ...]
 
-    def verify(self, regression: Regression, start: Reals) -> bool:
-        """Replay all steps from the rows of the data, without any solver.
+    def verify(self, rows: UncertainRows, start: Reals) -> bool:
+        """Replay all steps from the rows, without any solver.
 
         Parameters
         ----------
-        regression : Regression
+        rows : UncertainRows
         start : (2, p) float
-            What the priors give.
+            Bounds that are known already.
         """
         box = (start[0], start[1])
         for step in self.steps:
             if isinstance(step, LeftInverse):
-                if not step.holds(regression):
+                if not step.holds(rows):
                     return False
                 box = intersect(box, step.box())
             else:
-                found = _replay(step, regression, box)
+                found = _replay(step, rows, box)
                 if found is None:
                     return False
                 box = found
@@ -144,17 +146,25 @@ class ParameterBox(Bounds):
         trees = [step for step in self.steps if isinstance(step, SignTree)]
         return any(not leaf.bounds for tree in trees for leaf in tree.leaves())
 
-    def conflicting(self, regression: Regression) -> list[tuple[int, int]]:
-        """(record, sample) of the rows whose multipliers prove emptiness, most frequent first."""
-        count: dict[tuple[int, int], int] = {}
+    def used_rows(self, rows: UncertainRows) -> dict[int, int]:
+        """Count how often the last tree uses each row in a proof of emptiness.
+
+        Parameters
+        ----------
+        rows : UncertainRows
+
+        Returns
+        -------
+        dict of int to int
+            Rows by number, from 0.
+        """
+        count: dict[int, int] = {}
         trees = [step for step in self.steps if isinstance(step, SignTree)]
         for leaf in (leaf for tree in trees[-1:] for leaf in tree.leaves() if leaf.bounds):
-            rows = np.array([number for number, _ in leaf.bounds[0].multipliers], np.int64)
-            rows = np.unique(rows[rows < 2 * regression.target.size] // 2)
-            for row in rows.tolist():
-                key = int(regression.record[row]), int(regression.sample[row])
-                count[key] = count.get(key, 0) + 1
-        return sorted(count, key=lambda key: (-count[key], key))
+            used = np.array([number for number, _ in leaf.bounds[0].multipliers], np.int64)
+            for row in np.unique(used[used < 2 * rows.target.size] // 2).tolist():
+                count[row] = count.get(row, 0) + 1
+        return count
 
 
 def intersect(one: Box, other: Box) -> Box:
@@ -175,7 +185,7 @@ def halves(box: Box, place: int) -> tuple[Box, Box]:
     return (box[0], high), (low, box[1])
 
 
-def _replay(tree: SignTree, rows: Regression, box: Box) -> Box | None:
+def _replay(tree: SignTree, rows: UncertainRows, box: Box) -> Box | None:
     if tree.split >= 0:
         if len(tree.children) != 2 or tree.split >= len(rows.names):
             return None
@@ -191,16 +201,16 @@ def _replay(tree: SignTree, rows: Regression, box: Box) -> Box | None:
     for bound, objective in zip(tree.bounds, objectives, strict=False):
         if not bound.verify(problem, objective).ok:
             return None
-    if tree.bounds[0].status is sp.Status.INFEASIBLE:
+    if tree.bounds[0].status == "INFEASIBLE":
         return nothing(box)
     return shrunk(box, tree.bounds)
 
 
-def signed_variables(p: int) -> list[sp.Polynomial]:
-    return [sign * x for x in sp.variables(p) for sign in (1.0, -1.0)]
+def signed_variables(p: int) -> list[Polynomial]:
+    return [sign * x for x in variables(p) for sign in (1.0, -1.0)]
 
 
-def shrunk(box: Box, bounds: Sequence[sp.LinearBound]) -> Box:
+def shrunk(box: Box, bounds: Sequence[LinearBound]) -> Box:
     ends = np.array([bound.lower for bound in bounds])
     return intersect(box, (ends[0::2], -ends[1::2]))
 
@@ -209,18 +219,18 @@ def nothing(box: Box) -> Box:
     return np.full(box[0].size, np.inf), np.full(box[0].size, -np.inf)
 
 
-def linear_rows(rows: Regression, box: Box) -> sp.Problem:
+def linear_rows(rows: UncertainRows, box: Box) -> Problem:
     """The rows as linear constraints that hold on a box, all roundings outwards.
 
     Parameters
     ----------
-    rows : Regression
+    rows : UncertainRows
     box : (lower, upper), each (p,)
 
     Returns
     -------
-    sp.Problem
-        In theta alone. Constraints 2 k and 2 k + 1 belong to row k of the regression.
+    Problem
+        In theta alone. Constraints 2 k and 2 k + 1 belong to row k.
     """
     p = rows.regressors.shape[1]
     low, high = box
@@ -235,7 +245,7 @@ def linear_rows(rows: Regression, box: Box) -> sp.Problem:
     spare = _up(rows.radius + 0.0)
     for i in np.flatnonzero(open_ & np.isfinite(shift)).tolist():
         spare = _up(spare + _up(rows.radii[:, i] * shift[i]))
-    parts: list[list[sp.Constraint]] = []
+    parts: list[list[Constraint]] = []
     for side in (1.0, -1.0):
         regressors, target = side * rows.regressors, side * rows.target
         settled = sign * _up(rows.radii - sign * regressors)
@@ -248,7 +258,7 @@ def linear_rows(rows: Regression, box: Box) -> sp.Problem:
         matrix[lost], room[lost] = 0.0, 1.0
         parts.append(_constraints(matrix, room, p))
     both = [row for pair in zip(*parts, strict=True) for row in pair]
-    return sp.Problem(sp.variables(p)[0], both, low, high, rows.names)
+    return Problem(variables(p)[0], both, low, high, rows.names)
 
 
 def _secant(low: float, high: float) -> tuple[float, float]:
@@ -264,7 +274,7 @@ def _up(values: Reals) -> Reals:
     return np.nextafter(values, np.inf)
 
 
-def _constraints(matrix: Reals, room: Reals, p: int) -> list[sp.Constraint]:
+def _constraints(matrix: Reals, room: Reals, p: int) -> list[Constraint]:
     """Rows matrix theta + room >= 0."""
     words = frozen(np.arange(p + 1, dtype=np.int32)[:, None])
     table = np.column_stack([room, matrix])
@@ -273,5 +283,5 @@ def _constraints(matrix: Reals, room: Reals, p: int) -> list[sp.Constraint]:
     found = []
     for row, kept in zip(table, table != 0.0, strict=True):
         letters, values = (words, row) if kept.all() else (frozen(words[kept]), frozen(row[kept]))
-        found.append(sp.Constraint(sp.Polynomial(letters, values, p), sp.Kind.NONNEGATIVE))
+        found.append(Constraint(Polynomial(letters, values, p), Kind.NONNEGATIVE))
     return found

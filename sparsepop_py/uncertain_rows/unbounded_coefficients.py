@@ -1,7 +1,8 @@
 """Search for limits of coefficients that quotients leave without bounds.
 
-The faces of :mod:`setid.proofs.unbounded_coefficients` are given to the engine. Large limits
-are proved fast, since s is nearly zero there; smaller ones follow as long as that is cheap.
+The faces of :mod:`sparsepop_py.verified.uncertain_rows.unbounded_coefficients` are given to the
+engine. Large limits are proved fast, since s is nearly zero there; smaller ones follow as long as
+that is cheap.
 """
 
 from __future__ import annotations
@@ -11,10 +12,12 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.formulation.formulation import Formulation
-from setid.formulation.products import MonomialRows
-from setid.proofs.unbounded_coefficients import CoefficientLimit, Faces
+from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+from sparsepop_py.verified.uncertain_rows.unbounded_coefficients import CoefficientLimit, Faces
 
 __all__ = ["limit_coefficients"]
 
@@ -24,14 +27,14 @@ _SECONDS = 20.0  # of wall time for all faces of one reach
 
 
 def limit_coefficients(
-    formulation: Formulation, rows: MonomialRows, ends: Reals, box: Reals, until: float
+    coupled: CoupledRows, rows: ProductRows, ends: Reals, box: Reals, until: float
 ) -> CoefficientLimit | None:
     """Bound the parameters that have no bounds, as tightly as a short time allows.
 
     Parameters
     ----------
-    formulation : Formulation
-    rows : MonomialRows
+    coupled : CoupledRows
+    rows : ProductRows
         Its rows in products of parameters.
     ends : (2, q) float
         Proved bounds of the columns of the rows.
@@ -45,7 +48,7 @@ def limit_coefficients(
     CoefficientLimit or None
         None where rows are no products as above, or where nothing was proved.
     """
-    faces, found = Faces.of(formulation, rows, ends, box), None
+    faces, found = Faces.of(coupled, rows, ends, box), None
     if faces is None:
         return None
     begun = time.monotonic()
@@ -61,11 +64,9 @@ def limit_coefficients(
     return found
 
 
-def _prove_faces(
-    faces: Faces, reach: float, end: float
-) -> tuple[sp.Certificate | None, ...] | None:
+def _prove_faces(faces: Faces, reach: float, end: float) -> tuple[Certificate | None, ...] | None:
     """Prove that no face holds a consistent point; None where one may, or where time ended."""
-    found = list[sp.Certificate | None]()
+    found = list[Certificate | None]()
     for face in faces.far:
         box, left = faces.unknowns(face, reach), end - time.monotonic()
         if np.any(box[0] > box[1]):
@@ -73,8 +74,8 @@ def _prove_faces(
             continue
         if left <= 0 or not np.all(np.isfinite(box)):
             return None
-        options = sp.Options(effort="auto", time_limit=left)
-        proof = sp.solve(faces.problem(face, box), options).certificate
+        options = Options(effort="auto", time_limit=left)
+        proof = solve(faces.problem(face, box), options).certificate
         if proof is None or proof.bound != np.inf:
             return None
         found.append(proof)

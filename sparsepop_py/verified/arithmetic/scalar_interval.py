@@ -1,9 +1,15 @@
-"""Intervals of single numbers as pairs, rounded outwards, with infinite ends."""
+"""Intervals of single numbers as pairs, rounded outwards, with infinite ends.
+
+The arithmetic of :class:`~sparsepop_py.verified.arithmetic.interval.Interval` for loops over single
+numbers, in which arrays of one entry would cost fifty times as much. Each sum and product is
+rounded outwards by one unit in the last place.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isinf, nextafter
+from fractions import Fraction
+from math import inf, isfinite, isinf, nextafter
 
 __all__ = [
     "Ends",
@@ -82,7 +88,13 @@ def power(ends: Ends, exponent: int) -> Ends:
 
 
 def odd_root(ends: Ends, degree: int) -> Ends:
-    """Odd root; some last digits are given away.
+    """Odd root; ends are moved outwards until their powers, in rationals, pass the given ones.
+
+    Parameters
+    ----------
+    ends : (low, high)
+    degree : int
+        Odd and positive.
 
     Examples
     --------
@@ -93,4 +105,8 @@ def odd_root(ends: Ends, degree: int) -> Ends:
     if degree == 1:
         return ends
     low, high = (abs(e) ** (1.0 / degree) * (1.0 if e >= 0 else -1.0) for e in ends)
-    return low - 1e-14 * abs(low), high + 1e-14 * abs(high)
+    while isfinite(low) and Fraction(low) ** degree > Fraction(ends[0]):
+        low = nextafter(low, -inf)
+    while isfinite(high) and Fraction(high) ** degree < Fraction(ends[1]):
+        high = nextafter(high, inf)
+    return low, high

@@ -6,7 +6,8 @@ theta becomes, multiplied by s, a row in (phi, s) and the noise, with max_i |phi
     s (y~_k - eta_k) + sum_i c_i phi_i (y~_{k-i} - eta_{k-i}) - ... = 0.
 
 Everything in it is bounded, so that a certificate of s > 0 on each side phi_i = +-1 of the cube
-of directions bounds theta. :mod:`setid.feasible_set.directions` searches for the certificates.
+of directions bounds theta. :mod:`sparsepop_py.uncertain_rows.directions`
+searches for the certificates.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.data.checks import frozen
-from setid.formulation.formulation import Formulation
-from setid.formulation.regression import Regression
-from setid.formulation.units import InUnits, in_units
-from setid.proofs.base import Bounds
-from setid.proofs.sign_tree import ParameterBox
+from sparsepop_py.algebra.polynomial import Constraint, Polynomial, variables
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.units import InUnits
+from sparsepop_py.verified.arithmetic.array_checks import frozen
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
+from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["DirectionBox"]
 
@@ -48,12 +51,12 @@ class DirectionBox(Bounds):
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.proofs.base.Bounds`.
+        As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
     first : ParameterBox
         What rows one by one give, infinite somewhere.
     scale : (p,) float
         The units c of the parameters, powers of two.
-    certificates : tuple of sparsepop_py.Certificate
+    certificates : tuple of Certificate
         Of the least s on each side of the cube, phi_1 = 1, phi_1 = -1, phi_2 = 1, ...
     rows : tuple of int
         From how many rows of samples, the first ones, each of them follows.
@@ -63,21 +66,21 @@ class DirectionBox(Bounds):
 
     first: ParameterBox
     scale: Reals
-    certificates: tuple[sp.Certificate, ...]
+    certificates: tuple[Certificate, ...]
     rows: tuple[int, ...]
     last: ParameterBox
 
-    def verify(self, formulation: Formulation, start: Reals) -> bool:
+    def verify(self, rows: UncertainRows, coupled: CoupledRows, start: Reals) -> bool:
         """Replay both boxes and check all certificates, without any solver.
 
         Parameters
         ----------
-        formulation : Formulation
+        rows : UncertainRows
+        coupled : CoupledRows
         start : (2, p) float
-            What the priors give.
+            Bounds that are known already.
         """
-        rows = formulation.smoothed
-        if rows is None or not suits(formulation) or not exact_units(self.scale, start.shape[1]):
+        if not suits(coupled) or not exact_units(self.scale, start.shape[1]):
             return False
         if not self.first.verify(rows, start):
             return False
@@ -85,7 +88,7 @@ class DirectionBox(Bounds):
             return False
         if not all(type(count) is int and count > 0 for count in self.rows):
             return False
-        cube, least = cubes(formulation, self.first, self.scale), LARGEST
+        cube, least = cubes(coupled, self.first, self.scale), LARGEST
         for number, (count, certificate) in enumerate(
             zip(self.rows, self.certificates, strict=True)
         ):
@@ -102,18 +105,23 @@ class DirectionBox(Bounds):
         """Whether time ended before all nodes had been processed."""
         return self.last.cut_short
 
-    def conflicting(self, regression: Regression) -> list[tuple[int, int]]:
-        """(record, sample) of the rows that prove emptiness, as of :class:`ParameterBox`."""
-        return self.last.conflicting(regression)
+    def used_rows(self, rows: UncertainRows) -> dict[int, int]:
+        """Count how often rows are used in a proof of emptiness, as of :class:`ParameterBox`.
+
+        Parameters
+        ----------
+        rows : UncertainRows
+        """
+        return self.last.used_rows(rows)
 
 
-def suits(formulation: Formulation) -> bool:
+def suits(coupled: CoupledRows) -> bool:
     """Whether the rows of samples are linear in the parameters, all else in them bounded."""
-    problem, p = formulation.problem, len(formulation.parameters)
+    problem, p = coupled.problem, coupled.parameters
     size = np.abs(problem.rows.coefficients)
     if not (size.min(initial=1.0) > _TINY and size.max(initial=1.0) < 1.0 / _TINY):
         return False  # units would not be exact
-    for row in data_rows(formulation):
+    for row in coupled.constraints:
         words = row.polynomial.words
         if np.any(np.count_nonzero((words > 0) & (words <= p), axis=1) > 1):
             return False
@@ -121,12 +129,6 @@ def suits(formulation: Formulation) -> bool:
         if not np.all(np.isfinite(problem.lower[others]) & np.isfinite(problem.upper[others])):
             return False
     return True
-
-
-def data_rows(formulation: Formulation) -> list[sp.Constraint]:
-    """Rows of samples: leaving out what priors and noise sets say keeps every point."""
-    pairs = zip(formulation.problem.constraints, formulation.rows.sample.tolist(), strict=True)
-    return [row for row, sample in pairs if sample > 0]
 
 
 def exact_units(scale: Reals, count: int) -> bool:
@@ -146,8 +148,8 @@ def within(first: ParameterBox, scale: Reals, least: float) -> Reals:
 class Cube(NamedTuple):
     """The rows of some samples in (phi, noise, s), with the bounds of these."""
 
-    formulation: Formulation
-    rows: list[sp.Constraint]
+    coupled: CoupledRows
+    rows: list[Constraint]
     lower: Reals
     upper: Reals
     names: tuple[str, ...]
@@ -156,17 +158,17 @@ class Cube(NamedTuple):
         """Minimise s over the side phi_i = 1 (for number 2 i, from 0) or -1 (2 i + 1)."""
         low, high = self.lower.copy(), self.upper.copy()
         low[number // 2] = high[number // 2] = -1.0 if number % 2 else 1.0
-        s = sp.variables(len(self.names), list(self.names))[-1]
-        return in_units(sp.Problem(s, self.rows, low, high, self.names), self.formulation)
+        s = variables(len(self.names), list(self.names))[-1]
+        return self.coupled.in_units(Problem(s, self.rows, low, high, self.names))
 
 
-def cubes(formulation: Formulation, first: ParameterBox, scale: Reals) -> Callable[[int], Cube]:
+def cubes(coupled: CoupledRows, first: ParameterBox, scale: Reals) -> Callable[[int], Cube]:
     """The cube in what signs leave, of as many rows of samples as are asked for."""
-    known = formulation.problem
+    known = coupled.problem
     p, n = scale.size, known.dimension
     names = (*known.names, "s")
-    scaled = [_homogeneous(row, scale, n, names) for row in data_rows(formulation)]
-    x = sp.variables(n + 1, list(names))
+    scaled = [_homogeneous(row, scale, n, names) for row in coupled.constraints]
+    x = variables(n + 1, list(names))
     signs = []
     for i in range(p):
         for end, sign in ((first.lower[i], 1.0), (first.upper[i], -1.0)):
@@ -181,12 +183,12 @@ def cubes(formulation: Formulation, first: ParameterBox, scale: Reals) -> Callab
         lower = np.where(used, np.append(known.lower, 0.0), 0.0)
         upper = np.where(used, np.append(known.upper, LARGEST), 0.0)
         lower[:p], upper[:p] = -1.0, 1.0
-        return Cube(formulation, rows, lower, upper, names)
+        return Cube(coupled, rows, lower, upper, names)
 
     return of_rows
 
 
-def _homogeneous(row: sp.Constraint, scale: Reals, n: int, names: tuple[str, ...]) -> sp.Constraint:
+def _homogeneous(row: Constraint, scale: Reals, n: int, names: tuple[str, ...]) -> Constraint:
     """The row in (phi, noise, s): terms without a parameter are multiplied by s."""
     words, p = row.polynomial.words, scale.size
     ours = (words > 0) & (words <= p)
@@ -197,4 +199,4 @@ def _homogeneous(row: sp.Constraint, scale: Reals, n: int, names: tuple[str, ...
     longer.sort(axis=1)
     factor = np.append(1.0, scale)[np.max(np.where(ours, words, 0), axis=1)]
     values = row.polynomial.coefficients * factor
-    return sp.Constraint(sp.Polynomial.from_words(longer, values, n + 1, names), row.kind)
+    return Constraint(Polynomial.from_words(longer, values, n + 1, names), row.kind)

@@ -1,6 +1,6 @@
 """Search for boxes of the parameters by linear programs over a pruned sign tree.
 
-The steps and how they are checked are in :mod:`setid.proofs.sign_tree`.
+The steps and how they are checked are in :mod:`sparsepop_py.verified.uncertain_rows.sign_tree`.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
-from setid.data.checks import frozen
-from setid.feasible_set.linear_programs import left_inverse
-from setid.formulation.regression import Regression
-from setid.proofs.base import Box, gained
-from setid.proofs.sign_tree import (
+from sparsepop_py.bounding.exact_linear import linear_bounds
+from sparsepop_py.result import Status
+from sparsepop_py.verified.arithmetic.array_checks import frozen
+from sparsepop_py.verified.uncertain_rows.box import Box, gained
+from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,
     SignTree,
@@ -30,14 +30,14 @@ from setid.proofs.sign_tree import (
     signed_variables,
 )
 
-__all__ = ["parameter_box"]
+__all__ = ["left_inverse", "parameter_box"]
 
 Reals = NDArray[np.float64]
 _LEAVES = 1024  # most nodes of a sign tree
 _ROUNDS = 4
 
 
-def _left_inverse(rows: Regression) -> LeftInverse | None:
+def _left_inverse(rows: UncertainRows) -> LeftInverse | None:
     """The box of least squares, if the noise is small enough for the excitation."""
     count, p = rows.regressors.shape
     if count < p:
@@ -59,13 +59,13 @@ def _left_inverse(rows: Regression) -> LeftInverse | None:
 
 
 def parameter_box(
-    rows: Regression, start: Reals | None = None, until: float = math.inf
+    rows: UncertainRows, start: Reals | None = None, until: float = math.inf
 ) -> ParameterBox:
     """Bound all parameters from the data.
 
     Parameters
     ----------
-    rows : Regression
+    rows : UncertainRows
     start : (2, p) float, optional
         Bounds from priors; infinite when left out.
     until : float
@@ -84,12 +84,18 @@ def parameter_box(
 
     Examples
     --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> model = setid.TransferFunction(na=1, nb=1)
-    >>> formulation = setid.formulate(data, model, setid.Noise(output=0.5))
-    >>> parameter_box(formulation.regression)
-    <ParameterBox: a1 in [-0.633803, -0.304705], b0 in [1.83013, 2.29584]>
+    Two masses on a balance whose arms are known within 2 %: m1 + m2 = 5 and m1 - m2 = 1, both
+    within 0.05. The argument is checked without any linear program:
+
+    >>> import numpy as np
+    >>> from sparsepop_py.uncertain_rows import UncertainRows
+    >>> arms = np.array([[1.0, 1.0], [1.0, -1.0]])
+    >>> rows = UncertainRows(("m1", "m2"), [-5.0, -1.0], arms, [0.05, 0.05], 0.02 * abs(arms))
+    >>> box = parameter_box(rows)
+    >>> box
+    <ParameterBox: m1 in [2.85294, 3.15307], m2 in [1.85294, 2.15307]>
+    >>> box.verify(rows, np.array([[-np.inf, -np.inf], [np.inf, np.inf]]))
+    True
     """
     p = len(rows.names)
     first = np.array([np.full(p, -np.inf), np.full(p, np.inf)]) if start is None else start
@@ -112,7 +118,7 @@ def parameter_box(
 
 
 def _process_node(
-    rows: Regression, box: Box, left: list[int], until: float
+    rows: UncertainRows, box: Box, left: list[int], until: float
 ) -> tuple[SignTree, Box]:
     """Process one node: bound it, or branch at the zero of a parameter with an open sign."""
     if time.monotonic() >= until:
@@ -120,8 +126,8 @@ def _process_node(
     place = _undecided(rows, box)
     leaf = place is None or left[0] < 2
     objectives = signed_variables(len(rows.names))
-    bounds = tuple(sp.linear_bounds(linear_rows(rows, box), objectives[: None if leaf else 1]))
-    if bounds[0].status is sp.Status.INFEASIBLE:
+    bounds = tuple(linear_bounds(linear_rows(rows, box), objectives[: None if leaf else 1]))
+    if bounds[0].status is Status.INFEASIBLE:
         return SignTree(-1, (), bounds[:1]), nothing(box)
     if place is None or leaf:
         return SignTree(-1, (), bounds), shrunk(box, bounds)
@@ -130,7 +136,7 @@ def _process_node(
     return SignTree(place, tuple(tree for tree, _ in grown), ()), hull([b for _, b in grown])
 
 
-def _undecided(rows: Regression, box: Box) -> int | None:
+def _undecided(rows: UncertainRows, box: Box) -> int | None:
     """The parameter whose open sign costs most, None if all are settled."""
     low, high = box
     open_ = (low < 0) & (high > 0) & (rows.radii.max(axis=0, initial=0.0) > 0)
@@ -143,3 +149,17 @@ def _undecided(rows: Regression, box: Box) -> int | None:
 
 
 # ---- rows on a box ----------------------------------------------------------------------
+
+
+def left_inverse(matrix: Reals) -> Reals:
+    """Compute the pseudoinverse (p, R) with columns of one size, so that none counts as zero.
+
+    Parameters
+    ----------
+    matrix : (R, p) float
+    """
+    size = np.abs(matrix).max(axis=0, initial=0.0)
+    units = np.ldexp(1.0, np.frexp(np.where(size > 0, size, 1.0))[1])
+    with np.errstate(over="ignore"):
+        found = np.linalg.pinv(matrix / units) / units[:, None]
+    return np.nan_to_num(found, posinf=0.0, neginf=0.0)  # for columns whose inverse is no double

@@ -12,10 +12,8 @@ from functools import cached_property
 from math import lcm
 
 import numpy as np
-import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.lp.highs import LinearModel
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Polyhedron", "doubles", "integers"]
@@ -71,18 +69,6 @@ class Polyhedron:
     def present(self) -> NDArray[np.bool_]:
         """Rows that say something: bounds at infinity do not."""
         return np.isfinite(self.constant)
-
-    @cached_property
-    def model(self) -> LinearModel:
-        """The linear program that HiGHS works on, rows scaled to a largest entry near 1."""
-        n = self.dimension
-        m = self.constant.size - 2 * n
-        size = np.maximum(np.abs(self.matrix[:m]).max(axis=1, initial=0.0), 1e-300)
-        scale = np.exp2(-np.round(np.log2(size)))
-        low = -self.constant[:m] * scale
-        high = np.where(self.equality[:m], low, np.inf)
-        columns = (-self.constant[m : m + n], self.constant[m + n :])
-        return LinearModel(sps.csr_array(self.matrix[:m] * scale[:, None]), (low, high), columns)
 
     def row(self, number: int) -> tuple[list[int], int]:
         """Convert a row to integers: n coefficients and the constant, times a power of two."""

@@ -1,4 +1,4 @@
-"""What boxes of parameters have in common, however they are proved."""
+"""Bounds of parameters: what all boxes have in common, however they are proved."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.formulation.printing import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Bounds", "Box", "gained"]
 
@@ -50,7 +50,7 @@ class Bounds:
             return "empty, proved"
         triples = zip(self.names, self.lower.tolist(), self.upper.tolist(), strict=True)
         return ", ".join(
-            f"{name} in [{rounded(low, False, 6)}, {rounded(high, True, 6)}]"
+            f"{name} in [{rounded(low, False, 6, False)}, {rounded(high, True, 6, False)}]"
             for name, low, high in triples
         )
 
