@@ -26,8 +26,6 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.errors import SetidError
-from setid.feasible_set.linear_programs import minimise
 from setid.formulation.completion import (
     affine,
     defined_unknowns,
@@ -37,6 +35,7 @@ from setid.formulation.completion import (
 )
 from setid.formulation.formulation import Formulation
 from setid.proofs.existence import proved_point
+from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["search_ends", "recheck_results", "coupled"]
 
@@ -296,7 +295,5 @@ def _solved(
     equal: tuple[sps.csr_array, Reals],
     bounds: tuple[Reals, Reals],
 ) -> Reals | None:
-    try:
-        return minimise(cost, below, equal, bounds)
-    except SetidError:
-        return None
+    found = solve_scaled(cost, below, equal, bounds)
+    return found.x if found.status == "solved" else None
