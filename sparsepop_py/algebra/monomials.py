@@ -40,7 +40,7 @@ __all__ = [
 
 
 def lookup(words: Words, table: Words, dimension: int) -> NDArray[np.int64]:
-    """Row of each word in a graded table of distinct words, -1 where it is not there."""
+    """Find the row of each word in a graded table, -1 for none."""
     width = table.shape[1]
     words = widen(trim(words), width)
     outside = degrees(words) > width
@@ -88,7 +88,7 @@ def multiply(left: Words, right: Words) -> Words:
 
 
 def pack(words: Words, dimension: int) -> NDArray:
-    """One sortable key a word, shape (T, D) -> (T,); equal widths give comparable keys.
+    """Pack words (T, D) to sortable keys (T,); equal widths give comparable keys.
 
     Keys are 64-bit integers where they fit and fixed-width byte strings otherwise.
     """
@@ -113,7 +113,7 @@ def collect(words: Words, dimension: int) -> tuple[Words, NDArray[np.int64]]:
 
 
 def evaluate(words: Words, points: NDArray) -> NDArray:
-    """Values of the words at ``points`` of shape (n,) or (N, n), giving (T,) or (N, T)."""
+    """Evaluate words at ``points``: (n,) gives (T,), (N, n) gives (N, T)."""
     if points.ndim == 1:  # local searches call it thousands of times
         letters = np.concatenate([_ONE, points]).take(words.T)
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
@@ -138,7 +138,7 @@ def runs(words: Words) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np
 
 
 def are_exponents(values: NDArray) -> NDArray[np.bool_]:
-    """Which values are powers that words can hold: whole numbers from 0 to LARGEST_POWER."""
+    """Mark whole numbers from 0 to LARGEST_POWER: powers that words can hold."""
     return (values >= 0) & (values <= LARGEST_POWER) & (values == np.floor(values))
 
 
@@ -165,7 +165,16 @@ def to_exponents(words: Words, dimension: int) -> sps.csr_array:
 
 
 def full_basis(variables: int, degree: int) -> Words:
-    """All monomials of degree at most ``degree`` in local variables 1..variables, graded.
+    """List all monomials up to a degree in variables 1..variables, graded.
+
+    Parameters
+    ----------
+    variables : int
+    degree : int
+
+    Returns
+    -------
+    (s, degree) int32
 
     Examples
     --------

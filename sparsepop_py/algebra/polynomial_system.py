@@ -59,7 +59,7 @@ class PolynomialSystem:
         )
 
     def take(self, rows: NDArray) -> PolynomialSystem:
-        """The system of the chosen rows, in the order given."""
+        """Select rows, in the order given."""
         number = np.full(self.size, -1)
         number[rows] = np.arange(len(rows))
         keep = np.flatnonzero(number[self.row] >= 0)
@@ -73,7 +73,7 @@ class PolynomialSystem:
         )
 
     def without(self, rows: NDArray) -> PolynomialSystem:
-        """The same system with the chosen rows emptied."""
+        """Empty the chosen rows."""
         gone = np.zeros(self.size, bool)
         gone[rows] = True
         keep = np.flatnonzero(~gone[self.row])

@@ -103,7 +103,7 @@ def _places(
 
 
 def read_sdpa(path: str | Path) -> ConicProgram:
-    """Read an SDPA sparse file.
+    r"""Read an SDPA sparse file.
 
     Parameters
     ----------
@@ -120,6 +120,18 @@ def read_sdpa(path: str | Path) -> ConicProgram:
     ------
     FormatError
         If the file is missing or malformed; the message names the line.
+
+    Examples
+    --------
+    Minimise y subject to y >= 2, as a linear block of one row:
+
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "least.dat-s"
+    ...     _ = path.write_text("1\n1\n-1\n1.0\n0 1 1 1 2.0\n1 1 1 1 1.0\n")
+    ...     program = sp.read_sdpa(path)
+    >>> round(sp.solve_conic(program).primal, 6)
+    2.0
     """
     try:
         lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
@@ -184,7 +196,7 @@ class _Lines:
         return found[:count]
 
     def entries(self) -> NDArray[np.float64]:
-        """The rest of the file: matrix, block, row, column, value, shape (E, 5)."""
+        """Read the rest of the file: matrix, block, row, column, value, shape (E, 5)."""
         rows = []
         while self.number < len(self.lines):
             self.number += 1
@@ -258,13 +270,13 @@ def write_info(
     scale: NDArray[np.float64],
     shift: NDArray[np.float64],
 ) -> None:
-    """Write the ``.info`` map: a line for each variable, x = scale * y[index] + shift.
+    """Write the ``.info`` map of variables, x = scale * y[index] + shift.
 
     Parameters
     ----------
     path : str or Path
     moment : (n,) int
-        Which y (from 1) is the variable, -1 where it is fixed.
+        Number of the y (from 1) of each variable, -1 where it is fixed.
     scale, shift : (n,) float
 
     Raises

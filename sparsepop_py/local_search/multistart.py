@@ -71,9 +71,10 @@ def starting_points(
 
 
 def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
-    """Fix variables by the start in rows a x_i x_j == 0 and x_i^2 == c x_i.
+    """Fix variables by the start in rows of two alternatives.
 
-    Local searches stall on such either-or rows, whose gradients vanish or contradict each other.
+    They are a x_i x_j == 0 and x_i^2 == c x_i. Local searches stall on such rows, whose gradients
+    vanish or contradict each other.
     """
     lower, upper = problem.lower.copy(), problem.upper.copy()
     decided = False

@@ -21,7 +21,7 @@ from sparsepop_py.verified.certificate.polyhedron import Polyhedron, doubles, in
 
 __all__ = ["Outcome", "Simplex"]
 
-_UNIT = 2.0**-53
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
 _GREEDY = 60  # pivots by largest violation before Bland's rule, which cannot cycle
 
 

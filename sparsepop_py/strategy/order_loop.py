@@ -36,6 +36,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Node, prove
@@ -44,10 +45,6 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
-
-_ROUNDS = 3  # of one order while the attained value improves
-_MANY = 300  # variables from which a closed gap ends the work at once
-_ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,7 +274,7 @@ def _order_numbers(context: SolveContext) -> Iterator[int | None]:
         yield first
         return
     first = max(first or 1, least_order(context.problem))
-    yield from range(first, first + _ORDERS + 1)
+    yield from range(first, first + STRATEGY.more_orders + 1)
 
 
 def _history_entry(
@@ -304,7 +301,7 @@ def _rounds(
 ) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
     """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
-    for _ in range(1 if shared else _ROUNDS):
+    for _ in range(1 if shared else STRATEGY.order_rounds):
         try:
             bound = bound_order(context, shared)
         except KeyboardInterrupt:
@@ -314,7 +311,7 @@ def _rounds(
             break
         outcome = better(outcome, bound)
         proved, old = lower_bound(outcome.certificate), context.best
-        if context.closed(proved) and context.problem.dimension > _MANY:
+        if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
             break  # reading further minimisers out of the moments would take the longest
         context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
         candidates = candidates + more

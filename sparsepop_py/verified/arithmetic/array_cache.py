@@ -19,7 +19,16 @@ _IN_USE: WeakValueDictionary[bytes, NDArray] = WeakValueDictionary()
 
 
 def interned(array: NDArray) -> NDArray:
-    """The array in use that equals this one, of the same type; read-only, the first time a copy.
+    """Return the array in use that equals this one; read-only, the first time a copy.
+
+    Parameters
+    ----------
+    array : array
+        Equal means the same type, shape and entries.
+
+    Returns
+    -------
+    array
 
     Examples
     --------

@@ -15,17 +15,17 @@ def frozen(array: NDArray) -> NDArray:
 
 
 def are_indices(array: NDArray, stop: int) -> bool:
-    """Whether all are whole numbers from 0 to below ``stop``, of a type that does not wrap."""
+    """Check for whole numbers in [0, stop) of a type that does not wrap."""
     whole = array.dtype in (np.int32, np.int64)
     return bool(whole and np.all(array >= 0) and np.all(array < stop))
 
 
 def are_numbers(array: NDArray) -> bool:
-    """Whether all are finite numbers that doubles hold, so that no reading of them rounds."""
+    """Check that entries are finite numbers that doubles hold without rounding."""
     return bool(array.dtype in (np.float64, np.float32) and np.all(np.isfinite(array)))
 
 
 def is_index(number: object, stop: int) -> bool:
-    """Whether something is a whole number from 0 to below ``stop``."""
+    """Check that an object is a whole number from 0 to below ``stop``."""
     whole = isinstance(number, (int, np.integer)) and not isinstance(number, bool)
     return whole and 0 <= number < stop  # type: ignore[operator]

@@ -91,7 +91,7 @@ def propagate(
 
 
 def is_empty(box: Interval) -> bool:
-    """Whether the box holds no point."""
+    """Check whether the box holds no point."""
     return bool(np.any(box.lo > box.hi))
 
 
@@ -113,7 +113,7 @@ def _moved(old: Interval, new: Interval, progress: float) -> bool:
 
 
 def sweep(rows: Rows, box: Interval) -> Interval:
-    """One pass over all rows at once; the returned box lies in ``box``."""
+    """Propagate all rows once, together; the returned box lies in ``box``."""
     system, target = rows.system, rows.target
     q_row, q_var, c1, c2, plain = rows._quadratic
     factors = rows._factors
@@ -139,7 +139,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
 
 
 def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
-    """Where each row must lie, given upper ends of all: |a| <= sqrt(b c)."""
+    """Bound each row by 2x2 minors, |a| <= sqrt(b c), from upper ends."""
     a, b, c = rows.minors.T
     limit = Interval.point(np.maximum(high[b], 0.0)) * Interval.point(np.maximum(high[c], 0.0))
     reach = up(np.sqrt(up(limit.hi)))
@@ -150,16 +150,16 @@ def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
 
 
 def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:
-    """Where each atom must lie: the target of its row minus the other atoms, and its range."""
+    """Bound each atom by the target of its row minus other atoms, and its range."""
     ends = []
     alone = np.bincount(row, minlength=size)[row] == 1
     for end, infinity in ((atoms.lo, -np.inf), (atoms.hi, np.inf)):
-        endless = end == infinity
-        finite = np.where(endless, 0.0, end)
+        unbounded = end == infinity
+        finite = np.where(unbounded, 0.0, end)
         total = sum_by(row, Interval.point(finite), size)
-        count = np.bincount(row, weights=endless, minlength=size)[row]
+        count = np.bincount(row, weights=unbounded, minlength=size)[row]
         others = total[row] - Interval.point(finite)
-        blocked = count - endless > 0
+        blocked = count - unbounded > 0
         remaining = np.where(alone, 0.0, others.lo if infinity < 0 else others.hi)
         ends.append(np.where(blocked, infinity, remaining))
     rest = Interval(ends[0], ends[1])
@@ -308,10 +308,10 @@ def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.flo
 
 
 def box_rows(problem: Problem, cutoff: float | None) -> Rows:
-    """The rows that propagation uses: constraints, and with a cut-off f <= value and squares.
+    """Collect the rows of propagation: constraints, and with a cutoff objective and squares.
 
-    From f = constant + sum w r^2 follows |r| <= sqrt((value - constant) / w), from a matrix
-    G >= 0 that G_ii >= 0 and G_ij^2 <= G_ii G_jj.
+    From f = constant + sum w r^2 and f <= value follows |r| <= sqrt((value - constant) / w), from a
+    matrix G >= 0 that G_ii >= 0 and G_ij^2 <= G_ii G_jj.
     """
     high = [np.where(problem.equality, 0.0, np.inf)]
     low = [np.zeros(len(problem.constraints))]
@@ -338,7 +338,13 @@ def box_rows(problem: Problem, cutoff: float | None) -> Rows:
 
 
 def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
-    """Constraints and the row value - f >= 0 behind them, without rounding, and which are equal."""
+    """Append the row value - f >= 0 to the constraints, without rounding.
+
+    Returns
+    -------
+    system : PolynomialSystem
+    equality : (m + 1,) bool
+    """
     rows, objective = problem.rows, problem.objective_row
     width = max(rows.words.shape[1], objective.words.shape[1])
     words = np.concatenate(

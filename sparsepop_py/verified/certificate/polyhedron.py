@@ -18,7 +18,7 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Polyhedron", "doubles", "integers"]
 
-_UNIT = 2.0**-53
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
 
 
 def integers(values: list[float]) -> list[int]:

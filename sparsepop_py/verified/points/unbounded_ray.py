@@ -26,13 +26,17 @@ _LIMIT = 200  # variables; the search tries 2n + a few directions exactly
 
 
 def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | None:
-    """A direction that proves the objective unbounded from an exact point, or None.
+    """Find a direction that proves the objective unbounded from an exact point.
 
     Parameters
     ----------
     problem : Problem
     start : ProvedPoint
         Only a point whose doubles are feasible themselves can start a ray.
+
+    Returns
+    -------
+    (n,) float or None
     """
     if start.proof != "exact" or start.radius > 0 or problem.dimension > _LIMIT:
         return None
@@ -56,7 +60,7 @@ def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
 
 
 def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
-    """Whether the objective falls far out along the ray, in floating point."""
+    """Check in floating point that the objective falls far out along the ray."""
     if not np.any(direction):
         return False
     with np.errstate(all="ignore"):
@@ -81,7 +85,7 @@ def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> boo
 
 
 def _matrices_hold(problem: Problem, origin: list[Fraction], step: list[Fraction]) -> bool:
-    """Whether every coefficient in s of every matrix is positive semidefinite."""
+    """Prove every coefficient in s of every matrix positive semidefinite."""
     entries = [_along(p, origin, step) for c in problem.constraints for p in c.entries]
     for power in range(max(map(len, entries), default=0)):
         values = [p[power] if power < len(p) else Fraction(0) for p in entries]

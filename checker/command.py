@@ -1,0 +1,78 @@
+"""The command line of the checker."""
+
+from __future__ import annotations
+
+import sys
+
+from . import reading, text
+from .reading import Malformed, Problem
+from .record import Identification
+from .result import NotProved, check_certificate, check_result
+from .structure import columns_of
+
+USAGE = """usage: check.py problem.json certificate.json     (the problem also as .gms or text)
+       check.py result.json
+       check.py [--record record.csv] identification.json"""
+
+
+def main(arguments: list[str]) -> int:
+    """Check the files; print what is proved, or where and why it fails."""
+    try:
+        lines = checked(arguments)
+    except NotProved as error:
+        return told(f"NOT PROVED  {error}", 1)
+    except Malformed as error:
+        return told(f"MALFORMED  {error}", 2)
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as e:
+        return told(f"MALFORMED  something that nobody expected: {e!r:.200}", 2)
+    given = any(line.startswith("taken as given") for line in lines)
+    return told("\n".join(lines), 3 if given else 0)
+
+
+def told(words: str, code: int) -> int:
+    """Print, and return the exit code."""
+    sys.stdout.write(words + "\n")
+    return code
+
+
+def checked(arguments: list[str]) -> list[str]:
+    """What the files prove."""
+    if arguments[:1] == ["--record"] and len(arguments) == 3:
+        name, found = reading.content(reading.load(arguments[2]), arguments[2])
+        if name == "identification":
+            about = Identification(found)
+            return [*columns_of(arguments[1], about.record), *about.check()]
+    if not 1 <= len(arguments) <= 2:
+        raise Malformed(USAGE)
+    problem = problem_of(arguments[0]) if len(arguments) == 2 else None
+    name, found = reading.content(reading.load(arguments[-1]), arguments[-1])
+    if name == "identification" and problem is None:
+        return Identification(found).check()
+    if name == "result":
+        lines = check_result(found, problem)
+        sense = reading.problem(reading.item(found, "problem", "result")).sense
+    elif name == "certificate" and problem is not None:
+        lines, sense = check_certificate(problem, found), problem.sense
+    else:
+        raise Malformed(f"{arguments[-1]} holds a {name!r:.40}\n{USAGE}")
+    remark = "(objective is the negative of what is maximised)"
+    return [*lines, remark] if sense == "max" else lines
+
+
+def problem_of(path: str) -> Problem:
+    """The problem in a file, by what the file holds."""
+    if not path.endswith(".json"):
+        return text.problem_of(path)
+    name, found = reading.content(reading.load(path), path)
+    if name == "result":
+        found = reading.item(found, "problem", path)
+    elif name != "problem":
+        raise Malformed(f"{path} holds a {name!r:.40}, not a problem")
+    return reading.problem(found)
