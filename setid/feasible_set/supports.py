@@ -8,11 +8,10 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.linear_programs import minimise
 from setid.proofs import supports as proved
 from setid.proofs.supports import Cover
+from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["Proposer", "cover_of", "supports"]
 
@@ -111,12 +110,10 @@ class Proposer:
     def _solved(self, goal: Reals) -> Reals:
         none = (sps.csr_array((0, self._cost.size)), np.zeros(0))
         bounds = np.zeros(self._cost.size), np.full(self._cost.size, np.inf)
-        try:
-            found = minimise(self._cost, none, (self._sparse, goal), bounds)
-        except SetidError:
-            found = None  # an unbounded dual: the rows are (nearly) contradictory
-        if found is None:
+        solution = solve_scaled(self._cost, none, (self._sparse, goal), bounds)
+        if solution.status != "solved":  # an unbounded dual: rows are (nearly) contradictory
             return np.zeros(self._cost.size)
+        found = solution.x
         basis = np.flatnonzero(found > 1e-12)
         if basis.size == goal.size:
             block = self._columns[:, basis]
