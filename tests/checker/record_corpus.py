@@ -1,6 +1,6 @@
 """Records of all kinds and what setid proves of them, as files for the second checker.
 
-``python tests/checker/record_corpus.py folder [from] [to]`` identifies them and writes one file each.
+``python tests/checker/record_corpus.py folder [from to]`` identifies them and writes one file each.
 """
 
 from __future__ import annotations

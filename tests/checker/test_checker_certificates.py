@@ -39,8 +39,8 @@ def loaded(group: str, most: int, name: str) -> dict:
 
 # ---- agreement ----------------------------------------------------------------------------------
 
-FEW = {"known": 12, "random": 9, "trees": 8, "matrices": 6, "coercive": 4, "inverses": 4}
-FEW |= {"empty": 4, "families": 4, "switches": 4, "unbounded": 3, "examples": 4, "chains": 6}
+FEW = {"known": 6, "random": 9, "trees": 8, "matrices": 6, "coercive": 4, "inverses": 4}
+FEW |= {"empty": 4, "families": 4, "switches": 4, "unbounded": 2, "examples": 4, "chains": 6}
 
 
 @pytest.mark.parametrize("group", FEW)
@@ -88,7 +88,7 @@ def test_nothing_but_the_standard_library_is_imported():
 
 def test_the_program_prints_what_is_proved(tmp_path):
     """min x y on the unit disc is -1/2; a claim of -0.4 is false; a text states it as well."""
-    found = loaded("known", 12, "disc")
+    found = loaded("known", 6, "disc")
     own = {"format": "sparsepop-py", "version": 3}
     problem = tmp_path / "problem.json"
     problem.write_text(json.dumps(own | {"is": "problem", "problem": found["problem"]}))
@@ -123,7 +123,7 @@ def test_two_versions_are_read(tmp_path, capsys, version, field):
 
 @pytest.mark.parametrize("change", ["version", "format", "twice", "nan", "large"])
 def test_files_of_another_kind_are_refused(tmp_path, change):
-    text = solved("known", 12)["disc"]
+    text = solved("known", 6)["disc"]
     edits = {
         "version": ('"version":2', '"version":4'),
         "format": ('"sparsepop-py"', '"sparsepop"'),
@@ -161,15 +161,15 @@ def attacked(folder, count, groups):
 
 
 def test_damaged_files_prove_nothing_false(tmp_path):
-    said, wrong = attacked(tmp_path, 500, {k: min(v, 6) for k, v in FEW.items()})
+    said, wrong = attacked(tmp_path, 250, {k: min(v, 4) for k, v in FEW.items()})
     assert not wrong
-    assert sum(said.values()) == 500
-    assert said["refused"] > 50 and said["malformed"] > 50 and said["accepted"] > 20
+    assert sum(said.values()) == 250
+    assert said["refused"] > 30 and said["malformed"] > 30 and said["accepted"] > 10
 
 
 @pytest.mark.slow
 def test_thousands_of_damaged_files_prove_nothing_false(tmp_path):
-    groups = {"known": 12, "random": 60, "trees": 40, "matrices": 40, "examples": 12, "chains": 40}
+    groups = {"known": 6, "random": 60, "trees": 40, "matrices": 40, "examples": 12, "chains": 40}
     groups |= {"coercive": 16, "inverses": 16, "families": 24, "empty": 16, "deep": 10}
     said, wrong = attacked(tmp_path, 6000, groups)
     assert not wrong
@@ -197,7 +197,7 @@ OPTIMA = {"circle": -math.sqrt(5), "disc": -0.5, "hill": -0.125, "chain": 0.0, "
 
 @pytest.mark.parametrize("name", OPTIMA)
 def test_bounds_above_the_optimum_are_refused(name):
-    found = loaded("known", 12, name)
+    found = loaded("known", 6, name)
     assert verdict(found) == "accepted"
     for bound in (OPTIMA[name] + 1e-9, OPTIMA[name] + 1.0, 1e300, "inf"):
         assert verdict(claim(found, bound)) == "refused"
@@ -205,7 +205,7 @@ def test_bounds_above_the_optimum_are_refused(name):
 
 @pytest.mark.parametrize("name", OPTIMA)
 def test_feasible_problems_are_not_called_infeasible(name):
-    found = claim(loaded("known", 12, name), "inf")
+    found = claim(loaded("known", 6, name), "inf")
     found["certificate"][-1]["parts"][0]["empty"] = True
     found["status"] = "INFEASIBLE"
     assert verdict(found) == "refused"
@@ -214,7 +214,7 @@ def test_feasible_problems_are_not_called_infeasible(name):
 
 
 def test_infeasible_problems_are():
-    found = loaded("known", 12, "empty")
+    found = loaded("known", 6, "empty")
     assert verdict(found) == "accepted"
     argument(found)["multipliers"] = argument(found)["multipliers"][:1]
     assert verdict(found) == "refused"
@@ -223,21 +223,21 @@ def test_infeasible_problems_are():
 @pytest.mark.parametrize("factor", [0.5, 0.999])
 def test_a_scaling_has_to_hold_the_box(factor):
     """With half the scale the remainder costs less, and the box is not that of the problem."""
-    found = loaded("known", 12, "circle")
+    found = loaded("known", 6, "circle")
     scale = argument(found)["scaling"]["scale"]
     scale["data"] = [factor * s for s in scale["data"]]
     assert verdict(found) == "refused"
 
 
 def test_a_scaling_that_turns_a_variable_around_is_refused():
-    found = loaded("known", 12, "circle")
+    found = loaded("known", 6, "circle")
     argument(found)["scaling"]["scale"]["data"][0] *= -1
     assert verdict(found) == "malformed"
 
 
 def test_free_multipliers_belong_to_equalities():
     """x y >= -1/4 read as x y == -1/4 would allow a multiplier of the other sign."""
-    found = loaded("known", 12, "circle")
+    found = loaded("known", 6, "circle")
     groups = [g for g in argument(found)["multipliers"] if len(g["values"]["shape"]) == 2]
     assert groups and groups[0]["generator"]["data"] == [1]
     groups[0]["generator"]["data"] = [2]
@@ -247,7 +247,7 @@ def test_free_multipliers_belong_to_equalities():
 @pytest.mark.parametrize("floor", [-1.0, "inf", 1e308])
 def test_a_floor_is_a_number_that_is_paid_for(floor):
     """The floor is part of the multiplier, so that a large one makes the remainder large."""
-    found = loaded("known", 12, "hill")
+    found = loaded("known", 6, "hill")
     for group in argument(found)["multipliers"]:
         if len(group["values"]["shape"]) == 3:
             group["floor"] = floor
