@@ -1,14 +1,22 @@
-# make demo   solve the example problems, print a table, write pictures to demo_output/
-# make test   style, types, fast tests, doctests and examples
-# make test-octave   scripts that call sparsePOP from GNU Octave, skipped where it is missing
+# make demo         solve the example problems, print a table, write pictures to demo_output/
+# make test         format, lint, types, import contracts, fast tests, doctests and examples
+# make test-fast    what most changes break, in less than a minute
+# make test-lowest  the same on the lowest versions that pyproject.toml allows
+# make test-slow    the tests marked slow
+# make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
 # All make their own environment in .venv; PYTHON=... chooses the interpreter.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
+LOWEST := .venv-lowest
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
-.PHONY: demo test test-slow test-octave clean
+# Rooms whose tests take seconds and notice most mistakes.
+FAST := tests/algebra tests/verified tests/problem tests/lp tests/io tests/test_api.py \
+        tests/test_solve.py tests/test_cli.py
+
+.PHONY: demo test test-fast test-lowest test-slow test-octave clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -17,13 +25,20 @@ test: $(VENV)/.with-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+
+test-fast: $(VENV)/.with-dev
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q $(FAST)
+
+test-lowest: $(LOWEST)/.ready
+	OMP_NUM_THREADS=1 $(LOWEST)/bin/python -m pytest -n 2 --dist loadfile -q $(FAST)
 
 test-slow: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m slow
 
 test-octave: $(VENV)/.with-dev
-	$(BIN)/python -m pytest -m 'octave or not slow' tests/test_octave.py tests/test_door.py
+	$(BIN)/python -m pytest -m 'octave or not slow' tests/compat/test_octave.py tests/compat/test_matlab_server.py
 
 # An editable installation with one extra; made again only when pyproject.toml changes.
 $(VENV)/.with-%: pyproject.toml
@@ -35,6 +50,12 @@ $(VENV)/.with-%: pyproject.toml
 	$(PIP) install --quiet --editable '.[$*]'
 	@touch $@
 
+$(LOWEST)/.ready: pyproject.toml tests/lowest.txt
+	"$(PYTHON)" -m venv $(LOWEST)
+	$(LOWEST)/bin/python -m pip --disable-pip-version-check install --quiet \
+	  -c tests/lowest.txt --editable '.[plot]' pytest pytest-xdist hypothesis
+	@touch $@
+
 clean:
-	rm -rf $(VENV) build dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) build dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

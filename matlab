@@ -1,1 +1,1 @@
-sparsepop_py/matlab
+sparsepop_py/compat/matlab

@@ -23,6 +23,7 @@ from .runner import SOLVERS, ablation, run
 from .settings import parsed, switches
 from .sizes import compare_sizes, read_reference, sizes_table
 from .tables import number, table
+from .walks import walks
 
 __all__ = ["main"]
 
@@ -130,6 +131,10 @@ def _times(chosen: argparse.Namespace) -> None:
         print(line, flush=True)
 
 
+def _walks(chosen: argparse.Namespace) -> None:
+    print(walks())
+
+
 def _gms(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.gms"))
 
@@ -154,6 +159,8 @@ def _parser() -> argparse.ArgumentParser:
     _times_parser(
         commands.add_parser("sparsepop_times", help="times beside those SparsePOP published")
     )
+    walking = commands.add_parser("walks", help="folders, imports, traces and words of the code")
+    walking.set_defaults(act=_walks)
     return parser
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.solvers import cliquetree, solve_conic
 
 from .relaxations import NAMED, ORIGINS, Case, cases

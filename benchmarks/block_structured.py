@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 import setid
-from setid.boxed import proved_box
+from setid.feasible_set.start import find_box
 
 from .errors import BenchmarkError
 from .intervals import RecordTask
@@ -103,7 +103,7 @@ def task(kind: str, samples: int, noise: float = 1.0, seed: int = 0) -> RecordTa
     truth, bound = record(kind, samples, noise, seed)
     model, _, priors = KINDS[kind]
     known = setid.formulate(truth.data, model, bound, priors)
-    return RecordTask.on_box(known, truth, proved_box(known))
+    return RecordTask.on_box(known, truth, find_box(known))
 
 
 def cases(selection: Selection) -> Iterator[Case]:

@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sps
 
-from sparsepop_py.conic import ConicProgram
+from sparsepop_py.conic.program import ConicProgram
 
 __all__ = ["PEERS", "csdp", "sdpa", "sdpa_text"]
 

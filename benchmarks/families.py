@@ -18,7 +18,7 @@ from .registry import Case, Family, Registry, Selection, Task
 __all__ = ["REGISTRY"]
 
 ROOT = Path(__file__).resolve().parent.parent
-ZOO = ROOT / "tests" / "zoo"
+ZOO = ROOT / "tests" / "problems" / "zoo"
 EXAMPLES = ROOT / "examples" / "problems"
 _BILEVEL = ("ex9_", "ex5_2_", "ex5_4_", "st_e33", "st_bpk", "st_bpv")  # products of flows or duals
 

@@ -26,8 +26,9 @@ import numpy as np
 
 import setid
 import sparsepop_py as sp
-from setid.boxed import ProvedBox, boxed, objectives, proved_box
-from setid.units import in_units
+from setid.feasible_set.start import find_box
+from setid.formulation.units import in_units
+from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 
 from .measure import Setting, own_rows, peer_rows, settings_of
 from .records import Row
@@ -100,7 +101,7 @@ class Experiment:
         truth = self.record()
         noise = self._noise(truth.u.ravel())
         known = setid.formulate(truth.data, PLANTS[self.order][0], noise, self.priors)
-        box = proved_box(known)
+        box = find_box(known)
         assert box is not None
         return RecordTask.on_box(known, truth, box)
 
@@ -123,7 +124,7 @@ class RecordTask(Task):
         known: setid.Formulation, truth: setid.Simulated, box: ProvedBox | None
     ) -> RecordTask:
         """The problem of a formulation, in units, on the box that data and priors prove."""
-        scaled, p = in_units(boxed(known, box), known), len(known.parameters)
+        scaled, p = in_units(problem_on_box(known, box), known), len(known.parameters)
         problem = scaled.problem
         labels = [f"{sense} {name}" for name in known.parameters for sense in ("min", "max")]
         widths = tuple((problem.upper[:p] - problem.lower[:p]).tolist())

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 from .errors import BenchmarkError
 from .measure import own_rows

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 from . import networks
 from .errors import BenchmarkError

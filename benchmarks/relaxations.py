@@ -14,11 +14,10 @@ import numpy as np
 import scipy.sparse as sps
 
 import sparsepop_py as sp
-from sparsepop_py.conic import ConicProgram
-from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.relaxation import Relaxation
-from sparsepop_py.rounding import Interval
-from sparsepop_py.shapes import Shape
+from sparsepop_py.conic.program import ConicProgram
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
 from . import identification, networks
 
@@ -93,7 +92,7 @@ def record(samples: int, order: int, *, parameters: int = 5, seed: int = 0, **op
 
 
 def star(
-    kind: str, samples: int, shape: Shape, end: int, noise: float = 1.0, seed: int = 0
+    kind: str, samples: int, shape: str, end: int, noise: float = 1.0, seed: int = 0
 ) -> ConicProgram:
     """One of the ten bounds of a record, in the shapes between order 1 and order 2."""
     relaxation, objectives = _shaped(kind, samples, shape, noise, seed)
@@ -102,7 +101,7 @@ def star(
 
 @cache
 def _shaped(
-    kind: str, samples: int, shape: Shape, noise: float, seed: int
+    kind: str, samples: int, shape: str, noise: float, seed: int
 ) -> tuple[Relaxation, tuple[sp.Polynomial, ...]]:
     task = identification.task(kind, samples, noise, seed)
     box = Interval(task.problem.lower, task.problem.upper)

@@ -9,7 +9,7 @@ from statistics import median
 
 import numpy as np
 
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 from .orders import order_table
 from .records import PHASES, Row

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 from .errors import BenchmarkError
 from .tables import table

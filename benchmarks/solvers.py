@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 import sparsepop_py as sp
-from sparsepop_py.conic import ConicProgram, ConicSolution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.solvers import cliquetree, preferred, solve_conic
 
 from .agreement import safe_value

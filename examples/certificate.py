@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.identity import Identity
+from sparsepop_py.verified.certificate.sos_identity import Identity
 
 problem = sp.parse("min x^4 - 3*x^2*y + y^4 + x; s.t. x*y >= -1; x^2 + y^2 <= 4")
 result = sp.solve(problem, sp.Options(order=2))

@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 
 import setid
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 HERE = Path(__file__).resolve().parent
 COLUMNS = "{:<16}{:>3}  {:<5}  {:>5}  {:<9}{:>15}{:>16}{:>9}{:>8}  {:>8}"

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.printing import rounded
+from setid.formulation.printing import rounded
 
 RECORD = Path(__file__).resolve().parent / "data" / "hairdryer.csv"
 MODEL = setid.TransferFunction(na=2, nb=2, nk=3, offset=True)

@@ -13,8 +13,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.block_plots import plot_diagram
-from setid.printing import rounded
+from setid.formulation.printing import rounded
+from setid.plots.blocks import plot_diagram
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 NOISE = 0.36  # V, an assumption: about the largest residual of a least-squares fit

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import setid
-from setid.printing import rounded
+from setid.formulation.printing import rounded
 
 RECORD = Path(__file__).resolve().parent / "data" / "tank.csv"
 LINEAR = ["1", "y1", "u1"]

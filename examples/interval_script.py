@@ -9,7 +9,7 @@ point, becomes the interval; here SDPobjValue is proved, and the two can be comp
 import numpy as np
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 N, NOISE, TRUTH = 20, 0.5, np.array([-0.8, 2.0])
 rng = np.random.default_rng(1)

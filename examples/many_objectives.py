@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 shown = partial(rounded, scientific=False)
 A, B, NOISE = 0.6, 1.5, 0.05

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import sparsepop_py as sp
-from sparsepop_py.display import rounded
+from sparsepop_py.verified.arithmetic.display import rounded
 
 PROBLEMS = Path(__file__).resolve().parent / "problems"
 

@@ -18,150 +18,30 @@ Examples
 -0.52326
 """
 
-from . import estimators
-from .assembly import Rows
-from .bands import FrequencyBand, StepBand, frequency_band, step_band
-from .block_bands import SignalBand, StaticBand, signal_band, static_band
-from .boxes import ParameterBox, parameter_box
-from .centre import Central, central, worst_case_error
-from .completion import Witness
-from .consistency import Consistency, consistency
-from .data import IOData
-from .directions import DirectionBox
-from .discretisation import discretisation_error, estimate_delta
-from .equivalence import convert, convert_intervals, equivalent, unidentifiable
-from .errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
-from .estimators import Estimate, l1, least_squares, linf, recursive_least_squares
-from .exchange import ControlModels, to_control
-from .formulation import Formulation, formulate
-from .identify import identify
-from .indirect import ContinuousEstimate, to_continuous
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .layout import Layout
-from .members import feasible, members, projection_estimate
-from .models.block import (
-    BlockStructured,
-    Hammerstein,
-    HammersteinWiener,
-    Lure,
-    StaticMap,
-    Wiener,
-)
-from .models.continuous import ContinuousTransferFunction
-from .models.lti import TransferFunction
-from .models.narx import PolynomialNARX
-from .noise import EnergyBound, EstimatedBound, Noise, RateLimit, estimate_noise_bound
-from .options import Options
-from .priors import (
-    Box,
-    DCGain,
-    Known,
-    MinimumPhase,
-    PoleIn,
-    Sign,
-    Stable,
-    ZeroIn,
-    parameters,
-)
-from .projections import Projection, project
-from .regression import Regression
-from .residuals import Residuals, residuals
-from .select import Selection, SelectionStep, select
-from .simulate import Simulated, simulate, simulate_record
-from .validation import Comparison, OutputBand, compare, predict, simulate_band
-from .verification import Verification
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import Any
 
-__all__ = [
-    "BlockStructured",
-    "Box",
-    "Central",
-    "Comparison",
-    "Consistency",
-    "ContinuousEstimate",
-    "ContinuousTransferFunction",
-    "ControlModels",
-    "DCGain",
-    "DataError",
-    "DirectionBox",
-    "EnergyBound",
-    "Estimate",
-    "EstimatedBound",
-    "Formulation",
-    "FrequencyBand",
-    "Hammerstein",
-    "HammersteinWiener",
-    "IOData",
-    "Identification",
-    "IntervalStatus",
-    "Known",
-    "Layout",
-    "Lure",
-    "MinimumPhase",
-    "ModelError",
-    "Noise",
-    "NoiseError",
-    "Options",
-    "OutputBand",
-    "ParameterBox",
-    "ParameterInterval",
-    "PoleIn",
-    "PolynomialNARX",
-    "PriorError",
-    "Projection",
-    "RateLimit",
-    "Regression",
-    "Residuals",
-    "Rows",
-    "Selection",
-    "SelectionStep",
-    "SetidError",
-    "SetidWarning",
-    "Sign",
-    "SignalBand",
-    "Simulated",
-    "Stable",
-    "StaticBand",
-    "StaticMap",
-    "StepBand",
-    "TransferFunction",
-    "Verification",
-    "Wiener",
-    "Witness",
-    "ZeroIn",
-    "central",
-    "compare",
-    "consistency",
-    "convert",
-    "convert_intervals",
-    "discretisation_error",
-    "equivalent",
-    "estimate_delta",
-    "estimate_noise_bound",
-    "estimators",
-    "feasible",
-    "formulate",
-    "frequency_band",
-    "identify",
-    "l1",
-    "least_squares",
-    "linf",
-    "members",
-    "parameter_box",
-    "parameters",
-    "predict",
-    "project",
-    "projection_estimate",
-    "recursive_least_squares",
-    "residuals",
-    "select",
-    "signal_band",
-    "simulate",
-    "simulate_band",
-    "simulate_record",
-    "static_band",
-    "step_band",
-    "to_continuous",
-    "to_control",
-    "unidentifiable",
-    "worst_case_error",
-]
+import lazy_loader
+
+# Names come from __init__.pyi. Importing the package loads none of its rooms: no solver, no scipy.
+_lazy, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "estimators":  # a module, not a name of one
+        return import_module("setid.feasible_points.estimators")
+    return _lazy(name)
+
+
+class _Face(ModuleType):
+    """A package whose functions keep their names when modules of the same name are imported."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if isinstance(value, ModuleType) and name in __all__ and name != "estimators":
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Face

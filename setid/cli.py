@@ -9,25 +9,38 @@ import sys
 from collections.abc import Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import sparsepop_py as sp
+from setid.consistency import Consistency, consistency
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.data.tables import has_names
+from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.identify import identify
+from setid.models.continuous import ContinuousTransferFunction, Hold, Method
+from setid.models.equations import Initial, Structure
+from setid.models.lti import TransferFunction
+from setid.models.registry import families, family_of
+from setid.options import Options
+from setid.plots.axes import require_matplotlib
+from setid.plots.intervals import plot_intervals
+from setid.priors import DCGain, Stable
+from setid.priors.registry import read_prior
+from setid.proofs.evidence import Verification
+from setid.proofs.intervals import IntervalStatus
+from setid.result.identification import Identification
 
-from .cli_structure import add_structure, structure_from
-from .consistency import Consistency, consistency
-from .data import IOData
-from .errors import DataError, NoiseError, SetidError
-from .identify import identify
-from .intervals import Identification, IntervalStatus
-from .models.equations import Structure
-from .noise import Noise
-from .options import Options
-from .plots import plot_intervals, require_matplotlib
-from .priors import DCGain, Stable
-from .reading import text_lines
-from .verification import Verification
-
-__all__ = ["EXIT_EMPTY", "EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
+__all__ = [
+    "EXIT_EMPTY",
+    "EXIT_INPUT",
+    "EXIT_MISSING",
+    "EXIT_OPEN",
+    "EXIT_PROVED",
+    "add_structure",
+    "main",
+    "structure_from",
+]
 
 EXIT_PROVED = 0
 EXIT_OPEN = 1
@@ -163,10 +176,8 @@ def _columns(given: list[str] | None) -> list[str | int]:
 
 
 def _default_columns(path: str) -> tuple[str | int, str | int]:
-    """U and y where the first line holds names, else the first two columns."""
-    first = next((line for _, line in text_lines(path)), "")
-    named = any(character.isalpha() and character not in "eEnNaA" for character in first)
-    return ("u", "y") if named else (0, 1)
+    """Take u and y where the first line holds names, else the first two columns."""
+    return ("u", "y") if has_names(path) else (0, 1)
 
 
 def _parts(
@@ -176,6 +187,7 @@ def _parts(
     model = structure_from(arguments, data)
     noise = _noise(arguments)
     priors: list[Any] = [Stable()] if arguments.stable else []
+    priors += [read_prior(text) for text in arguments.prior or []]
     if arguments.dc_gain:
         priors.append(DCGain(*arguments.dc_gain))
     return data, model, noise, priors
@@ -309,6 +321,113 @@ def _write(path: str | None, record: dict[str, Any], text: str) -> None:
     else:
         Path(path).write_text(encoded + "\n", encoding="utf-8")
         print(text)
+
+
+_DISCRETE = ("na", "nb", "nk")
+_CONTINUOUS = ("method", "delta", "tau", "hold")
+
+
+def add_structure(command: argparse.ArgumentParser) -> None:
+    """The options that describe structures and priors."""
+    group = command.add_argument_group("structure and priors")
+    group.add_argument("--na", type=int, help="denominator coefficients")
+    group.add_argument("--nb", type=int, help="numerator coefficients")
+    group.add_argument("--nk", type=int, help="delay in samples (0)")
+    group.add_argument("--offset", action="store_true", help="an unknown constant")
+    group.add_argument(
+        "--common-denominator", action="store_true", help="one for all pairs of channels"
+    )
+    group.add_argument("--from-rest", action="store_true", help="zero before the record")
+    group.add_argument("--stable", action="store_true", help="no poles outside the stable region")
+    group.add_argument(
+        "--prior", action="append", metavar="PRIOR", help='such as "DCGain(0.9, 1.1)"; repeatable'
+    )
+    group.add_argument("--dc-gain", type=float, nargs=2, metavar=("LOW", "HIGH"))
+    group = command.add_argument_group("another structure by name, instead of --na, --nb and --nk")
+    group.add_argument("--structure", metavar="NAME", help=f"one of {', '.join(families())}")
+    group.add_argument("--order", type=int, help="of that structure")
+    group.add_argument("--degree", type=int, help="of that structure (1)")
+    group = command.add_argument_group("continuous time, instead of --na, --nb and --nk")
+    group.add_argument(
+        "--continuous",
+        type=int,
+        nargs=2,
+        metavar=("N", "M"),
+        help="order and degree of the numerator: intervals of a1, a0, b0, ... in powers of s",
+    )
+    group.add_argument("--method", choices=get_args(Method), help="for derivatives (tustin)")
+    group.add_argument(
+        "--delta", metavar="BOUND", help="of the discretisation error, or: estimate (0)"
+    )
+    group.add_argument("--tau", type=float, help="time constant of the method lambda")
+    group.add_argument("--hold", choices=get_args(Hold), help="inputs between samples (linear)")
+
+
+def structure_from(arguments: argparse.Namespace, data: IOData) -> Structure:
+    """The structure of parsed options, for the channels of a record.
+
+    Raises
+    ------
+    ModelError
+        If options of discrete and continuous time are mixed, or orders are missing.
+    """
+    initial: Initial = "zero" if arguments.from_rest else "free"
+    continuous = arguments.continuous is not None
+    for name in _DISCRETE if continuous else _CONTINUOUS:
+        if getattr(arguments, name) is not None:
+            where = "without" if continuous else "with"
+            raise ModelError(f"--{name}: found a value, expected it {where} --continuous")
+    if continuous:
+        if arguments.common_denominator:
+            raise ModelError("--common-denominator: found it, expected it without --continuous")
+        n, m = arguments.continuous
+        return ContinuousTransferFunction(
+            n,
+            m,
+            method=arguments.method or "tustin",
+            delta=_delta(arguments.delta),
+            tau=arguments.tau,
+            hold=arguments.hold or "linear",
+            initial=initial,
+            offset=arguments.offset,
+        )
+    if arguments.structure is not None:
+        return _registered(arguments, data)
+    for name in ("na", "nb"):
+        if getattr(arguments, name) is None:
+            raise ModelError(f"--{name}: found none, expected orders, or --continuous N M")
+    return TransferFunction(
+        arguments.na,
+        arguments.nb,
+        arguments.nk or 0,
+        data.inputs,
+        data.outputs,
+        common_denominator=arguments.common_denominator,
+        offset=arguments.offset,
+        initial=initial,
+    )
+
+
+def _registered(arguments: argparse.Namespace, data: IOData) -> Structure:
+    """The structure of a name, an order and a degree."""
+    for name in _DISCRETE:
+        if getattr(arguments, name) is not None:
+            raise ModelError(f"--{name}: found a value, expected it without --structure")
+    if arguments.order is None:
+        raise ModelError("--order: found none, expected one with --structure")
+    family = family_of(arguments.structure)
+    assert family is not None
+    degree = 1 if arguments.degree is None else arguments.degree
+    return family(arguments.order, degree, data.inputs, data.outputs)
+
+
+def _delta(given: str | None) -> float | Literal["estimate"]:
+    if given == "estimate":
+        return "estimate"
+    try:
+        return float(given or 0.0)
+    except ValueError:
+        raise ModelError(f"--delta: found {given!r}, expected a number or estimate") from None
 
 
 if __name__ == "__main__":

@@ -16,35 +16,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .boxed import ProvedBox, box_follows, start_of
-from .boxes import ParameterBox, parameter_box
-from .data import IOData
-from .driving import driving_rows
-from .errors import ModelError, NoiseError, SetidError
-from .estimators import least_squares, linf
-from .existence import consistent
-from .formulation import Formulation, formulate, settled
-from .models.continuous import without_delta
-from .models.equations import Structure
-from .noise import Noise
-from .noise_factor import (
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import ModelError, NoiseError, SetidError
+from setid.feasible_points.estimators import least_squares, linf
+from setid.feasible_points.witness import consistent, least_noise
+from setid.formulation.formulation import Formulation, formulate, settled
+from setid.formulation.printing import rounded
+from setid.formulation.regression import check_channels
+from setid.formulation.units import in_units
+from setid.minimum_noise.conflicting_samples import conflicting_rows
+from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
+from setid.models.continuous import without_delta
+from setid.models.equations import Structure
+from setid.options import Options
+from setid.priors.base import Prior
+from setid.proofs.evidence import Verification
+from setid.proofs.noise_scale import (
+    NoiseScale,
+    admitted_point,
     attained_factor,
     last_variable,
-    least_factor,
     linear_problem,
-    nearby,
     problem_with_factor,
-    refuted_factor,
-    rounding_factor,
+    proved_share,
     scaled_noise,
+    verify_scale,
 )
-from .options import Options
-from .printing import rounded
-from .priors.base import Prior
-from .regression import check_channels
-from .units import in_units
-from .verification import Verification
+from setid.proofs.parameter_box import start_of
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
 __all__ = ["Consistency", "consistency"]
 
@@ -52,7 +52,7 @@ _SEARCH = 5.0  # seconds for a better estimate
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Consistency:
+class Consistency(NoiseScale):
     """The least factor on all noise bounds with which the data are consistent.
 
     Parameters
@@ -93,17 +93,6 @@ class Consistency:
     (0.339028, True)
     """
 
-    scale: tuple[float, float]
-    theta: NDArray[np.float64] | None
-    witness: NDArray[np.float64] | None
-    formulation: Formulation
-    limit: float
-    problem: sp.Problem
-    bound: sp.LinearBound | None
-    result: sp.Result | None
-    box: ProvedBox | None
-    refuted: tuple[float, ParameterBox] | None
-    noise: Noise
     assumptions: tuple[str, ...]
     samples: tuple[tuple[int, int], ...]
 
@@ -115,7 +104,7 @@ class Consistency:
 
     def verify(self) -> Verification:
         """Check both ends again, without any solver."""
-        return _verify(self)
+        return verify_scale(self)
 
     def summary(self) -> str:
         """A few lines for people."""
@@ -256,7 +245,7 @@ def _by_engine(
     limit = max(limit, rounding)
     formulation, theta, witness, high = stated(limit), None, None, inf
     if not _is_boxed(formulation, until):  # perhaps with less noise than the estimate needs
-        found = nearby(formulation, x, min(until, time.monotonic() + _SEARCH))
+        found = search_factor(formulation, x, min(until, time.monotonic() + _SEARCH))
         if found is not None and found.share < 1.0:
             limit, x = max(limit * found.share * (1.0 + 1e-3), rounding), found.x
             formulation = stated(limit)
@@ -271,9 +260,10 @@ def _by_engine(
         formulation, limit, box, result = least_factor(stated, (low, limit), x, settings, until)
     problem = problem_with_factor(formulation, box)
     if result is not None:
-        low = max(low, float(np.nextafter(_share(result) * limit, 0.0)))
-        if result.attained is not None:
-            z = result.attained.x * in_units(problem, formulation).units
+        low = max(low, float(np.nextafter(proved_share(result) * limit, 0.0)))
+        units = in_units(problem, formulation).units
+        if result.attained is not None and admitted_point(formulation, units, result.attained):
+            z = result.attained.x * units
             high, witness = attained_factor(formulation, result.attained.value) * limit, z[:-1]
             theta = witness[: len(formulation.parameters)]
     return Consistency(
@@ -289,7 +279,7 @@ def _by_engine(
         refuted=refuted,
         noise=noise,
         assumptions=_assumptions(formulation, noise),
-        samples=() if refuted is None else driving_rows(stated(refuted[0]), refuted[1]),
+        samples=() if refuted is None else conflicting_rows(stated(refuted[0]), refuted[1]),
     )
 
 
@@ -302,12 +292,6 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
     return bool(np.all(np.isfinite(box.lower) & np.isfinite(box.upper)))
 
 
-def _share(result: sp.Result) -> float:
-    """The part of the limit below which the engine proves that nothing is consistent."""
-    proof = result.certificate
-    return 0.0 if proof is None else min(max(0.0, proof.bound), 1.0)
-
-
 def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
     """A factor with which some estimate is consistent, a little more than its least one."""
     best, x = inf, None
@@ -316,7 +300,7 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
         try:
             theta = estimate(data, formulation.model).theta
             p = theta.size
-            witness = formulation.witness(np.clip(theta, low[:p], high[:p]))
+            witness = least_noise(formulation, np.clip(theta, low[:p], high[:p]))
         except (ModelError, ValueError):
             continue
         if witness.level < best:
@@ -324,64 +308,3 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
     if not np.isfinite(best):
         return 1.0, None
     return best * (1.0 + 1e-3), x
-
-
-def _verify(found: Consistency) -> Verification:
-    again = _stated(found, found.limit)
-    if again.problem.fingerprint != found.formulation.problem.fingerprint:
-        return Verification(False, "the problem is not that of the data, the noise and the limit")
-    if found.bound is not None:
-        problem = linear_problem(found.formulation)
-        verdict = found.bound.verify(problem, last_variable(problem))
-        same = found.scale == (found.bound.lower, found.bound.upper)
-        return Verification(verdict.ok and same, verdict.reason)
-    proved = 0.0
-    if found.refuted is not None:
-        factor, box = found.refuted
-        if not box.empty or not box_follows(box, _stated(found, factor)):
-            return Verification(False, "emptiness of the box does not follow")
-        proved = factor
-    if found.result is not None:
-        if found.box is not None and not box_follows(found.box, _stated(found, found.limit)):
-            return Verification(False, "the box does not follow from the data")
-        reason = _result_fails(found)
-        if reason:
-            return Verification(False, reason)
-        proved = max(proved, _share(found.result) * found.limit)
-    attained = found.result is not None and found.result.attained is not None
-    if not attained and found.scale[1] < inf and not _explained(found):
-        return Verification(False, "nothing attains the upper end")
-    good = found.scale[0] <= proved
-    return Verification(good, "" if good else "the lower end does not follow")
-
-
-def _stated(found: Consistency, factor: float) -> Formulation:
-    """The problem at one factor, stated once more from the data."""
-    given = found.formulation
-    noise = scaled_noise(found.noise.bounds(given.data), factor)
-    return formulate(given.data, given.model, noise, given.priors)
-
-
-def _explained(found: Consistency) -> bool:
-    """Whether the parameters at the upper end are proved consistent, without the engine."""
-    if found.theta is None:
-        return False
-    return consistent(_stated(found, found.scale[1]), found.theta) is not None
-
-
-def _result_fails(found: Consistency) -> str:
-    result = found.result
-    problem = in_units(problem_with_factor(found.formulation, found.box), found.formulation).problem
-    assert result is not None
-    if result.certificate is not None:
-        verdict = result.certificate.verify(problem)
-        if not verdict.ok:
-            return verdict.reason
-    attained = result.attained
-    if attained is None:
-        return ""
-    point = attained.recheck(problem)
-    if point is None:
-        return "the attained point could not be proved again"
-    reached = attained_factor(found.formulation, point.value) * found.limit
-    return "" if reached <= found.scale[1] else "the upper end is not attained"

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
 from typing import Any
@@ -21,32 +21,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-
-from .attained import inner_ends
-from .boxed import ProvedBox, boxed, objectives, proved_box
-from .checks import frozen
-from .common_factor import Endless, endless_by
-from .data import IOData
-from .discretisation import remark, with_estimate
-from .driving import driving_rows, driving_samples
-from .equivalence import unidentifiable
-from .errors import SetidError
-from .existence import proved_point
-from .formulation import Formulation, formulate
-from .idle import idle_parameters
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .models.block import BlockStructured
-from .models.equations import Structure
-from .models.lti import TransferFunction
-from .noise import Noise
-from .options import Options
-from .priors.base import Prior
-from .progress import Progress
-from .results import empty_result, endless_text, free_text, result_of, unbounded_text
-from .search import attained_ends, checked, coupled
-from .starts import first_point, repair
-from .units import InUnits, in_units
-from .unnormalised import reference_model, refuse
+from setid.data.checks import frozen
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import SetidError
+from setid.feasible_points.inner_ends import inner_ends
+from setid.feasible_points.search import coupled, recheck_results, search_ends
+from setid.feasible_points.start import first_point, repair
+from setid.feasible_set.start import find_box
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import InUnits, in_units
+from setid.identifiability.common_factor import find_unbounded
+from setid.identifiability.reference import reference_model, refuse
+from setid.minimum_noise.conflicting_samples import conflicting_rows, conflicting_samples
+from setid.minimum_noise.discretisation import remark, with_estimate
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
+from setid.options import Options
+from setid.priors.base import Prior
+from setid.proofs.existence import admitted, proved_point
+from setid.proofs.free_parameters import free_parameters
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.normalisation import unidentifiable
+from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.proofs.unbounded import Unbounded
+from setid.result.assembling import (
+    Outcome,
+    empty_result,
+    free_text,
+    result_of,
+    simpler_text,
+    unbounded_text,
+)
+from setid.result.identification import Identification
+from setid.result.progress import Progress
 
 __all__ = ["identify"]
 
@@ -111,30 +120,58 @@ def identify(
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
             return _reported(data, model, noise, priors, settings, set(affected))
         refuse(model)
-    until, timings = settings.deadline(), dict[str, float]()
-    model, noise, given = _timed(
-        timings, "delta", lambda: with_estimate(data, model, noise, priors, until)
+    task = _Task(settings, settings.deadline(), {})
+    model, noise, given = task.timed(
+        "delta", lambda: with_estimate(data, model, noise, priors, task.until)
     )
-    formulation = _timed(timings, "formulate", lambda: formulate(data, model, noise, given))
-    return _with_remarks(_settle(formulation, settings, timings, until))
+    formulation = task.timed("formulate", lambda: formulate(data, model, noise, given))
+    return _with_remark(_settle(formulation, task))
 
 
-def _settle(
-    formulation: Formulation, settings: Options, timings: dict[str, float], until: float
-) -> Identification:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """Settings, the reading of ``time.monotonic`` at which work ends, and seconds by stage."""
+
+    settings: Options
+    until: float
+    timings: dict[str, float]
+
+    def timed(self, stage: str, work: Callable[[], Any]) -> Any:
+        """Add the CPU seconds of some work to its stage."""
+        begin = time.process_time()
+        try:
+            return work()
+        finally:
+            spent = time.process_time() - begin
+            self.timings[stage] = self.timings.get(stage, 0.0) + spent
+
+    def empty(self, formulation: Formulation, outcome: Outcome) -> Identification:
+        """Put an empty result together."""
+        return empty_result(formulation, self.settings, self.timings, outcome)
+
+    def result(
+        self, formulation: Formulation, items: Sequence[ParameterInterval], outcome: Outcome
+    ) -> Identification:
+        """Put a result together."""
+        return result_of(formulation, self.settings, self.timings, items, outcome)
+
+
+def _settle(formulation: Formulation, task: _Task) -> Identification:
+    """Settle all intervals of one formulation, by linear programs or by the engine."""
     problem = formulation.problem
     if problem.degree <= 1 and problem.dimension <= _FEW:
-        return _linear(formulation, settings, timings)
+        return _linear(formulation, task)
     direct = _direct(formulation)
     if direct is not None:
-        return _identify(direct, settings, timings, until, (_DIRECT,))
-    return _identify(formulation, settings, timings, until, ())
+        return _on_box(direct, task, (_DIRECT,))
+    return _on_box(formulation, task, ())
 
 
-def _with_remarks(found: Identification) -> Identification:
+def _with_remark(found: Identification) -> Identification:
+    """Add what is to be said of the discretisation, if anything."""
     middle = np.array([interval.centre for interval in found.intervals.values()])
-    told = "" if found.empty else remark(found.formulation, middle)
-    return replace(found, notes=(*found.notes, told)) if told else found
+    text = "" if found.empty else remark(found.formulation, middle)
+    return replace(found, notes=(*found.notes, text)) if text else found
 
 
 def _reported(
@@ -145,26 +182,21 @@ def _reported(
     settings: Options,
     affected: set[str],
 ) -> Identification:
-    """Intervals of what does not depend on a normalisation."""
+    """Identify what does not depend on a normalisation."""
     formulation = formulate(data, model, noise, priors)
-    reference = reference_model(data, model, noise, formulation.priors)
+    reference, nonzero = reference_model(data, model, noise, formulation.priors)
     found = identify(data, reference, noise, formulation.priors, settings)
+    note = f"{', '.join(sorted(affected))} are not unique; the rest is that of {reference!r}"
+    notes = () if found.empty else (note, *found.notes)
+    outcome = Outcome(notes=notes, reference=found, nonzero=nonzero)
     if found.empty:
-        return replace(empty_result(formulation, settings, found.timings), reference=found)
+        return empty_result(formulation, settings, found.timings, outcome)
     items = []
     for name in formulation.parameters:
         free = ParameterInterval(name, (-inf, inf), None, IntervalStatus.UNIDENTIFIABLE)
         items.append(free if name in affected else found.intervals[name])
     items = [replace(item, witnesses=(None, None)) for item in items]
-    note = f"{', '.join(sorted(affected))} are not unique; the rest is that of {reference!r}"
-    return result_of(
-        formulation,
-        settings,
-        found.timings,
-        items,
-        notes=(note, *found.notes),
-        reference=found,
-    )
+    return result_of(formulation, settings, found.timings, items, outcome)
 
 
 def _direct(formulation: Formulation) -> Formulation | None:
@@ -178,46 +210,35 @@ def _direct(formulation: Formulation) -> Formulation | None:
     return formulate(formulation.data, other, formulation.noise, formulation.priors)
 
 
-def _identify(
-    formulation: Formulation,
-    settings: Options,
-    timings: dict[str, float],
-    until: float,
-    notes: tuple[str, ...],
-) -> Identification:
-    """Box first, then the engine on it, in one time."""
-    box = _timed(timings, "box", lambda: proved_box(formulation, until))
+def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Identification:
+    """Find a box from the data, then settle all intervals on it."""
+    box = task.timed("box", lambda: find_box(formulation, task.until))
     if box is not None and box.empty:
-        left = min(_SEARCH, until - time.monotonic())
-        driving = driving_rows(formulation, box) or driving_samples(formulation, None, left)
-        return empty_result(formulation, settings, timings, box, samples=driving, notes=notes)
+        left = min(_SEARCH, task.until - time.monotonic())
+        keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
+        return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
         notes = (*notes, "time ended in the search for a box from the data: give more time")
-    return _engine(formulation, settings, timings, until, box, notes)
-
-
-def _timed(timings: dict[str, float], stage: str, work: Callable[[], Any]) -> Any:
-    begin = time.process_time()
-    try:
-        return work()
-    finally:
-        timings[stage] = timings.get(stage, 0.0) + time.process_time() - begin
+    problem = problem_on_box(formulation, box)
+    outcome = Outcome(problem=problem, box=box, notes=notes)
+    p = len(formulation.parameters)
+    loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
+    if loose.size and (box is not None or isinstance(formulation.model, BlockStructured)):
+        return _without_box(formulation, task, outcome, loose)
+    return _by_engine(formulation, task, outcome, bool(loose.size))
 
 
 # ---- linear problems --------------------------------------------------------------------
 
 
-def _linear(
-    formulation: Formulation, settings: Options, timings: dict[str, float]
-) -> Identification:
+def _linear(formulation: Formulation, task: _Task) -> Identification:
     problem, asked = formulation.problem, objectives(formulation)
-    bounds = _timed(timings, "linear programs", lambda: tuple(sp.linear_bounds(problem, asked)))
+    bounds = task.timed("linear programs", lambda: tuple(sp.linear_bounds(problem, asked)))
     if bounds[0].status is sp.Status.INFEASIBLE:
         rows = formulation.rows
         used = [number for number, _ in bounds[0].multipliers if number < len(rows.origin)]
         samples = {(int(rows.record[r]), int(rows.sample[r])) for r in used if rows.sample[r]}
-        found = tuple(sorted(samples))
-        return empty_result(formulation, settings, timings, bounds=bounds, samples=found)
+        return task.empty(formulation, Outcome(bounds=bounds, samples=tuple(sorted(samples))))
     items = []
     for place, name in enumerate(formulation.parameters):
         low, high = bounds[2 * place], bounds[2 * place + 1]
@@ -228,7 +249,7 @@ def _linear(
             status = IntervalStatus.UNIDENTIFIABLE
         outer, inner = (low.lower, -high.lower), (low.upper, -high.upper)
         items.append(ParameterInterval(name, outer, inner, status, (low.x, high.x)))
-    return result_of(formulation, settings, timings, items, bounds=bounds)
+    return task.result(formulation, items, Outcome(bounds=bounds))
 
 
 def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
@@ -249,58 +270,56 @@ def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
 # ---- the engine -------------------------------------------------------------------------
 
 
-def _engine(
-    formulation: Formulation,
-    settings: Options,
-    timings: dict[str, float],
-    until: float,
-    box: ProvedBox | None,
-    notes: tuple[str, ...],
+def _without_box(
+    formulation: Formulation, task: _Task, outcome: Outcome, loose: NDArray[np.int64]
 ) -> Identification:
-    problem = boxed(formulation, box)
-    p = len(formulation.parameters)
-    scaled = in_units(problem, formulation)
-    idle = np.array([i for i in range(p) if not np.any(problem.rows.words == i + 1)], int)
-    loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
-    parts: dict[str, Any] = {"box": box, "problem": problem}
-    results: tuple[sp.Result, ...] = ()
-    endless: Endless | None = None
-    free, alone = idle_parameters(formulation) if loose.size else ((), None)
-    blocks = isinstance(formulation.model, BlockStructured)
-    if loose.size and (box is not None or blocks):
-        if not free:
-            endless = _timed(timings, "common factor", lambda: endless_by(formulation, until))
-            parts["endless"] = endless
-        why = (unbounded_text(formulation, loose),) if endless is None else endless_text(endless)
-        parts["notes"] = (*notes, *(free_text(free) or why))
-    else:
-        results = _timed(
-            timings, "engine", lambda: _solved(formulation, problem, scaled, settings, until)
-        )
-        told = (note for found in results for note in found.notes)
-        parts["notes"] = tuple(dict.fromkeys([*notes, *told]))
-        for found in results:
-            for stage, seconds in found.timings.items():
-                timings[f"engine: {stage}"] = timings.get(f"engine: {stage}", 0.0) + seconds
-    parts["results"] = results
+    """Say what is proved where some parameters have no finite box."""
+    free, alone = free_parameters(formulation)
+    unbounded: Unbounded | None = None
+    if not free:
+        unbounded = task.timed("common factor", lambda: find_unbounded(formulation, task.until))
+    why = (unbounded_text(formulation, loose),) if unbounded is None else simpler_text(unbounded)
+    notes = (*outcome.notes, *(free_text(free) or why))
+    scaled = in_units(_stated(outcome), formulation)
+    items = _intervals(formulation, scaled, (), task.settings.tol)
+    items = [_open(item, unbounded, free, alone) for item in items]
+    return task.result(formulation, items, replace(outcome, notes=notes, unbounded=unbounded))
+
+
+def _stated(outcome: Outcome) -> sp.Problem:
+    assert outcome.problem is not None
+    return outcome.problem
+
+
+def _by_engine(
+    formulation: Formulation, task: _Task, outcome: Outcome, loose: bool
+) -> Identification:
+    """Settle all ends over one feasible set, in units."""
+    scaled = in_units(_stated(outcome), formulation)
+    free, alone = free_parameters(formulation) if loose else ((), None)
+    results = task.timed("engine", lambda: _solve(formulation, _stated(outcome), scaled, task))
+    notes = dict.fromkeys([*outcome.notes, *(note for found in results for note in found.notes)])
+    for found in results:
+        for stage, seconds in found.timings.items():
+            key = f"engine: {stage}"
+            task.timings[key] = task.timings.get(key, 0.0) + seconds
+    outcome = replace(outcome, results=results, notes=tuple(notes))
     if any(r.status is sp.Status.INFEASIBLE for r in results):
-        parts.pop("box")
-        spent = sum(timings[stage] for stage in ("box", "engine"))
-        left = _SEARCH + spent if until == inf else until - time.monotonic()
-        parts["samples"] = _timed(
-            timings,
-            "driving samples",
-            lambda: driving_samples(formulation, settings.for_engine("absolute"), left),
+        spent = sum(task.timings[stage] for stage in ("box", "engine"))
+        left = _SEARCH + spent if task.until == inf else task.until - time.monotonic()
+        options = task.settings.for_engine("absolute")
+        keys = task.timed(
+            "conflicting samples", lambda: conflicting_samples(formulation, options, left)
         )
-        return empty_result(formulation, settings, timings, box, **parts)
-    items = _intervals(formulation, scaled, results, settings.tol, set(idle.tolist()))
-    items = [_open(item, endless, free, alone) for item in items]
-    return result_of(formulation, settings, timings, items, **parts)
+        return task.empty(formulation, replace(outcome, samples=keys))
+    items = _intervals(formulation, scaled, results, task.settings.tol)
+    items = [_open(item, None, free, alone) for item in items]
+    return task.result(formulation, items, outcome)
 
 
 def _open(
     item: ParameterInterval,
-    endless: Endless | None,
+    unbounded: Unbounded | None,
     free: tuple[str, ...],
     witness: NDArray[np.float64] | None,
 ) -> ParameterInterval:
@@ -308,28 +327,25 @@ def _open(
     if item.name in free:
         ends, status = (-inf, inf), IntervalStatus.UNIDENTIFIABLE
         return ParameterInterval(item.name, ends, ends, status, (witness, witness))
-    proved = endless is not None and item.name in endless.names
+    proved = unbounded is not None and item.name in unbounded.names
     return replace(item, status=IntervalStatus.UNBOUNDED) if proved else item
 
 
-def _solved(
-    formulation: Formulation,
-    problem: sp.Problem,
-    scaled: InUnits,
-    settings: Options,
-    until: float,
+def _solve(
+    formulation: Formulation, problem: sp.Problem, scaled: InUnits, task: _Task
 ) -> tuple[sp.Result, ...]:
-    """All ends over one feasible set, in units."""
+    """Bound and attain all ends over one feasible set, in units."""
+    settings = task.settings
     progress = Progress(formulation.parameters, settings.tol, settings.progress)
     start = first_point(formulation, problem)
     points: list[sp.ProvedPoint] = []
     branch_on = None
     if coupled(formulation):
         branch_on = range(len(formulation.parameters))
-        ends = [] if start is None else attained_ends(formulation, problem, start)
+        ends = [] if start is None else search_ends(formulation, problem, start)
         again = (proved_point(formulation, scaled.problem, end.x / scaled.units) for end in ends)
         points = [point for point in again if point is not None]
-    engine = settings.for_engine(until=until)
+    engine = settings.for_engine(until=task.until)
     engine = replace(engine, refine="none") if points else engine
     try:
         found = sp.solve_each(
@@ -340,9 +356,9 @@ def _solved(
             repair=repair(formulation, problem, scaled.units),
             points=points,
             branch_on=branch_on,
-            on_progress=progress.told,
+            on_progress=progress.report,
         )
-        return checked(scaled.problem, found) if points else tuple(found)
+        return recheck_results(scaled.problem, found) if points else tuple(found)
     finally:
         progress.close()
 
@@ -352,13 +368,14 @@ def _intervals(
     scaled: InUnits,
     results: Sequence[sp.Result],
     tol: float,
-    idle: set[int],
 ) -> list[ParameterInterval]:
-    problem, attained = scaled.problem, [r.attained for r in results if r.attained is not None]
+    problem = scaled.problem
+    points = [_admitted_point(formulation, scaled, r.attained) for r in results]
+    attained = any(point is not None for point in points)
     items = []
     for place, name in enumerate(formulation.parameters):
         low, high = float(problem.lower[place]), float(problem.upper[place])
-        if place in idle:
+        if not np.any(problem.rows.words == place + 1):
             ends = formulation.problem.lower[place], formulation.problem.upper[place]
             outer = (float(ends[0]), float(ends[1]))
             inner = outer if attained else None
@@ -368,7 +385,7 @@ def _intervals(
         if results:
             low = max(low, results[2 * place].lower_bound)
             high = min(high, -results[2 * place + 1].lower_bound)
-        inner, witnesses = inner_ends(attained, results, place)
+        inner, witnesses = inner_ends(points, place)
         if inner is not None and problem.lower[place] == problem.upper[place]:
             inner = (low, high)  # whatever point is attained has this value
         item = ParameterInterval(name, (low, high), inner, IntervalStatus.PARTIAL, witnesses)
@@ -376,6 +393,17 @@ def _intervals(
             item = replace(item, status=IntervalStatus.CERTIFIED)
         items.append(_restored(item, float(scaled.units[place]), scaled.units))
     return items
+
+
+def _admitted_point(
+    formulation: Formulation, scaled: InUnits, point: sp.ProvedPoint | None
+) -> sp.ProvedPoint | None:
+    """A point, None where priors mean less than their rows and do not admit it."""
+    if point is None:
+        return None
+    p = len(formulation.parameters)
+    units = scaled.units[:p]
+    return point if admitted(formulation, point.x[:p] * units, point.radius * units) else None
 
 
 def _restored(

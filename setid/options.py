@@ -8,9 +8,8 @@ from time import monotonic
 from typing import Literal
 
 import sparsepop_py as sp
-
-from .checks import number
-from .errors import SetidError
+from setid.data.checks import number
+from setid.errors import SetidError
 
 __all__ = ["Options"]
 

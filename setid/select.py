@@ -18,18 +18,17 @@ from typing import Any
 import numpy as np
 
 import sparsepop_py as sp
-
-from .checks import entries_of, natural
-from .data import IOData
-from .errors import ModelError, SetidError
-from .identify import identify
-from .intervals import Identification, IntervalStatus, ParameterInterval
-from .models.equations import Structure
-from .models.lti import TransferFunction
-from .models.narx import PolynomialNARX
-from .noise import Noise
-from .options import Options
-from .priors.base import Prior
+from setid.data.checks import entries_of, natural
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import ModelError, SetidError
+from setid.identify import identify
+from setid.models.equations import Structure
+from setid.models.registry import family_of
+from setid.options import Options
+from setid.priors.base import Prior
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 
 __all__ = ["Selection", "SelectionStep", "select"]
 
@@ -101,7 +100,7 @@ class Selection:
 
 def select(
     data: IOData,
-    family: type[TransferFunction] | type[PolynomialNARX] | Family,
+    family: str | type | Family,
     noise: Noise,
     orders: Iterable[int],
     degrees: Iterable[int] = (1,),
@@ -113,9 +112,10 @@ def select(
     Parameters
     ----------
     data : IOData
-    family : type or callable
+    family : type, str or callable
         ``TransferFunction``: order n means na = n, nb = n + 1 without delay.
         ``PolynomialNARX``: all monomials up to the degree in n past outputs and inputs.
+        Or another registered structure or its name (:func:`setid.register_structure`).
         Otherwise ``family(order, degree)`` makes the structure.
     noise : Noise
     orders, degrees : iterable of int
@@ -169,14 +169,10 @@ def _naturals(given: Any, field: str, least: int) -> list[int]:
 
 
 def _family(family: Any, data: IOData) -> Family:
-    if family is TransferFunction:
-        return lambda order, degree: TransferFunction(
-            order, order + 1, 0, data.inputs, data.outputs
-        )
-    if family is PolynomialNARX:
-        return lambda order, degree: PolynomialNARX.full(
-            degree, order, order, data.inputs, data.outputs
-        )
+    """Structures by order and degree, of a registered structure or as the caller makes them."""
+    known = family_of(family) if isinstance(family, (str, type)) else None
+    if known is not None:
+        return lambda order, degree: known(order, degree, data.inputs, data.outputs)
     if not callable(family):
         raise ModelError(
             f"family: found {type(family).__name__}, expected TransferFunction, PolynomialNARX "

@@ -1,4 +1,4 @@
-"""The command line: ``sparsepop solve FILE.gms`` and ``sparsepop info FILE.gms``."""
+"""Command line: ``sparsepop solve FILE.gms`` and ``sparsepop info FILE.gms``."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from . import plots
-from .display import rounded
-from .errors import FormatError, ProblemError, SolverNotFound, check_writable
-from .formats.gms import read_gms
-from .options import Options
-from .problem import Problem
-from .relaxation import relax
-from .result import Result, Status
-from .solve import solve
-from .sparsity import find_cliques
+from sparsepop_py import plots
+from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
+from sparsepop_py.formats import FORMATS, read
+from sparsepop_py.options import Options
+from sparsepop_py.pipeline import solve
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.moment import relax
+from sparsepop_py.result import Result, Status
+from sparsepop_py.solvers import solver_names
+from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
 
@@ -93,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.set_defaults(run=run)
-        command.add_argument("file", metavar="FILE.gms", help="a problem in GAMS scalar format")
+        command.add_argument("file", metavar="FILE", help=f"a problem: {', '.join(FORMATS)}")
         command.add_argument("--order", type=int, help="relaxation order; the least by default")
         command.add_argument("--dense", action="store_true", help="one clique of all variables")
         if run is _solve:
@@ -107,12 +108,14 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
         "--plain", action="store_true", help="the bounds as given, no search for tighter ones"
     )
     effort.add_argument(
-        "--auto", action="store_true", help="higher orders too while the gap is open"
+        "--auto",
+        action="store_true",
+        help="more relaxations and branch and bound while the gap is open",
     )
     command.add_argument(
         "--solver",
         default="auto",
-        help="auto, clarabel, clarabel-moment, cliquetree or cvxpy:NAME",
+        help=", ".join(solver_names()),
     )
     command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
     command.add_argument("--json", action="store_true", help="print one JSON object")
@@ -140,7 +143,7 @@ def _check_picture(path: str) -> None:
 def _solve(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         _check_picture(arguments.plot)  # before the work, not after it
-    problem = read_gms(arguments.file)
+    problem = read(arguments.file)
     options = Options(
         order=arguments.order,
         effort="plain" if arguments.plain else "auto" if arguments.auto else "presolve",
@@ -160,7 +163,7 @@ def _solve(arguments: argparse.Namespace) -> int:
 
 
 def _interval(result: Result) -> tuple[float, float]:
-    """Where the optimal value lies, in the sense of the file."""
+    """Return the interval of the optimal value, in the sense of the file."""
     low, high = result.lower_bound, result.upper_bound
     return (-high, -low) if result.problem.sense == "max" else (low, high)
 
@@ -204,7 +207,7 @@ def _point(result: Result) -> list[str]:
 
 
 def _number(value: float) -> float | str | None:
-    """A number that JSON knows, infinities as the strings that ``float`` reads."""
+    """Convert a number to JSON, infinities to the strings that ``float`` reads."""
     if math.isnan(value):
         return None
     return value if math.isfinite(value) else str(value)
@@ -250,7 +253,7 @@ def _record(path: str, result: Result) -> dict[str, Any]:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    problem = read_gms(arguments.file)
+    problem = read(arguments.file)
     options = Options(order=arguments.order, sparse=not arguments.dense)
     cliques = find_cliques(problem, sparse=options.sparse)
     print(f"{arguments.file}: {repr(problem)[10:-1]}")

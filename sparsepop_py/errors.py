@@ -45,7 +45,13 @@ class ParameterWarning(UserWarning):
 
 
 def check_writable(path: str, field: str) -> None:
-    """Whether a file can be written there, as far as that shows before the work.
+    """Check that a file can be written, as far as that shows before the work.
+
+    Parameters
+    ----------
+    path : str
+    field : str
+        Name of the field for the message.
 
     Raises
     ------

@@ -1,18 +1,20 @@
-"""How to solve: one frozen class, stored in every result."""
+"""Options of a solve: one frozen class, stored in every result."""
 
 from __future__ import annotations
 
 import numbers
+import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .errors import ProblemError
-from .solvers import require_solver
-from .waki import Switches
+from sparsepop_py.errors import ProblemError
+
+if TYPE_CHECKING:
+    from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 
 __all__ = ["SKIPPED", "Options"]
 
@@ -27,17 +29,19 @@ SKIPPED = (
     "chordal",
     "components",
     "inverse",
-    "narrow",
-    "squeeze",
+    "obbt_lp",
+    "obbt_sdp",
     "quote",
     "cutoff",
     "branch",
 )
 
+_OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until the version after next
+
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
-    "chordal": ("min-degree", "mcs-m"),
+    "chordal": ("auto", "min-degree", "min-fill", "mcs-m"),
     "refine": ("scipy", "ipopt", "none"),
 }
 
@@ -52,8 +56,8 @@ class Options:
         Relaxation order; the least legal one when left out, raised to it when smaller.
     effort : {"presolve", "plain", "auto"}
         ``"plain"``: scaling and exactly the relaxation of that order. ``"presolve"``:
-        finite boxes too, by interval propagation and an objective cut-off. ``"auto"``: a
-        ladder of relaxations, linear to high orders, and branch and bound, while the gap
+        finite boxes too, by interval propagation and an objective cutoff. ``"auto"``: a
+        hierarchy of relaxations, linear to high orders, and branch and bound, while the gap
         is open, starting at ``order`` when given; give a ``time_limit`` with it.
     gap : float
         The gap that counts as closed.
@@ -64,30 +68,42 @@ class Options:
         Largest violation, in the user's units, of points that are worth showing.
     sparse : bool
         Exploit correlative sparsity; False makes one clique of all variables.
-    chordal : {"min-degree", "mcs-m"}
-        How the sparsity graph is made chordal.
+    chordal : {"auto", "min-degree", "min-fill", "mcs-m"}
+        Heuristic that makes the sparsity graph chordal. ``"auto"`` tries those that the size
+        allows and takes the smallest largest clique; the others give the same cliques whatever
+        the version.
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
     refine : {"scipy", "ipopt", "none"}
         Local search for attained points; ``"ipopt"`` needs the extra of that name.
     branch_on : sequence of int, optional
-        Variables (from 0) that branch and bound may cut; those that cover all products
+        Variables (from 0) for branch and bound to branch on; those that cover all products
         when left out.
     node_limit : int, optional
-        Most parts that branch and bound looks at; 0 switches it off.
+        Most nodes that branch and bound processes; 0 switches it off.
     executor : concurrent.futures.Executor, optional
-        Where the parts of branch and bound are worked on.
+        Processes the nodes of branch and bound.
     skip : sequence of str, optional
-        Parts of effort ``"auto"`` to leave out, for comparisons: rungs by shape
+        Steps of effort ``"auto"`` to leave out, for comparisons: relaxations by shape
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
         (``"monomials"``, ``"partners"``) or by terms (``"chordal"``, ``"components"``);
-        ``"inverse"`` (first bounds from linear rows), ``"narrow"`` (bounds tightened by
-        linear programs), ``"squeeze"`` (... by semidefinite relaxations, in branch and bound),
-        ``"quote"`` (bounds of one objective used for others), ``"cutoff"``, ``"branch"``.
+        ``"inverse"`` (first bounds from linear rows), ``"obbt_lp"`` (bound tightening by
+        linear programs), ``"obbt_sdp"`` (... by semidefinite relaxations, in branch and
+        bound), ``"quote"`` (bounds of one objective used for others), ``"cutoff"``,
+        ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
-        far is returned, with status LIMIT where the gap is open.
+        far is returned, with status LIMIT where the gap is open. The last verification of
+        the certificate comes on top.
+    work_limit : float, optional
+        Units of work, each about a second of one core, counted by a fixed model
+        (:mod:`sparsepop_py.budget`). With it, and without ``time_limit``, no decision rests on a
+        clock: runs are reproducible, and a run with a larger limit begins like one with a
+        smaller limit. The last step may exceed it.
+    memory_limit : float
+        Bytes that one relaxation may take in a solver, estimated; larger ones are replaced by
+        weaker ones, with a note.
     accuracy : float, optional
         Gap and residuals at which a conic solver may stop, in scaled units; chosen where
         left out.
@@ -95,7 +111,8 @@ class Options:
         Most iterations of a conic solver (Clarabel and the clique-tree method).
     switches : Switches, optional
         With effort ``"plain"``: the relaxation of Waki, Kim, Kojima and Muramatsu under
-        SparsePOP's switches, its order among them; see :mod:`sparsepop_py.waki`.
+        SparsePOP's switches, its order among them; see
+        :mod:`sparsepop_py.relaxation.sparsepop.relaxation`.
     seed : int
         Seed of random starting points.
     progress : bool
@@ -105,6 +122,16 @@ class Options:
     ------
     ProblemError
         If a value is outside its range; the message names the option.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> sp.Options(order=2, effort="auto", time_limit=60.0).gap
+    1e-06
+    >>> sp.Options(order=0)
+    Traceback (most recent call last):
+    ...
+    sparsepop_py.errors.ProblemError: Options.order: found 0, expected a positive integer
     """
 
     order: int | None = None
@@ -113,7 +140,7 @@ class Options:
     gap_kind: Literal["relative", "absolute", "width"] = "relative"
     tolerance: float = 1e-6
     sparse: bool = True
-    chordal: Literal["min-degree", "mcs-m"] = "min-degree"
+    chordal: Literal["auto", "min-degree", "min-fill", "mcs-m"] = "auto"
     solver: str = "auto"
     refine: Literal["scipy", "ipopt", "none"] = "scipy"
     branch_on: Sequence[int] | None = None
@@ -121,6 +148,8 @@ class Options:
     executor: Executor | None = None
     skip: Sequence[str] = ()
     time_limit: float | None = None
+    work_limit: float | None = None
+    memory_limit: float = 5e9
     accuracy: float | None = None
     max_iterations: int | None = None
     switches: Switches | None = None
@@ -145,6 +174,7 @@ class Options:
             if not isinstance(value, numbers.Real) or not float(value) >= 0:
                 raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
         self._check_kinds()
+        self._check_skip()
         self._check_solver()
 
     def _check_solver(self) -> None:
@@ -155,17 +185,45 @@ class Options:
             raise ProblemError(f"Options.accuracy: found {accuracy!r}, expected a number > 0")
         if most is not None and (not isinstance(most, numbers.Integral) or int(most) < 1):
             raise ProblemError(f"Options.max_iterations: found {most!r}, expected an integer >= 1")
-        if switches is not None and not isinstance(switches, Switches):
-            raise ProblemError(f"Options.switches: found {switches!r}, expected Switches")
+        if switches is not None:
+            self._check_switches()
         if switches is not None and self.effort != "plain":
             raise ProblemError(
                 f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
+            )
+
+    def _check_switches(self) -> None:
+        # Loaded where it is used: reading stored results must not load relaxations.
+        from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+
+        if not isinstance(self.switches, Switches):
+            raise ProblemError(f"Options.switches: found {self.switches!r}, expected Switches")
+
+    def _check_solver_name(self) -> None:
+        if not isinstance(self.solver, str):
+            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
+        if self.solver != "auto":
+            from sparsepop_py.solvers import require_solver
+
+            require_solver(self.solver)
+
+    def _check_skip(self) -> None:
+        object.__setattr__(self, "skip", _renamed(self.skip))
+        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
+        if not named or any(name not in SKIPPED for name in self.skip):
+            raise ProblemError(
+                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
             )
 
     def _check_kinds(self) -> None:
         limit = self.time_limit
         if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
             raise ProblemError(f"Options.time_limit: found {limit!r}, expected seconds > 0")
+        for name in ("work_limit", "memory_limit"):
+            value = getattr(self, name)
+            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
+            if not (name == "work_limit" and value is None) and not (number and float(value) > 0):
+                raise ProblemError(f"Options.{name}: found {value!r}, expected a number > 0")
         nodes = self.node_limit
         if nodes is not None and (not isinstance(nodes, numbers.Integral) or int(nodes) < 0):
             raise ProblemError(f"Options.node_limit: found {nodes!r}, expected an integer >= 0")
@@ -176,16 +234,9 @@ class Options:
             raise ProblemError(
                 f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
             )
-        named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
-        if not named or any(name not in SKIPPED for name in self.skip):
-            raise ProblemError(
-                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
-            )
         if self.executor is not None and not isinstance(self.executor, Executor):
             raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
-        if not isinstance(self.solver, str):
-            raise ProblemError(f"Options.solver: found {self.solver!r}, expected a name")
-        require_solver(self.solver)
+        self._check_solver_name()
         if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
             raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
         for name in ("sparse", "progress"):
@@ -193,3 +244,17 @@ class Options:
                 raise ProblemError(
                     f"Options.{name}: found {getattr(self, name)!r}, expected True or False"
                 )
+
+
+def _renamed(skip: Sequence[str]) -> Sequence[str]:
+    """Replace names of earlier versions by those of today, with a DeprecationWarning."""
+    if isinstance(skip, str) or not isinstance(skip, Iterable):
+        return skip  # refused by the caller
+    names = tuple(skip)
+    old = [name for name in names if isinstance(name, str) and name in _OLD_SKIPPED]
+    for name in old:
+        text = f"Options.skip: {name!r} is now called {_OLD_SKIPPED[name]!r}"
+        warnings.warn(text, DeprecationWarning, stacklevel=5)
+    if not old:
+        return skip
+    return tuple(_OLD_SKIPPED[name] if name in old else name for name in names)

@@ -1,4 +1,4 @@
-"""Pictures of results, the only place that knows matplotlib.
+"""Pictures of results, drawn with matplotlib.
 
 Colours are those of Okabe and Ito, which colour-blind people tell apart, over the
 perceptually uniform map cividis.
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .display import rounded
-from .errors import SolverNotFound
-from .problem import Problem
-from .relaxation import Relaxation
-from .result import Result, Status
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.result import Result, Status
+from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,11 @@ _GREY = "#BBBBBB"
 
 
 def require_matplotlib() -> ModuleType:
-    """matplotlib.pyplot.
+    """Import matplotlib.pyplot.
+
+    Returns
+    -------
+    module
 
     Raises
     ------
@@ -49,7 +53,7 @@ def require_matplotlib() -> ModuleType:
 
 
 def _one_axis(ax: Axes | None) -> Axes:
-    """The given axes, or those of a new figure."""
+    """Return the given axes, or those of a new figure."""
     pyplot = require_matplotlib()
     if ax is not None:
         return ax
@@ -57,17 +61,17 @@ def _one_axis(ax: Axes | None) -> Axes:
 
 
 def plot_history(result: Result, ax: Axes | None = None) -> Axes:
-    """Draw the gap between attained and proved value against the CPU seconds of the rungs.
+    """Draw the gap between attained and proved value against CPU seconds, step by step.
 
     Parameters
     ----------
     result : Result
-    ax : Axes, optional
-        Of matplotlib; a new figure when left out.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw on; those of a new figure when left out.
 
     Returns
     -------
-    Axes
+    matplotlib.axes.Axes
 
     Raises
     ------
@@ -75,13 +79,13 @@ def plot_history(result: Result, ax: Axes | None = None) -> Axes:
         If matplotlib is not installed.
     """
     ax = _one_axis(ax)
-    seconds = np.cumsum([rung.seconds for rung in result.history])
-    gaps = np.array([rung.upper_bound - rung.lower_bound for rung in result.history])
+    seconds = np.cumsum([entry.seconds for entry in result.history])
+    gaps = np.array([entry.upper_bound - entry.lower_bound for entry in result.history])
     shown = np.where(np.isfinite(gaps), np.maximum(gaps, 1e-16), np.nan)
     ax.semilogy(seconds, shown, "o-", color=_BOUND)
-    for rung, x, y in zip(result.history, seconds, shown, strict=True):
+    for entry, x, y in zip(result.history, seconds, shown, strict=True):
         if np.isfinite(y):
-            ax.annotate(rung.name, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8)
+            ax.annotate(entry.name, (x, y), xytext=(4, 4), textcoords="offset points", fontsize=8)
     ax.set_xlabel("CPU seconds")
     ax.set_ylabel("gap between attained and proved value")
     return ax
@@ -154,7 +158,7 @@ def _sign(problem: Problem) -> float:
 
 
 def _title(result: Result) -> str:
-    """Status and proved interval, in the sense of the input."""
+    """Format status and proved interval, in the sense of the input."""
     maximise = result.problem.sense == "max"
     word = "maximum" if maximise else "minimum"
     if result.status is Status.INFEASIBLE:
@@ -169,7 +173,7 @@ def _title(result: Result) -> str:
 
 
 def _window(result: Result) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where to look: the bounds where they are finite and not huge, else around the points."""
+    """Choose the window: bounds where they are finite and not huge, else around points."""
     problem, n = result.problem, result.problem.dimension
     points = np.concatenate([chosen for _, _, chosen in _kinds(result)] or [np.zeros((1, n))])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -184,7 +188,10 @@ def _window(result: Result) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _allowed(problem: Problem, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Least slack of inequalities and bounds at (N, n) points; negative where infeasible."""
+    """Compute the least slack of inequalities and bounds at (N, n) points.
+
+    Negative where infeasible.
+    """
     slack = np.minimum(points - problem.lower, problem.upper - points).min(axis=1)
     for row, equal in zip(problem.constraints, problem.equality, strict=True):
         if not equal:
@@ -225,7 +232,7 @@ def _curve(result: Result, ax: Axes) -> None:
 
 
 def _roots(problem: Problem, low: float, high: float) -> NDArray[np.float64]:
-    """Real zeros of the equations of a problem in one variable, within the window."""
+    """Compute the real zeros in the window of the equations in one variable."""
     found = [np.zeros(0)]
     for row, equal in zip(problem.constraints, problem.equality, strict=True):
         if equal:
@@ -284,11 +291,11 @@ def _equations(problem: Problem, X: Any, Y: Any, points: NDArray, ax: Axes) -> N
 
 
 def _kinds(result: Result) -> list[tuple[str, dict[str, Any], NDArray[np.float64]]]:
-    """Points by kind, with how to draw them."""
+    """List points by kind, with their drawing style."""
     attained = [result.attained.x] if result.attained is not None else []
     least = min((point.value for point in result.points), default=0.0)
-    near = least + 1e-3 * max(1.0, abs(least))  # the rest are where searches began or stuck
-    others = [point.x for point in result.points[len(attained) :] if point.value <= near]
+    most = least + 1e-3 * max(1.0, abs(least))  # others are starts and stalls of searches
+    others = [point.x for point in result.points[len(attained) :] if point.value <= most]
     base: dict[str, Any] = {"linestyle": "none", "markeredgecolor": "black", "zorder": 5}
     kinds = [
         ("candidate", base | {"marker": "o", "markersize": 7, "color": _CANDIDATE}, others),
@@ -309,7 +316,7 @@ def _finish(result: Result, ax: Axes) -> None:
 
 
 def _pattern(result: Result, ax: Axes) -> None:
-    """Chordal sparsity pattern, variables along the clique tree, with the cliques outlined."""
+    """Draw the chordal sparsity pattern in elimination order, with the cliques outlined."""
     relaxation, n = result.relaxation, result.problem.dimension
     ax.set_title(_title(result))
     if relaxation is None:
@@ -338,13 +345,13 @@ def _pattern(result: Result, ax: Axes) -> None:
 
 
 def _marker(n: int, ax: Axes) -> float:
-    """Size in points of a cell of the pattern."""
+    """Compute the size in points of a cell of the pattern."""
     size: float = ax.get_window_extent().height / ax.figure.dpi * 72.0
     return max(0.4, 0.6 * size / (n + 1))
 
 
 def _outline(places: NDArray[np.int64], ax: Axes) -> None:
-    """The square of a clique, in as many pieces as it has runs of neighbouring places."""
+    """Outline a clique in as many pieces as it has runs of neighbouring variables."""
     from matplotlib.patches import Rectangle
 
     runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)

@@ -1,4 +1,4 @@
-"""A progress line, drawn only on a terminal."""
+"""Progress line and CPU seconds by stage; the line is drawn only on a terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["Stages"]
 
 
 class Stages:
-    """CPU seconds by stage, shown as one changing line when asked for.
+    """CPU seconds by stage, shown as one changing line when asked for. Mutable.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what runs inside and add it to the stage of that name."""
+        """Time the body of a with statement for the stage of that name."""
         if self._show:
             sys.stderr.write(f"\r\x1b[K{name} ...")
             sys.stderr.flush()

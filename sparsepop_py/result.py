@@ -1,4 +1,4 @@
-"""What comes back: a status, a proved bound, an attained value, and how they were found."""
+"""Result of a solve: status, proved bound, attained value, and the history of the search."""
 
 from __future__ import annotations
 
@@ -10,22 +10,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .certificate.certificate import Certificate
-from .conic import ConicSolution
-from .display import rounded
-from .feasibility import ProvedPoint
-from .options import Options
-from .problem import Problem
-from .relaxation import Relaxation
+from sparsepop_py.options import Options
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Point", "Result", "Rung", "Status"]
+    from sparsepop_py.conic.program import ConicSolution
+    from sparsepop_py.relaxation.moment import Relaxation
+
+__all__ = ["HistoryEntry", "Point", "Result", "Status"]
 
 
 class Status(StrEnum):
-    """How a solve ended; ``message`` says what it means and what to try."""
+    """Outcome of a solve; ``message`` says what it means and what to try.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> sp.Status.INFEASIBLE.message
+    'It is proved that no point satisfies the constraints.'
+    """
 
     OPTIMAL = "OPTIMAL"
     BOUNDED = "BOUNDED"
@@ -64,7 +72,7 @@ _MESSAGES = {
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A nearly feasible vector: shown with its violation, and nothing proved rests on it.
+    """Nearly feasible vector, shown with its violation; nothing proved rests on it.
 
     Parameters
     ----------
@@ -73,6 +81,14 @@ class Point:
         The objective at x, as evaluated in floating point.
     violation : float
         Largest violation of constraints and bounds at x, in the user's units.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> point = sp.solve(sp.Problem(x, lower=0, upper=1)).points[0]
+    >>> point.x.tolist(), point.value, point.violation
+    ([0.0], 0.0, 0.0)
     """
 
     x: NDArray[np.float64]
@@ -81,25 +97,25 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One rung of the ladder, with the bounds known after it.
+class HistoryEntry:
+    """One step of the search, with the bounds known after it.
 
     Parameters
     ----------
     name : str
-        Which relaxation, or "branch".
+        The relaxation that was solved, or "branch".
     order : int
         Relaxation order, 0 where that means nothing.
     lower_bound, upper_bound : float
         Proved and attained so far.
     seconds : float
-        CPU seconds spent on this rung.
+        CPU seconds spent on this step.
     largest_block : int
         Size of its largest semidefinite block.
     moments : int
         Number of moments of its relaxation.
     nodes : int
-        Parts that the tree of branch and bound has looked at so far.
+        Branch-and-bound nodes processed so far.
     """
 
     name: str
@@ -136,16 +152,25 @@ class Result:
     points : tuple of Point
         Distinct candidate minimisers, best first.
     relaxation : Relaxation or None
+        The relaxation solved last.
     solution : ConicSolution or None
-        What the conic solver returned (scaled units; no value in it is a bound).
+        Output of the conic solver (scaled units; no value in it is a bound).
     solver_value : float
         The solver's value in the units of the objective: no bound.
-    history : tuple of Rung
-        One entry for each rung that was climbed.
+    history : tuple of HistoryEntry
+        One entry for each step: a relaxation, or a slice of branch and bound.
     timings : dict of str to float
         CPU seconds of each stage.
     notes : tuple of str
-        What was changed or observed on the way.
+        Sentences on what was changed or observed.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> result = sp.solve(sp.Problem(x + y, [x**2 + y**2 <= 1]))
+    >>> result.status, abs(result.lower_bound + 2**0.5) < 1e-5
+    (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
 
     problem: Problem
@@ -160,7 +185,7 @@ class Result:
     relaxation: Relaxation | None
     solution: ConicSolution | None
     solver_value: float
-    history: tuple[Rung, ...] = ()
+    history: tuple[HistoryEntry, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -173,7 +198,13 @@ class Result:
         return max(0.0, gap) if np.isfinite(gap) else np.inf
 
     def summary(self) -> str:
-        """A few lines for people."""
+        """Describe the result in a few lines of text.
+
+        Returns
+        -------
+        str
+            Status, bounds, point, sizes, history, seconds and notes.
+        """
         lines = [
             repr(self.problem)[1:-1],
             f"status        {self.status}: {self.status.message}",
@@ -194,10 +225,10 @@ class Result:
             lines.append(f"correction    {self.certificate.correction:.3g}  paid for the proof")
         if self.relaxation is not None:
             lines.append(str(self.relaxation))
-        for rung in self.history if len(self.history) > 1 else ():
-            low = rounded(rung.lower_bound, False, 8, scientific=False)
-            nodes = f", {rung.nodes} parts" if rung.nodes else ""
-            lines.append(f"  {rung.name}: >= {low}, {rung.seconds:.2f} CPU seconds{nodes}")
+        for entry in self.history if len(self.history) > 1 else ():
+            low = rounded(entry.lower_bound, False, 8, scientific=False)
+            nodes = f", {entry.nodes} nodes" if entry.nodes else ""
+            lines.append(f"  {entry.name}: >= {low}, {entry.seconds:.2f} CPU seconds{nodes}")
         if self.timings:
             stages = ", ".join(f"{name} {sec:.2f}" for name, sec in self.timings.items())
             lines.append(f"CPU seconds   {stages}")
@@ -205,22 +236,43 @@ class Result:
         return "\n".join(lines)
 
     def history_table(self) -> str:
-        """The rungs of the ladder as a Markdown table: bounds, gap, seconds and sizes."""
-        head = "| rung | lower bound | attained | gap | CPU s | largest block | moments | parts |"
+        """Format the history as a Markdown table: bounds, gap, seconds and sizes.
+
+        Returns
+        -------
+        str
+            One row for each entry of ``history``.
+        """
+        head = "| step | lower bound | attained | gap | CPU s | largest block | moments | nodes |"
         lines = [head, "|" + "---|" * 8]
-        for rung in self.history:
-            low = rounded(rung.lower_bound, False, 9, scientific=False)
-            high = rounded(rung.upper_bound, True, 9, scientific=False)
-            gap = max(0.0, rung.upper_bound - rung.lower_bound)
+        for entry in self.history:
+            low = rounded(entry.lower_bound, False, 9, scientific=False)
+            high = rounded(entry.upper_bound, True, 9, scientific=False)
+            gap = max(0.0, entry.upper_bound - entry.lower_bound)
             lines.append(
-                f"| {rung.name} | {low} | {high} | {gap:.2g} | {rung.seconds:.2f} "
-                f"| {rung.largest_block} | {rung.moments} | {rung.nodes} |"
+                f"| {entry.name} | {low} | {high} | {gap:.2g} | {entry.seconds:.2f} "
+                f"| {entry.largest_block} | {entry.moments} | {entry.nodes} |"
             )
         return "\n".join(lines)
 
     def plot_history(self, ax: Any = None) -> Axes:
-        """The gap against CPU seconds, rung by rung."""
-        from .plots import plot_history
+        """Plot the gap against CPU seconds, one marker for each step.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; those of a new figure when left out.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        SolverNotFound
+            If matplotlib is not installed.
+        """
+        from sparsepop_py.plots import plot_history
 
         return plot_history(self, ax)
 
@@ -236,7 +288,22 @@ class Result:
         return f"<pre>{html.escape(self.summary())}</pre>"
 
     def plot(self, ax: Any = None) -> Axes:
-        """Contours, feasible set and points in two dimensions, else the block pattern."""
-        from .plots import plot_result
+        """Plot contours, feasible set and points in two dimensions, else the block pattern.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Axes to draw on; those of a new figure when left out.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        SolverNotFound
+            If matplotlib is not installed.
+        """
+        from sparsepop_py.plots import plot_result
 
         return plot_result(self, ax)

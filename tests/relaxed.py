@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sparsepop_py import assemble, relax, solve_conic
-from sparsepop_py.sparsity import find_cliques
+from sparsepop_py.sparsity.correlative import find_cliques
 
 METHODS = ("components", "chordal", "sign")
 LOSSLESS = ("components", "sign")

@@ -17,14 +17,14 @@ from hypothesis import strategies as st
 from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
-from sparsepop_py.certificate.box import box_rows
-from sparsepop_py.certificate.dual import identity_of
-from sparsepop_py.certificate.identity import Identity
-from sparsepop_py.enclosure import range_over
-from sparsepop_py.feasibility import prove_feasible
-from sparsepop_py.presolve.propagation import is_empty, propagate
-from sparsepop_py.presolve.scaling import Scaled, Scaling
-from sparsepop_py.rounding import Interval
+from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.relaxation.recover_multipliers import identity_of
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty, propagate
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import box_rows
 
 quick = settings(max_examples=40, deadline=None, derandomize=True, database=None)
 
@@ -196,8 +196,8 @@ def test_propagation_from_nothing_keeps_every_feasible_point(seed):
     """The same rows without the bounds: what shrinks must still hold the grid's points."""
     case = random_case(seed)
     problem = case.problem
-    endless = Interval(np.full(problem.dimension, -np.inf), np.full(problem.dimension, np.inf))
-    box, _ = propagate(box_rows(problem, case.least), endless, limit=30)
+    unbounded = Interval(np.full(problem.dimension, -np.inf), np.full(problem.dimension, np.inf))
+    box, _ = propagate(box_rows(problem, case.least), unbounded, limit=30)
     kept = case.points[case.values <= case.least]
     assert np.all(kept >= box.lo)
     assert np.all(kept <= box.hi)

@@ -10,7 +10,9 @@ import pytest
 from solved import INF, LAB_OPTIMUM, check, double_well_chain, region
 
 import sparsepop_py as sp
-from sparsepop_py import multistart, problems, rungs
+from sparsepop_py import problems
+from sparsepop_py.bounding import relaxation_bound
+from sparsepop_py.local_search import multistart
 
 # ---- starting points --------------------------------------------------------------------------
 
@@ -179,7 +181,7 @@ def test_wrong_multipliers_cannot_make_a_wrong_bound(monkeypatch):
     """A solver that lies: noise in its duals, "solved" in its status, a proud value."""
     x, y = sp.variables(2)
     problem = sp.Problem(x * y, [x**2 + y**2 <= 1])  # optimum -1/2
-    honest = rungs.solve_conic
+    honest = relaxation_bound.solve_conic
     rng = np.random.default_rng(1)
     for lie in (
         lambda s: replace(s, z=s.z + rng.normal(size=s.z.size), primal=99.0, dual=99.0),
@@ -187,7 +189,7 @@ def test_wrong_multipliers_cannot_make_a_wrong_bound(monkeypatch):
         lambda s: replace(s, status="infeasible", z=rng.normal(size=s.z.size)),
         lambda s: replace(s, status="failed", z=-s.z),
     ):
-        monkeypatch.setattr(rungs, "solve_conic", lambda *a, lie=lie: lie(honest(*a)))
+        monkeypatch.setattr(relaxation_bound, "solve_conic", lambda *a, lie=lie: lie(honest(*a)))
         result = check(problem, sp.solve(problem))
         assert result.lower_bound <= -0.5 <= result.upper_bound
         assert result.status is not sp.Status.INFEASIBLE
@@ -260,3 +262,11 @@ def test_what_is_no_problem_is_named():
         sp.solve(x**2)
     with pytest.raises(sp.ProblemError, match="problem: found str, expected a Problem"):
         sp.solve_each("min x1", [x])
+
+
+@pytest.mark.parametrize(("old", "new"), [("narrow", "obbt_lp"), ("squeeze", "obbt_sdp")])
+def test_earlier_names_of_steps_to_skip_are_accepted_with_a_warning(old, new):
+    with pytest.warns(DeprecationWarning, match=rf"Options.skip: '{old}' is now called '{new}'"):
+        options = sp.Options(skip=["branch", old])
+    assert options.skip == ("branch", new)
+    assert options == sp.Options(skip=("branch", new))

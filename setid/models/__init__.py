@@ -1,9 +1,9 @@
 """Model structures: frozen classes that state difference equations with named parameters."""
 
-from .block import BlockStructured, Hammerstein, HammersteinWiener, Lure, Wiener
-from .continuous import ContinuousTransferFunction
-from .lti import TransferFunction
-from .narx import PolynomialNARX
+from setid.models.block import BlockStructured, Hammerstein, HammersteinWiener, Lure, Wiener
+from setid.models.continuous import ContinuousTransferFunction
+from setid.models.lti import TransferFunction
+from setid.models.narx import PolynomialNARX
 
 __all__ = [
     "BlockStructured",

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..errors import ModelError
-from .equations import Initial
-from .general import BlockStructured, Normalise
-from .lti import Form, TransferFunction
-from .maps import StaticMap
+from setid.errors import ModelError
+from setid.models.equations import Initial
+from setid.models.general import BlockStructured, Normalise
+from setid.models.lti import Form, TransferFunction
+from setid.models.maps import StaticMap
 
 __all__ = [
     "BlockStructured",

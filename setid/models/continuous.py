@@ -36,12 +36,25 @@ import numpy as np
 from numpy.polynomial import polynomial as lags
 from numpy.typing import ArrayLike, NDArray
 
-from ..checks import natural, number, switch
-from ..errors import ModelError
-from .equations import Equation, Initial, Lagged, Structure, Term, Transfer
-from .lti import TransferFunction
+from setid.data.checks import natural, number, switch
+from setid.errors import ModelError
+from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
+from setid.models.lti import TransferFunction
 
-__all__ = ["ContinuousTransferFunction", "Hold", "Method", "at_rate", "without_delta"]
+__all__ = [
+    "INDIRECT_WARNING",
+    "ContinuousTransferFunction",
+    "Hold",
+    "Method",
+    "at_rate",
+    "without_delta",
+]
+
+INDIRECT_WARNING = (
+    "intervals of discrete coefficients do not map to intervals of physical ones, and inverse "
+    "discretisation need not preserve stability or the degree of the numerator; it is right "
+    "where the discrete coefficients are accurate and inputs are constant between samples"
+)
 
 Method = Literal["tustin", "lambda", "indirect"]
 Hold = Literal["linear", "constant"]

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
-from ..errors import ModelError
+from setid.errors import ModelError
 
 __all__ = [
     "Equation",
@@ -85,7 +85,7 @@ class Equation:
     differences : int
         How many differences over time its rows take of the defined signal. They magnify
         noise, so that the rows are also looked at through low-pass filters of this order
-        (see :mod:`setid.smoothing`); 0 for none.
+        (see :mod:`setid.formulation.smoothing`); 0 for none.
     """
 
     defines: str

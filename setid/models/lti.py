@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import natural, switch
-from ..errors import ModelError
-from .equations import Equation, Initial, Lagged, Term, Transfer, term
+from setid.data.checks import natural, switch
+from setid.errors import ModelError
+from setid.models.equations import Equation, Initial, Lagged, Term, Transfer, term
 
 __all__ = ["Form", "TransferFunction", "expand"]
 

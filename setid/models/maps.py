@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import natural, real_array
-from ..errors import ModelError
+from setid.data.checks import natural, real_array
+from setid.errors import ModelError
 
 __all__ = ["Function", "StaticMap"]
 

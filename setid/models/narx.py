@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import natural
-from ..errors import ModelError
-from .equations import Equation, Initial, Lagged, Transfer, term
-from .products import cut_products
+from setid.data.checks import natural
+from setid.errors import ModelError
+from setid.models.equations import Equation, Initial, Lagged, Transfer, term
+from setid.models.products import cut_products
 
 __all__ = ["PolynomialNARX"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from .equations import Equation, Lagged, term
+from setid.models.equations import Equation, Lagged, term
 
 __all__ = ["cut_products"]
 

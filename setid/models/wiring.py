@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError
-from .equations import Equation, Lagged, Term, Transfer, channel_of, term
-from .lti import Form, expand
-from .maps import StaticMap
-from .products import cut_products
+from setid.errors import ModelError
+from setid.models.equations import Equation, Lagged, Term, Transfer, channel_of, term
+from setid.models.lti import Form, expand
+from setid.models.maps import StaticMap
+from setid.models.products import cut_products
 
 __all__ = ["Block", "Maps", "Wiring"]
 

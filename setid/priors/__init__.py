@@ -4,9 +4,9 @@ A prior gives bounds on parameters, unknowns of its own (boxed), and rows. Stric
 conditions are closed, so that what is proved about the set holds for the limit too.
 """
 
-from .base import Prior
-from .coefficients import Box, Given, Known, Sign, parameters
-from .transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
+from setid.priors.base import Prior
+from setid.priors.coefficients import Box, Given, Known, Sign, parameters
+from setid.priors.transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
 
 __all__ = [
     "Box",

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
-from types import MappingProxyType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 import sparsepop_py as sp
-
-from ..checks import entries_of, number
-from ..errors import PriorError
-from ..models.block import BlockStructured
-from ..models.equations import Structure
+from setid.data.checks import FrozenMapping, entries_of, number
+from setid.errors import PriorError
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure
 
 __all__ = [
     "Facts",
@@ -107,6 +105,10 @@ class Plain:
         """None."""
         return {}
 
+    def admits(self, model: Structure, box: Mapping[str, Interval]) -> bool:
+        """Whether all parameters in a box that the rows allow are proved to be meant: always."""
+        return True
+
 
 def named(rows: Iterable[sp.Constraint], label: str) -> list[sp.Constraint]:
     """The same rows with a name for messages and files."""
@@ -146,7 +148,7 @@ def finite(given: Any, field: str) -> float:
 
 def stored(prior: Any, field: str, values: Mapping[str, Any]) -> None:
     """Put a read-only copy into a frozen field."""
-    object.__setattr__(prior, field, MappingProxyType(dict(values)))
+    object.__setattr__(prior, field, FrozenMapping(dict(values)))
 
 
 def denominators(model: Structure) -> list[tuple[str, ...]]:

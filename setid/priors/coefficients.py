@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from types import MappingProxyType
 from typing import Any
 
 import sparsepop_py as sp
-
-from ..errors import PriorError
-from ..models.equations import Structure
-from .base import Facts, Interval, Plain, Symbols, finite, interval_of, items_of, stored
+from setid.data.checks import FrozenMapping
+from setid.errors import PriorError
+from setid.models.equations import Structure
+from setid.priors.base import Facts, Interval, Plain, Symbols, finite, interval_of, items_of, stored
 
 __all__ = ["Box", "Given", "Known", "Sign", "parameters"]
 
@@ -37,7 +36,7 @@ def parameters(model: Structure) -> Mapping[str, sp.Polynomial]:
     2 - a1 - b0 >= 0
     """
     names = model.parameters
-    return MappingProxyType(dict(zip(names, sp.variables(len(names), names), strict=True)))
+    return FrozenMapping(dict(zip(names, sp.variables(len(names), names), strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

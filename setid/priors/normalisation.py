@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import sparsepop_py as sp
-
-from ..models.block import BlockStructured
-from ..models.equations import Structure
-from .base import Facts, Plain, Symbols, named
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure
+from setid.priors.base import Facts, Plain, Symbols, named
 
 __all__ = ["UnitGain"]
 

@@ -6,19 +6,19 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import comb, inf
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 import sparsepop_py as sp
-
-from ..checks import number
-from ..errors import PriorError
-from ..models.block import BlockStructured
-from ..models.equations import Structure, Transfer
-from .base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
-from .hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
-from .stability import disc_rows, disc_unknowns, unknown_values
+from setid.data.checks import number
+from setid.errors import PriorError
+from setid.models.block import BlockStructured
+from setid.models.equations import Structure, Transfer
+from setid.priors.base import Facts, Interval, Plain, Symbols, denominators, interval_of, named
+from setid.priors.hurwitz import half_plane_rows, half_plane_unknowns, half_plane_values
+from setid.priors.jury import is_stable, jury_rows, jury_unknowns, jury_values
+from setid.priors.stability import disc_rows, disc_unknowns, unknown_values
 
 __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
@@ -34,6 +34,12 @@ class Stable(Plain):
     ----------
     margin : float
         In [0, 1); in continuous time any number >= 0, in rad per unit of time.
+    form : {"step-up", "jury"}
+        Rows of the step-up recursion, whose image is the closure of the stable set; or those of
+        Jury's array with its entries as unknowns (discrete time alone), for comparison with the
+        literature. Closed, Jury's rows also admit unstable polynomials such as that of the
+        roots 1, 2 and 0.5 (see :mod:`setid.priors.jury`): outer intervals hold, and are wider;
+        a point counts as attained only where the step-up test proves that it is stable.
 
     Examples
     --------
@@ -48,10 +54,17 @@ class Stable(Plain):
     """
 
     margin: float = 0.0
+    form: Literal["step-up", "jury"] = "step-up"
 
     def __post_init__(self) -> None:
         if not 0.0 <= number(self.margin, "Stable.margin", PriorError) < inf:
             raise PriorError(f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1")
+        if self.form not in ("step-up", "jury"):
+            raise PriorError(f"Stable.form: found {self.form!r}, expected 'step-up' or 'jury'")
+
+    def __repr__(self) -> str:
+        form = "" if self.form == "step-up" else f", form={self.form!r}"
+        return f"Stable(margin={self.margin!r}{form})"
 
     @property
     def radius(self) -> float:
@@ -61,10 +74,16 @@ class Stable(Plain):
         return 1.0 - self.margin
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i."""
+        """abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i.
+
+        Of Jury's form abs(a_n) <= radius^n alone.
+        """
+        self._check_form(model)
         found: dict[str, Interval] = {}
         for names in self.stable(model):
             for i, name in enumerate(names, 1):
+                if self.form == "jury" and i < len(names):
+                    continue  # the array bounds the last coefficient alone
                 if _continuous(model):
                     least = comb(len(names), i) * self.margin**i
                     found[name] = (least * (1.0 - 1e-15), inf)  # below what rounding may add
@@ -83,9 +102,12 @@ class Stable(Plain):
         return [("stable" if len(found) == 1 else f"stable{i}", d) for i, d in enumerate(found, 1)]
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """Reflection coefficients and coefficients of lower degrees."""
+        """Reflection coefficients and coefficients of lower degrees, or entries of the array."""
         found: dict[str, Interval] = {}
         for label, names in self._labelled(model):
+            if self.form == "jury":
+                found |= jury_unknowns(len(names), label)
+                continue
             found |= _region(model).unknowns(len(names), True, label)
         return found
 
@@ -95,17 +117,39 @@ class Stable(Plain):
         for label, names in self._labelled(model):
             if len(names) > 1:  # for one pole the bounds say it all
                 coefficients = [x[name] for name in names]
+                if self.form == "jury":
+                    rows += named(jury_rows(coefficients, self.radius, x, label), label)
+                    continue
                 found = _region(model).rows(None, coefficients, self._size(model), x, label)
                 rows += named(found, label)
         return rows
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Reflection coefficients of theta."""
+        """Reflection coefficients of theta, or entries of the array."""
         found: dict[str, float] = {}
         for label, names in self._labelled(model):
             values = [theta[name] for name in names]
+            if self.form == "jury":
+                found |= jury_values(values, self.radius, label)
+                continue
             found |= _region(model).values(1.0, values, self._size(model), True, label)
         return found
+
+    def admits(self, model: Structure, box: Mapping[str, Interval]) -> bool:
+        """Prove that all parameters in a box are stable, where the rows do not say so."""
+        if self.form != "jury":
+            return True
+        for _, names in self._labelled(model):
+            low, high = zip(*(box[name] for name in names), strict=True)
+            if not is_stable(low, high, self.radius):
+                return False
+        return True
+
+    def _check_form(self, model: Structure) -> None:
+        if self.form == "jury" and _continuous(model):
+            raise PriorError(
+                "Stable.form: found 'jury' for a continuous-time structure, expected 'step-up'"
+            )
 
     def _size(self, model: Structure) -> float:
         return self.margin if _continuous(model) else self.radius

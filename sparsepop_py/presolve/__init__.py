@@ -1,1 +1,1 @@
-"""Finite boxes and scaling: what is done to a problem before it is relaxed."""
+"""Presolve: a first box, and relaxations that fit. Hints only: every step is replayed."""

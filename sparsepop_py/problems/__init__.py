@@ -12,7 +12,7 @@ Examples
 
 from __future__ import annotations
 
-from .chains import (
+from sparsepop_py.problems.chains import (
     broyden_banded,
     broyden_tridiagonal,
     chained_singular,
@@ -20,9 +20,9 @@ from .chains import (
     nondquar,
     rosenbrock,
 )
-from .classics import laboratory, motzkin
-from .control import bilinear_control, scalar_control
-from .planted import planted_point, random_quartic
+from sparsepop_py.problems.classics import laboratory, motzkin
+from sparsepop_py.problems.control import bilinear_control, scalar_control
+from sparsepop_py.problems.planted import planted_point, random_quartic
 
 # Names of the same functions in SparsePOP's collection; LS stands for "least squares".
 RosenbrockLS = rosenbrock

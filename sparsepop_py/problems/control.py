@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ProblemError
-from ..polynomial import Constraint, Kind, Polynomial
-from ..problem import Problem
-from .least_squares import Squares, check_size, least_squares
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problems.least_squares import Squares, check_size, least_squares
 
 __all__ = ["bilinear_control", "scalar_control"]
 
@@ -23,7 +23,7 @@ __all__ = ["bilinear_control", "scalar_control"]
 def bilinear_control(
     steps: int, controls: int = 2, states: int = 4, mu: float = 0.0, rest: float = 0.5
 ) -> Problem:
-    """Quartic cost, states that are bilinear in states and controls.
+    """Build a control problem: quartic cost, bilinear dynamics.
 
     ``sum_{i=1}^{M-1} [sum_j (y_{i,j} + 1/4)^4 + sum_j (x_{i,j} + r)^4] + sum_j (y_{M,j} +
     1/4)^4`` subject to ``y_{i+1} = A y_i + B x_i + (y_i' C x_i) e`` and ``y_1 = 0``, with A_jj
@@ -40,6 +40,10 @@ def bilinear_control(
         Size of the bilinear part, >= 0.
     rest : float
         r, minus the control that costs nothing; a multiple of 1/4 keeps all data exact.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -109,7 +113,7 @@ def _fourth_powers(number: NDArray, shift: float, n: int) -> Squares:
 def _equation(
     linear: list[NDArray], values: list[NDArray], pairs: NDArray, coupling: NDArray, n: int
 ) -> Constraint:
-    """Sum values * linear + sum coupling * pairs == 0."""
+    """Build the constraint: values times linear plus coupling times pairs is zero."""
     letters, size = np.concatenate(linear), np.concatenate(values)
     words = np.column_stack([np.zeros_like(letters), letters]).astype(np.int32)
     if coupling.any():
@@ -119,7 +123,7 @@ def _equation(
 
 
 def scalar_control(steps: int) -> Problem:
-    """Quadratic cost, one state that is quadratic in itself.
+    """Build a control problem: quadratic cost, one state, quadratic dynamics.
 
     ``(1 / M) sum_{i=1}^{M-1} (y_{i+1}^2 + x_i^2)`` subject to ``y_{i+1} = y_i + (y_i^2 - x_i) /
     M`` and ``y_1 = 1``. Variables are x_1, y_2, x_2, y_3, ..., y_M. 1 / M is rounded to a double.
@@ -128,6 +132,10 @@ def scalar_control(steps: int) -> Problem:
     ----------
     steps : int
         M, at least 2.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------

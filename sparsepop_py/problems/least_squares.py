@@ -1,4 +1,4 @@
-"""Sums of many squares of one shape, as arrays.
+"""Least-squares problems with many squares of one shape, as arrays.
 
 Objective and ``squares`` of a problem come from the same numbers, whose products and sums
 are exact in double precision: a stated optimum is that of the very doubles in the problem.
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import monomials
-from ..errors import ProblemError
-from ..monomials import Words
-from ..polynomial import Polynomial
-from ..problem import Problem
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Squares", "Term", "check_size", "least_squares"]
 
@@ -36,10 +36,10 @@ class Squares:
 
     @staticmethod
     def build(weight: float, centres: NDArray, terms: Sequence[Term], n: int) -> Squares:
-        """One square for each i in ``centres``; a term (c, [a, b]) stands for c x_{i+a} x_{i+b}.
+        """Build one square for each i in ``centres``.
 
-        A shift is a number, or an array with one for each centre. Variables outside 1..n are
-        zero, and so are the terms that contain them.
+        A term (c, [a, b]) stands for c x_{i+a} x_{i+b}. A shift is a number, or an array with one
+        for each centre. Variables outside 1..n are zero, and so are the terms that contain them.
         """
         width = max(len(shifts) for _, shifts in terms)
         words = np.zeros((centres.size, len(terms), width), np.int32)
@@ -86,7 +86,10 @@ def least_squares(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
 ) -> Problem:
-    """A constant plus sums of squares, expanded, with the squares beside it."""
+    """Build a problem from a constant plus sums of squares, expanded.
+
+    The squares are kept beside the objective.
+    """
     parts = [(np.zeros((1, 1), np.int32), np.array([constant]))]
     parts += [family.expanded() for family in families]
     width = max(words.shape[1] for words, _ in parts)

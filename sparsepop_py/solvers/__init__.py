@@ -1,7 +1,9 @@
-"""Conic solvers behind one function: ``solve_conic(program, name)``.
+"""Solve conic programs by the solver of a given name.
 
-One file or folder a solver; each turns a ConicProgram into a ConicSolution in the
-convention of :mod:`sparsepop_py.conic`.
+One file or folder a solver; each turns a program into a solution in the convention of
+:mod:`sparsepop_py.conic.program`. The table ``SOLVERS`` names them, and a solver is imported
+when it is first used. To add one, write a :class:`~sparsepop_py.solvers.interface.ConicSolver`
+and register it; ``Options(solver=...)`` then knows its name.
 """
 
 from __future__ import annotations
@@ -9,25 +11,49 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from ..conic import ConicProgram, ConicSolution
-from ..errors import SolverNotFound
-from . import clarabel_, cliquetree, cvxpy_
+import numpy as np
 
-__all__ = ["preferred", "require_solver", "solve_conic", "solver_names"]
+from sparsepop_py.budget import spend
+from sparsepop_py.conic.program import ConicProgram, ConicSolution
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.registry import Registry
+from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
+
+__all__ = ["SOLVERS", "preferred", "require_solver", "solve_conic", "solver_names"]
 
 # Rows of the largest block from which on, with at least so many moments, the clique-tree method
 # was measured to be faster, with numpy alone and more so with compiled kernels.
 _DOMAIN = ((20, 100), (9, 200), (6, 1200), (2, 5000))
 
+SOLVERS: Registry[ConicSolver] = Registry(
+    "solver",
+    {
+        "clarabel": "sparsepop_py.solvers.clarabel_:squares_form",
+        "clarabel-moment": "sparsepop_py.solvers.clarabel_:moment_form",
+        "cliquetree": "sparsepop_py.solvers.cliquetree:clique_tree",
+    },
+    SolverNotFound,
+)
+# Solvers with a name of their own behind a colon: the function makes a solver of the rest.
+_FAMILIES = {"cvxpy": "sparsepop_py.solvers.cvxpy_:solver_of"}
+
 
 def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
-    """The solvers to try, in this order, for blocks up to a size and a number of moments.
+    """Choose the solvers to try, in order, by sizes of the program.
 
     The clique-tree method wants moments in [-1, 1] (``compact``) and blocks large or
     numerous enough to pay for its analysis: its domain, as ``docs/cliquetree.md`` measures it,
     is 20 rows and 100 moments, 9 rows and 200, 6 rows and 1200, 2 rows and 5000. Whatever it
     does not solve goes to Clarabel, whose sum-of-squares form is more accurate and whose
     moment form ends in other cases.
+
+    Parameters
+    ----------
+    largest : int
+        Rows of the largest block.
+    moments : int
+    compact : bool
+        Whether every moment lies in [-1, 1].
     """
     clarabel = ("clarabel", "clarabel-moment")
     large = any(largest >= block and moments >= many for block, many in _DOMAIN)
@@ -35,22 +61,45 @@ def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
 
 
 def solver_names() -> list[str]:
-    """Names that ``Options(solver=...)`` accepts; ``cvxpy:NAME`` opens any cvxpy solver."""
-    return ["auto", "clarabel", "clarabel-moment", "cliquetree", "cvxpy:NAME"]
+    """List the names that ``Options(solver=...)`` accepts; ``cvxpy:NAME`` opens any of cvxpy's."""
+    return ["auto", *SOLVERS, *(f"{family}:NAME" for family in _FAMILIES)]
+
+
+def _solver(name: str) -> ConicSolver:
+    family, colon, rest = name.partition(":")
+    if colon and family in _FAMILIES:
+        makers: Registry[object] = Registry("solver", _FAMILIES, SolverNotFound)
+        made: ConicSolver = makers[family](rest)  # type: ignore[operator]
+        return made
+    if name not in SOLVERS:
+        names = ", ".join(solver_names())
+        raise SolverNotFound(f"solver: found {name!r}, expected one of {names}")
+    return SOLVERS[name]
+
+
+def _iteration_work(program: ConicProgram) -> float:
+    """Model the work of one iteration: dense blocks, then rows."""
+    sides = np.array(program.cones.psd, float)
+    entries = sides * (sides + 1.0) / 2.0
+    return float(
+        1e-4 + np.sum(1.2e-7 * entries**2 / (1.0 + entries / 600.0)) + 1e-6 * program.b.size
+    )
 
 
 def require_solver(name: str) -> None:
     """Refuse a name that no installed solver has.
+
+    Parameters
+    ----------
+    name : str
 
     Raises
     ------
     SolverNotFound
         If the name is unknown or the package is missing.
     """
-    if name.startswith("cvxpy:"):
-        cvxpy_.require(name.removeprefix("cvxpy:"))
-    elif name not in solver_names():
-        raise SolverNotFound(f"solver: found {name!r}, expected one of {', '.join(solver_names())}")
+    if name != "auto" and name not in SOLVERS:
+        _solver(name)
 
 
 def solve_conic(
@@ -69,7 +118,8 @@ def solve_conic(
     program : ConicProgram
     solver : str
         ``"auto"``, ``"clarabel"`` (sum-of-squares form), ``"clarabel-moment"``,
-        ``"cliquetree"`` (for programs whose moments lie in [-1, 1]) or ``"cvxpy:NAME"``.
+        ``"cliquetree"`` (for programs whose moments lie in [-1, 1]), ``"cvxpy:NAME"``, or a
+        name that was registered.
     time_limit : float, optional
         Seconds after which the solver should stop where it can.
     accuracy : float
@@ -81,38 +131,29 @@ def solve_conic(
     solves : int
         How many programs like this one are to be solved.
 
+    Returns
+    -------
+    ConicSolution
+        None of its values is a bound.
+
     Raises
     ------
     SolverNotFound
         If the name is unknown or the package is missing.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> program = sp.assemble(sp.relax(problem, 1), problem.objective)
+    >>> print(f"{sp.solve_conic(program).dual:.6f}")
+    -0.500000
     """
-    start = time.perf_counter()
-    found = _solved(program, solver, time_limit, accuracy, target, max_iterations, solves)
-    return replace(found, wall=time.perf_counter() - start)
-
-
-def _solved(
-    program: ConicProgram,
-    solver: str,
-    time_limit: float | None,
-    accuracy: float,
-    target: float | None,
-    max_iterations: int | None,
-    solves: int,
-) -> ConicSolution:
     if solver == "auto":  # where nothing is known of the moments
         solver = preferred(max(program.cones.psd, default=0), program.q.size, False)[0]
-    if solver == "clarabel":
-        return clarabel_.solve_squares_form(program, time_limit, accuracy, max_iterations)
-    if solver == "clarabel-moment":
-        return clarabel_.solve_moment_form(program, time_limit, accuracy, max_iterations)
-    if solver == "cliquetree":
-        rows = max(1e-8, 1e-3 * accuracy)  # what rows miss costs no proof
-        settings = cliquetree.Settings(gap=max(1e-7, accuracy), feasibility=rows, solves=solves)
-        if max_iterations is not None:
-            settings = replace(settings, iterations=max_iterations)
-        return cliquetree.run(
-            program, target=target, time_limit=time_limit, settings=settings
-        ).solution
-    require_solver(solver)
-    return cvxpy_.solve(program, solver.removeprefix("cvxpy:"))
+    settings = SolverSettings(time_limit, accuracy, target, max_iterations, solves)
+    start = time.perf_counter()
+    found = _solver(solver)(program, settings)
+    spend(found.iterations * _iteration_work(program))
+    return replace(found, wall=time.perf_counter() - start)

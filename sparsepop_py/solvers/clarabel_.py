@@ -18,14 +18,13 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import clarabel
 import numpy as np
 import scipy.sparse as sps
 
-from ..conic import Cones, ConicProgram, ConicSolution
-from .base import solution
+from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, solution
+from sparsepop_py.solvers.interface import SolverSettings
 
-__all__ = ["solve_moment_form", "solve_squares_form"]
+__all__ = ["moment_form", "squares_form"]
 
 _MOMENT_STATUS = {
     "Solved": "solved",
@@ -38,18 +37,22 @@ _MOMENT_STATUS = {
 _SWAPPED = {"infeasible": "unbounded", "unbounded": "infeasible"}
 
 
-def _settings(time_limit: float | None, accuracy: float, most: int | None) -> Any:
+def _settings(asked: SolverSettings) -> Any:
+    import clarabel
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = accuracy
-    settings.tol_feas = accuracy
-    settings.max_iter = most or 200
-    if time_limit is not None:
-        settings.time_limit = max(time_limit, 1e-3)
+    settings.tol_gap_abs = settings.tol_gap_rel = asked.accuracy
+    settings.tol_feas = asked.accuracy
+    settings.max_iter = asked.max_iterations or 200
+    if asked.time_limit is not None:
+        settings.time_limit = max(asked.time_limit, 1e-3)
     return settings
 
 
 def _cones(cones: Cones) -> list[Any]:
+    import clarabel
+
     listed: list[Any] = []
     if cones.zero:
         listed.append(clarabel.ZeroConeT(cones.zero))
@@ -63,26 +66,22 @@ def _run(
     A: Any,
     b: Any,
     cones: list[Any],
-    limits: tuple[float | None, float, int | None],
+    settings: SolverSettings,
 ) -> tuple[Any, float]:
+    import clarabel
+
     nothing = sps.csc_matrix((q.size, q.size))
     start = time.process_time()
-    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(*limits))
+    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(settings))
     result = solver.solve()
     return result, time.process_time() - start
 
 
-def solve_moment_form(
-    program: ConicProgram,
-    time_limit: float | None = None,
-    accuracy: float = 1e-9,
-    max_iterations: int | None = None,
-) -> ConicSolution:
-    """Solve the program as it stands."""
+def moment_form(program: ConicProgram, settings: SolverSettings) -> ConicSolution:
+    """Solve the program as it stands, moments being the variables."""
     matrix = sps.csc_matrix(program.A)
     cones = _cones(program.cones)
-    limits = time_limit, accuracy, max_iterations
-    result, seconds = _run(program.q, matrix, program.b, cones, limits)
+    result, seconds = _run(program.q, matrix, program.b, cones, settings)
     status = str(result.status)
     return solution(
         program,
@@ -96,13 +95,8 @@ def solve_moment_form(
     )
 
 
-def solve_squares_form(
-    program: ConicProgram,
-    time_limit: float | None = None,
-    accuracy: float = 1e-9,
-    max_iterations: int | None = None,
-) -> ConicSolution:
-    """Solve the dual: multipliers as variables, moments as their prices."""
+def squares_form(program: ConicProgram, settings: SolverSettings) -> ConicSolution:
+    """Solve the dual program, multipliers being the variables and moments their prices."""
     rows, zero = program.b.size, program.cones.zero
     conic = sps.csc_array(
         (-np.ones(rows - zero), (np.arange(rows - zero), np.arange(zero, rows))),
@@ -111,8 +105,7 @@ def solve_squares_form(
     matrix = sps.csc_matrix(sps.vstack([program.A.T, conic]))
     right = np.concatenate([-program.q, np.zeros(rows - zero)])
     cones = Cones(program.q.size, program.cones.nonnegative, program.cones.psd)
-    limits = time_limit, accuracy, max_iterations
-    result, seconds = _run(program.b, matrix, right, _cones(cones), limits)
+    result, seconds = _run(program.b, matrix, right, _cones(cones), settings)
     status = str(result.status)
     seen = _MOMENT_STATUS.get(status, "failed")
     return solution(

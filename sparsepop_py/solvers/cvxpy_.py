@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ..conic import ConicProgram, ConicSolution
-from ..errors import SolverNotFound
-from .base import solution
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.solvers.interface import ConicSolver
 
-__all__ = ["require", "solve"]
+__all__ = ["require", "solve", "solver_of"]
 
 _STATUS = {
     "optimal": "solved",
@@ -30,7 +30,11 @@ _ROOT2 = float(np.sqrt(2.0))
 
 
 def require(name: str) -> Any:
-    """The package cvxpy, which has the solver ``name``.
+    """Import cvxpy and check that it has the solver ``name``.
+
+    Returns
+    -------
+    module
 
     Raises
     ------
@@ -49,6 +53,22 @@ def require(name: str) -> Any:
             f"{', '.join(cp.installed_solvers())}"
         )
     return cp
+
+
+def solver_of(name: str) -> ConicSolver:
+    """Make a conic solver of the cvxpy solver ``name``; it follows none of the settings.
+
+    Parameters
+    ----------
+    name : str
+
+    Raises
+    ------
+    SolverNotFound
+        If cvxpy or the solver is not installed.
+    """
+    require(name)
+    return lambda program, settings: solve(program, name)
 
 
 def solve(program: ConicProgram, name: str, **settings: Any) -> ConicSolution:

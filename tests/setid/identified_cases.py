@@ -6,17 +6,18 @@ import numpy as np
 import scipy.sparse as sps
 
 import setid
-from setid.intervals import Identification, IntervalStatus, ParameterInterval
-from setid.linear import minimise
+from setid.feasible_set.linear_programs import minimise
+from setid.feasible_set.supports import cover_of, supports
 from setid.options import Options
-from setid.supports import cover_of, supports
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
 
 
 def result_of(
     formulation: setid.Formulation, intervals: dict[str, ParameterInterval]
 ) -> Identification:
     return Identification(
-        formulation, intervals, formulation.assumptions, Options(), None, formulation.problem
+        formulation, intervals, formulation.problem, Options(), formulation.assumptions
     )
 
 

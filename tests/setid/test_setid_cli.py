@@ -11,7 +11,7 @@ import pytest
 
 from setid import cli
 from setid.cli import main
-from setid.verification import Verification
+from setid.proofs.evidence import Verification
 
 ROWS = "u,y\n4,0\n-3,-6.25\n2,1.175\n1,2.0875\n"
 FIRST = ["--na", "1", "--nb", "1"]

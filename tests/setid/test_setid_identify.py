@@ -351,7 +351,7 @@ def test_an_interrupt_returns_what_is_proved(monkeypatch: pytest.MonkeyPatch) ->
         if len(calls) == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("setid.progress.Progress.told", interrupt)
+    monkeypatch.setattr("setid.result.progress.Progress.report", interrupt)
     noise = setid.Noise(output=1.0)
     truth = record(20, noise, 3)
     result = setid.identify(truth.data, SECOND, noise, options=QUICK)

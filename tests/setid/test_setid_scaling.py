@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import setid
-from setid.units import in_units
+from setid.formulation.units import in_units
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 FIRST, SECOND = setid.TransferFunction(1, 1), setid.TransferFunction(2, 2, 1)
@@ -116,7 +116,7 @@ def test_units_of_a_record_change_nothing_but_the_units_of_the_intervals(
             assert witness is not None and witness[{"a1": 0, "b1": 1}[name]] == pytest.approx(
                 two.inner[end], rel=1e-9
             )
-            assert theirs.formulation.witness(witness[:2]).level <= 1.0 + 1e-6
+            assert setid.least_noise(theirs.formulation, witness[:2]).level <= 1.0 + 1e-6
 
 
 def test_estimates_scale_with_their_units() -> None:
@@ -130,8 +130,10 @@ def test_estimates_scale_with_their_units() -> None:
             found, known = estimate(other, SECOND).theta * scale, estimate(plain, SECOND).theta
             assert np.allclose(found, known, rtol=1e-6)
         known = setid.formulate(other, SECOND, setid.Noise(output=0.05 * y_unit))
-        level = known.witness(estimate(other, SECOND).theta).level
-        first = setid.formulate(plain, SECOND, noise).witness(estimate(plain, SECOND).theta).level
+        level = setid.least_noise(known, estimate(other, SECOND).theta).level
+        first = setid.least_noise(
+            setid.formulate(plain, SECOND, noise), estimate(plain, SECOND).theta
+        ).level
         assert abs(level - first) <= 1e-6 * first
         assert 0.1 < level  # not zero: the tolerance of a solver is no noise
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import setid
-from setid.boxed import proved_box
+from setid.feasible_set.start import find_box
 
 MODEL = setid.TransferFunction(3, 3, 1)
 THETA = (-1.4, 0.93, -0.36, 1.0, -0.5, 0.8)
@@ -69,7 +69,7 @@ def test_cells_are_halved_no_more_when_time_is_over() -> None:
     data = setid.simulate_record(model, theta, u, noise, 1).data
     known = setid.formulate(data, model, noise, [setid.Stable()])
     start = np.array([known.problem.lower[: len(theta)], known.problem.upper[: len(theta)]])
-    short, whole = proved_box(known, time.monotonic()), proved_box(known)
+    short, whole = find_box(known, time.monotonic()), find_box(known)
     assert short is not None and whole is not None and short.verify(known, start)
     assert short.rounds == 0 < whole.rounds
     assert np.all(short.lower <= whole.lower) and np.all(whole.upper <= short.upper)

@@ -29,18 +29,32 @@ import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 
-from ...conic import ConicProgram, ConicSolution
-from ...errors import SolverNotFound
-from ..base import solution
-from .interior import minimise
-from .kernels import Workers, compiled_kernels
-from .numbers import Numbers
-from .progress import Iterate, Iteration, Outcome, Settings, better
-from .second_order import second_order_multipliers, with_second_order
-from .symbolic import Symbolic, analyse, numpy_seconds, pattern_key
+from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
+from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.solvers.cliquetree.iterations.interior import minimise
+from sparsepop_py.solvers.cliquetree.iterations.numbers import Numbers
+from sparsepop_py.solvers.cliquetree.iterations.progress import (
+    Iterate,
+    Iteration,
+    Outcome,
+    Settings,
+    better,
+)
+from sparsepop_py.solvers.cliquetree.iterations.second_order import (
+    second_order_multipliers,
+    with_second_order,
+)
+from sparsepop_py.solvers.cliquetree.kernels.batched import Workers, compiled_kernels
+from sparsepop_py.solvers.cliquetree.symbolic.analysis import (
+    Symbolic,
+    analyse,
+    numpy_seconds,
+    pattern_key,
+)
+from sparsepop_py.solvers.interface import SolverSettings
 
-__all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "run", "solve"]
-__all__ += ["second_order_multipliers", "with_second_order"]
+__all__ = ["Iterate", "Iteration", "Run", "Settings", "Symbolic", "analyse", "clique_tree", "run"]
+__all__ += ["second_order_multipliers", "solve", "with_second_order"]
 
 _KEPT = 4  # patterns whose analysis is kept
 # Seconds of solves by numpy from which on compiled kernels pay. What is loaded already does not
@@ -192,8 +206,25 @@ def solve(
     return run(program, symbolic, target=target, time_limit=time_limit, start=start).solution
 
 
+def clique_tree(program: ConicProgram, settings: SolverSettings) -> ConicSolution:
+    """Solve a program, as :class:`~sparsepop_py.solvers.interface.ConicSolver` asks.
+
+    Parameters
+    ----------
+    program : ConicProgram
+        Its moments should lie in [-1, 1].
+    settings : SolverSettings
+    """
+    rows = max(1e-8, 1e-3 * settings.accuracy)  # what rows miss costs no proof
+    own = Settings(gap=max(1e-7, settings.accuracy), feasibility=rows, solves=settings.solves)
+    if settings.max_iterations is not None:
+        own = replace(own, iterations=settings.max_iterations)
+    target, limit = settings.target, settings.time_limit
+    return run(program, target=target, time_limit=limit, settings=own).solution
+
+
 def _compiled(program: ConicProgram, settings: Settings, time_limit: float | None) -> bool:
-    """Whether to use compiled kernels: if asked to, or if they are there and pay."""
+    """Check whether to use compiled kernels: asked for, or available and worth it."""
     if settings.kernels == "numba":
         try:
             compiled_kernels()
@@ -202,7 +233,7 @@ def _compiled(program: ConicProgram, settings: Settings, time_limit: float | Non
                 "kernels: 'numba' needs the package numba (pip install sparsepop-py[fast])"
             ) from error
         return True
-    loaded = f"{__name__}.compiled" in sys.modules
+    loaded = f"{__name__}.kernels.compiled" in sys.modules
     if settings.kernels == "numpy" or settings.solves * numpy_seconds(program) < _PRICE:
         return False
     if not loaded and time_limit is not None and time_limit < _COMPILATION:

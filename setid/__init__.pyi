@@ -1,0 +1,285 @@
+"""Names of setid, and where they come from; loaded with their first use."""
+
+from .bands.blocks import (
+    SignalBand,
+    StaticBand,
+    signal_band,
+    static_band,
+)
+from .bands.outputs import (
+    Comparison,
+    OutputBand,
+    compare,
+    predict,
+    simulate_band,
+)
+from .bands.residuals import (
+    Residuals,
+    residuals,
+)
+from .bands.responses import (
+    FrequencyBand,
+    StepBand,
+    frequency_band,
+    step_band,
+)
+from .consistency import (
+    Consistency,
+    consistency,
+)
+from .data.noise import (
+    EnergyBound,
+    EstimatedBound,
+    Noise,
+    RateLimit,
+    estimate_noise_bound,
+)
+from .data.record import (
+    IOData,
+)
+from .errors import (
+    DataError,
+    ModelError,
+    NoiseError,
+    PriorError,
+    SetidError,
+    SetidWarning,
+)
+from .export.continuous import (
+    ContinuousEstimate,
+    to_continuous,
+)
+from .export.python_control import (
+    ControlModels,
+    to_control,
+)
+from .feasible_points import estimators
+from .feasible_points.centre import (
+    Central,
+    central,
+    worst_case_error,
+)
+from .feasible_points.estimators import (
+    Estimate,
+    l1,
+    least_squares,
+    linf,
+    recursive_least_squares,
+)
+from .feasible_points.members import (
+    feasible,
+    members,
+    projection_estimate,
+)
+from .feasible_points.witness import (
+    Witness,
+    least_noise,
+)
+from .feasible_set.feasible_set import (
+    FeasibleSet,
+)
+from .feasible_set.projections import (
+    Projection,
+    project,
+)
+from .feasible_set.start import (
+    parameter_box,
+)
+from .formulation.assembly import (
+    Rows,
+)
+from .formulation.formulation import (
+    Formulation,
+    formulate,
+    to_structs,
+)
+from .formulation.layout import (
+    Layout,
+)
+from .formulation.regression import (
+    Regression,
+)
+from .identifiability.equivalence import (
+    convert,
+    convert_intervals,
+    equivalent,
+)
+from .identify import (
+    identify,
+)
+from .minimum_noise.discretisation import (
+    discretisation_error,
+    estimate_delta,
+)
+from .models.block import (
+    BlockStructured,
+    Hammerstein,
+    HammersteinWiener,
+    Lure,
+    StaticMap,
+    Wiener,
+)
+from .models.continuous import (
+    ContinuousTransferFunction,
+)
+from .models.lti import (
+    TransferFunction,
+)
+from .models.narx import (
+    PolynomialNARX,
+)
+from .models.registry import (
+    register_structure,
+)
+from .options import (
+    Options,
+)
+from .priors import (
+    Box,
+    DCGain,
+    Known,
+    MinimumPhase,
+    PoleIn,
+    Sign,
+    Stable,
+    ZeroIn,
+    parameters,
+)
+from .priors.registry import (
+    read_prior,
+    register_prior,
+)
+from .proofs.evidence import (
+    Evidence,
+    Verification,
+)
+from .proofs.intervals import (
+    IntervalStatus,
+    ParameterInterval,
+)
+from .proofs.normalisation import (
+    unidentifiable,
+)
+from .proofs.parameter_box import (
+    DirectionBox,
+    ParameterBox,
+)
+from .result.identification import (
+    Identification,
+)
+from .select import (
+    Selection,
+    SelectionStep,
+    select,
+)
+from .simulation.simulate import (
+    Simulated,
+    simulate,
+    simulate_record,
+)
+from .verify import (
+    verify,
+)
+
+__all__ = [
+    "BlockStructured",
+    "Box",
+    "Central",
+    "Comparison",
+    "Consistency",
+    "ContinuousEstimate",
+    "ContinuousTransferFunction",
+    "ControlModels",
+    "DCGain",
+    "DataError",
+    "DirectionBox",
+    "EnergyBound",
+    "Estimate",
+    "EstimatedBound",
+    "Evidence",
+    "FeasibleSet",
+    "Formulation",
+    "FrequencyBand",
+    "Hammerstein",
+    "HammersteinWiener",
+    "IOData",
+    "Identification",
+    "IntervalStatus",
+    "Known",
+    "Layout",
+    "Lure",
+    "MinimumPhase",
+    "ModelError",
+    "Noise",
+    "NoiseError",
+    "Options",
+    "OutputBand",
+    "ParameterBox",
+    "ParameterInterval",
+    "PoleIn",
+    "PolynomialNARX",
+    "PriorError",
+    "Projection",
+    "RateLimit",
+    "Regression",
+    "Residuals",
+    "Rows",
+    "Selection",
+    "SelectionStep",
+    "SetidError",
+    "SetidWarning",
+    "Sign",
+    "SignalBand",
+    "Simulated",
+    "Stable",
+    "StaticBand",
+    "StaticMap",
+    "StepBand",
+    "TransferFunction",
+    "Verification",
+    "Wiener",
+    "Witness",
+    "ZeroIn",
+    "central",
+    "compare",
+    "consistency",
+    "convert",
+    "convert_intervals",
+    "discretisation_error",
+    "equivalent",
+    "estimate_delta",
+    "estimate_noise_bound",
+    "estimators",
+    "feasible",
+    "formulate",
+    "frequency_band",
+    "identify",
+    "l1",
+    "least_noise",
+    "least_squares",
+    "linf",
+    "members",
+    "parameter_box",
+    "parameters",
+    "predict",
+    "project",
+    "projection_estimate",
+    "read_prior",
+    "recursive_least_squares",
+    "register_prior",
+    "register_structure",
+    "residuals",
+    "select",
+    "signal_band",
+    "simulate",
+    "simulate_band",
+    "simulate_record",
+    "static_band",
+    "step_band",
+    "to_continuous",
+    "to_control",
+    "to_structs",
+    "unidentifiable",
+    "verify",
+    "worst_case_error",
+]

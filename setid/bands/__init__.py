@@ -1,0 +1,1 @@
+"""Ranges of responses, outputs and internal signals over the feasible parameter set."""

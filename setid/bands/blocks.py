@@ -1,0 +1,288 @@
+"""Bands of static maps and of internal signals of block structures, proved and sampled.
+
+A map N(x) = sum_m gamma_m phi_m(x) is linear in its coefficients at each x: its range over
+the feasible set is that of a linear function over the cover of the parameters, and the
+engine narrows it where asked to. Internal signals that are no unknowns are maps of known
+inputs; the others have the bounds of their unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+from setid.bands.responses import Kind
+from setid.data.checks import frozen, real_array
+from setid.errors import ModelError, SetidError
+from setid.feasible_points.members import members, nominal
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import cover_of, supports
+from setid.formulation.units import in_units
+from setid.models.block import BlockStructured
+from setid.models.maps import StaticMap
+from setid.proofs.existence import proved_point
+from setid.proofs.supports import Cover
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+__all__ = ["SignalBand", "StaticBand", "signal_band", "static_band"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StaticBand:
+    """Ranges of a static map at given arguments.
+
+    Parameters
+    ----------
+    name : str
+        The signal that the map defines.
+    arguments : tuple of str
+    x : (K, arguments) float
+    low, high, nominal : (K,) float
+    kind : {"proved", "sampled"}
+        Whether every consistent system lies inside, at these arguments.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    x: Reals
+    low: Reals
+    high: Reals
+    nominal: Reals
+    kind: Kind
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it; see :func:`setid.plots.blocks.plot_static_band`."""
+        from setid.plots.blocks import plot_static_band
+
+        return plot_static_band(self, ax)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SignalBand:
+    """Ranges of an internal signal, arrays of shape (N,), NaN where it has no value.
+
+    Parameters
+    ----------
+    name : str
+    low, high : (N,) float
+        Proved.
+    sampled_low, sampled_high : (N,) float
+        What consistent systems that are known attain.
+    """
+
+    name: str
+    low: Reals
+    high: Reals
+    sampled_low: Reals
+    sampled_high: Reals
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw it; see :func:`setid.plots.blocks.plot_signal_band`."""
+        from setid.plots.blocks import plot_signal_band
+
+        return plot_signal_band(self, ax)
+
+
+def static_band(
+    result: FeasibleSet,
+    name: str | None = None,
+    x: ArrayLike | None = None,
+    kind: Kind = "proved",
+    seconds: float = 0.0,
+) -> StaticBand:
+    """The band of a static nonlinearity over the feasible set.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+        Of a block structure.
+    name : str, optional
+        The signal that the map defines; needed where there are several maps.
+    x : array_like (K,) or (K, arguments), optional
+        Arguments; 41 over the range of the readings when left out, for a single measured one.
+    kind : {"proved", "sampled"}
+    seconds : float
+        Time of the engine to narrow a proved band; 0 for linear programs over what is proved
+        of the parameters already.
+
+    Raises
+    ------
+    ModelError
+        If there is no such map, or arguments are to be given.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise="b0")
+    >>> u = np.linspace(-1, 1, 9)
+    >>> data = setid.IOData(u, u + 0.5 * u**2)
+    >>> result = setid.identify(data, model, setid.Noise(output=0.01))
+    >>> band = setid.static_band(result, x=[1.0])
+    >>> bool(band.low[0] <= 1.5 <= band.high[0]), bool(band.high[0] - band.low[0] < 0.05)
+    (True, True)
+    """
+    model, target, item = _map_of(result, name)
+    points = _arguments(result, item, x)
+    slopes, constant = _directions(model, target, item, points)
+    theta = nominal(result)
+    middle = slopes @ theta + constant
+    if kind == "sampled":
+        values = members(result) @ slopes.T + constant
+        low, high = values.min(axis=0), values.max(axis=0)
+    elif kind == "proved":
+        low, high = _proved(result, cover_of(result), slopes, constant, seconds)
+    else:
+        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
+    low, high = frozen(np.asarray(low, np.float64)), frozen(np.asarray(high, np.float64))
+    arguments = item.arguments
+    return StaticBand(target, arguments, frozen(points), low, high, frozen(middle), kind)
+
+
+def _map_of(result: FeasibleSet, name: str | None) -> tuple[BlockStructured, str, StaticMap]:
+    model = result.formulation.model
+    if not isinstance(model, BlockStructured) or not model.maps:
+        raise ModelError(f"result: found a {type(model).__name__}, expected one with static maps")
+    maps = dict(model.maps)
+    target = next(iter(maps)) if name is None and len(maps) == 1 else name
+    if target not in maps:
+        raise ModelError(f"name: found {name!r}, expected one of {', '.join(maps)}")
+    assert target is not None
+    return model, target, maps[target]
+
+
+def _arguments(result: FeasibleSet, item: StaticMap, x: ArrayLike | None) -> Reals:
+    if x is not None:
+        points = real_array(x, "x", SetidError)
+        points = points[:, None] if points.ndim == 1 else points
+        if points.ndim != 2 or points.shape[1] != len(item.arguments):
+            raise SetidError(f"x: found shape {points.shape}, expected (K, {len(item.arguments)})")
+        return points
+    if len(item.arguments) == 1:
+        low, high = _readings(result, item.arguments[0])
+        if np.isfinite(low) and np.isfinite(high):
+            return np.linspace(low, high, 41)[:, None]
+    raise ModelError(
+        f"x: found none, expected values of {', '.join(item.arguments)}, which are not measured"
+    )
+
+
+def _readings(result: FeasibleSet, signal: str) -> tuple[float, float]:
+    """The range of a measured signal, or of the bounds of an internal one."""
+    data, groups = result.formulation.data, result.formulation.layout.groups
+    if signal in groups and signal not in ("u", "y"):
+        numbers = groups[signal][groups[signal] >= 0]
+        return float(result.problem.lower[numbers].min()), float(
+            result.problem.upper[numbers].max()
+        )
+    values = (data.u if signal[0] == "u" else data.y)[:, int(signal[1:]) - 1]
+    return float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def _directions(
+    model: BlockStructured, target: str, item: StaticMap, points: Reals
+) -> tuple[Reals, Reals]:
+    """The map as slopes (K, p) times theta plus a constant (K,)."""
+    fixed, place = dict(model.fixed), {name: i for i, name in enumerate(model.parameters)}
+    slopes, constant = np.zeros((len(points), len(place))), np.zeros(len(points))
+    for m, weight in enumerate(model.wiring.weights(target)):
+        values = item.value(m, *points.T)
+        if weight in fixed:
+            constant = constant + fixed[weight] * values
+        else:
+            slopes[:, place[weight]] = values
+    return slopes, constant
+
+
+def _proved(
+    result: FeasibleSet, cover: Cover, slopes: Reals, constant: Reals, seconds: float
+) -> tuple[Reals, Reals]:
+    ends = supports(cover, slopes)
+    if seconds > 0 and np.all(np.isfinite(ends)):
+        ends = _narrowed(result, slopes, ends, seconds)
+    size = 8 * np.finfo(float).eps * (np.abs(ends).max(axis=1) + np.abs(constant))
+    return ends[:, 0] + constant - size, ends[:, 1] + constant + size
+
+
+def _narrowed(result: FeasibleSet, slopes: Reals, ends: Reals, seconds: float) -> Reals:
+    """Ends that the engine proves on the problem itself."""
+    layout = result.formulation.layout
+    theta = [layout.polynomial(i) for i in layout.group("theta").tolist()]
+    forms = [
+        sp.total([float(c) * t for c, t in zip(row, theta, strict=True) if c] or [0.0 * theta[0]])
+        for row in slopes
+    ]
+    asked = [sign * form for form in forms for sign in (1.0, -1.0)]
+    options = replace(result.options, time_limit=seconds, tol=1e-2).for_engine()
+    scaled = in_units(result.problem, result.formulation)
+    again = (
+        proved_point(result.formulation, scaled.problem, x / scaled.units) for x in result.witnesses
+    )
+    known = [point for point in again if point is not None]
+    objectives, factors = zip(*map(scaled.asked, asked), strict=True)
+    found = sp.solve_each(scaled.problem, objectives, options, points=known)
+    bounds = np.array([r.lower_bound for r in found]) * factors
+    low, high = bounds[0::2], -bounds[1::2]
+    return np.stack([np.maximum(low, ends[:, 0]), np.minimum(high, ends[:, 1])], axis=1)
+
+
+def signal_band(result: FeasibleSet, name: str) -> SignalBand:
+    """The band of an internal signal over the record.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+        Of a block structure.
+    name : str
+        One of ``model.internal``.
+
+    Raises
+    ------
+    ModelError
+        If there is no such signal.
+    """
+    model, data = result.formulation.model, result.formulation.data
+    if not isinstance(model, BlockStructured) or name not in model.internal:
+        known = ", ".join(getattr(model, "internal", ()))
+        raise ModelError(f"name: found {name!r}, expected an internal signal ({known})")
+    groups = result.formulation.layout.groups
+    if name in groups:
+        return _unknown_band(result, name, groups[name])
+    item = dict(model.maps).get(name)
+    if item is None or not all(a[0] == "u" for a in item.arguments):
+        raise ModelError(f"name: found {name!r}, which is neither an unknown nor a map of inputs")
+    columns = np.stack([data.u[:, int(a[1:]) - 1] for a in item.arguments], axis=1)
+    rows = np.flatnonzero(~np.any(np.isnan(columns), axis=1))
+    bands = [static_band(result, name, columns[rows], kind) for kind in _kinds(result)]
+    parts = [end for band in (bands * 2)[:2] for end in (band.low, band.high)]
+    return SignalBand(name, *(_spread(end, rows, data.samples) for end in parts))
+
+
+def _kinds(result: FeasibleSet) -> Sequence[Kind]:
+    attained = any(item.inner is not None for item in result.intervals.values())
+    return ("proved", "sampled") if attained else ("proved",)
+
+
+def _spread(values: Reals, rows: NDArray[np.int64], samples: int) -> Reals:
+    full = np.full(samples, np.nan)
+    full[rows] = values
+    return frozen(full)
+
+
+def _unknown_band(result: FeasibleSet, name: str, numbers: NDArray[np.int64]) -> SignalBand:
+    rows, samples = np.flatnonzero(numbers >= 0), numbers.size
+    chosen = numbers[rows]
+    low, high = result.problem.lower[chosen], result.problem.upper[chosen]
+    seen = result.witnesses
+    values = np.array([w[chosen] for w in seen]) if seen else np.full((1, rows.size), np.nan)
+    ends = (low, high, values.min(axis=0), values.max(axis=0))
+    return SignalBand(name, *(_spread(end, rows, samples) for end in ends))

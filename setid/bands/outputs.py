@@ -1,0 +1,343 @@
+"""Validation: outputs of identified models, their fit, and bands that hold for every model.
+
+A *proved* band contains the output of every consistent parameter vector; if a reading of a
+validation record lies outside the proved band of readings, structure, noise bounds or
+priors are falsified. *Sampled* bands are what members of the set reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.bands.responses import Kind, nominal_outputs
+from setid.data.checks import frozen
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import DataError, SetidError
+from setid.feasible_points.members import members, nominal
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import cover_of, supports
+from setid.formulation.formulation import formulate
+from setid.formulation.regression import check_channels
+from setid.proofs.enclosures import enclose
+from setid.proofs.supports import Cover
+from setid.simulation.responses import run
+
+__all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
+
+Reals = NDArray[np.float64]
+Mode = Literal["simulation", "prediction"]
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutputBand:
+    """Outputs over a record for the feasible parameter set.
+
+    Parameters
+    ----------
+    kind : {"proved", "sampled"}
+    mode : {"simulation", "prediction"}
+        Inputs alone (and the first outputs, to start from), or one step ahead from the
+        readings.
+    data : IOData
+    nominal : (N, ny) float
+        NaN where there is no row to predict from.
+    low, high : (N, ny) float
+        Range of the models' outputs.
+    reading_low, reading_high : (N, ny) float
+        Where readings lie if the assumptions hold: noise and equation error included.
+    """
+
+    kind: Kind
+    mode: Mode
+    data: IOData
+    nominal: Reals
+    low: Reals
+    high: Reals
+    reading_low: Reals
+    reading_high: Reals
+
+    @property
+    def outside(self) -> NDArray[np.int64]:
+        """Sample and output (both from 0) of readings outside the band, shape (K, 2).
+
+        One of them, outside a proved band, falsifies the assumptions for this record.
+        """
+        with np.errstate(invalid="ignore"):
+            gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
+        return np.argwhere(gone)
+
+    def plot(self) -> NDArray:
+        """Draw the readings and the band, one axis an output; returns the axes."""
+        from setid.plots.outputs import plot_output_band
+
+        return plot_output_band(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """How well the nominal model explains a record, and what every consistent model says.
+
+    Parameters
+    ----------
+    names : tuple of str
+    theta : (p,) float
+        The nominal model.
+    fit : (ny,) float
+        100 (1 - |y - yhat| / |y - mean y|), in per cent; 100 is perfect.
+    band : OutputBand
+    """
+
+    names: tuple[str, ...]
+    theta: Reals
+    fit: Reals
+    band: OutputBand
+
+    def summary(self) -> str:
+        """A few lines for people."""
+        band, finite = self.band, np.isfinite(self.band.high - self.band.low)
+        shown = ", ".join(f"{value:.1f} %" for value in self.fit)
+        lines = [f"fit of the nominal model ({band.mode})  {shown}"]
+        if np.any(finite):
+            width = float(np.mean((band.high - band.low)[finite]))
+            lines.append(f"mean width of the {band.kind} band of models  {width:.4g}")
+        else:
+            lines.append(f"the {band.kind} band of models is infinite: nothing is proved")
+        outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
+        lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
+        if outside and band.kind == "proved":
+            sample, output = band.outside[0] + 1
+            lines.append(
+                f"the assumptions are falsified for this record, first by y{output} at sample "
+                f"{sample}: larger noise bounds, a higher order or another structure is needed"
+            )
+        return "\n".join(lines)
+
+    def plot(self) -> NDArray:
+        """Draw the band with the fit in the title; returns the axes."""
+        from setid.plots.outputs import plot_comparison
+
+        return plot_comparison(self)
+
+
+def fit(measured: Reals, modelled: Reals) -> Reals:
+    """100 (1 - |e| / |y - mean y|) for each output, over samples where both are there.
+
+    Parameters
+    ----------
+    measured, modelled : (N, ny) float
+
+    Returns
+    -------
+    (ny,) float
+        -inf where the modelled output is not finite or the readings never change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from setid.bands.outputs import fit
+    >>> fit(np.array([[0.0], [1.0], [2.0]]), np.array([[0.0], [1.0], [1.0]])).round(2)
+    array([29.29])
+    """
+    found = np.full(measured.shape[1], -np.inf)
+    for i, (y, v) in enumerate(zip(measured.T, modelled.T, strict=True)):
+        known = ~np.isnan(y) & ~np.isnan(v)
+        if not np.any(known):
+            continue
+        size = float(np.linalg.norm(y[known] - y[known].mean()))
+        error = float(np.linalg.norm(y[known] - v[known]))
+        if size > 0 and np.isfinite(error):
+            found[i] = 100.0 * (1.0 - error / size)
+    return found
+
+
+def simulate_band(
+    result: FeasibleSet,
+    data: IOData | None = None,
+    kind: Kind | None = None,
+    noise: Noise | None = None,
+    samples: int = 30,
+    seed: int = 0,
+) -> OutputBand:
+    """Outputs of the models for the inputs of a record.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    data : IOData, optional
+        The identification record when left out. Structures that start ``"free"`` take the
+        first readings of each record as start values, within their noise.
+    kind : {"proved", "sampled"}, optional
+        Proved where the structure is linear with one denominator an output and all
+        intervals are finite, otherwise sampled, when left out.
+    noise : Noise, optional
+        Of this record; that of the identification when left out.
+    samples, seed : int
+        Mixtures of attained members, for sampled bands.
+
+    Returns
+    -------
+    OutputBand
+
+    Raises
+    ------
+    SetidError
+        If the feasible set is empty, or data do not fit the structure.
+    """
+    record, bounds = _record(result, data, noise)
+    model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
+    eta = bounds[0]
+    if kind in (None, "proved"):
+        try:
+            rest = model.initial == "zero"
+            around = nominal_outputs(model, theta, record, rest)
+            found = enclose(model, around, cover, record, bounds, rest)
+            fields = ("nominal", "low", "high", "driven_low", "driven_high")
+            columns = [np.stack([getattr(e, f) for e in found], axis=1) for f in fields]
+            return _band("proved", "simulation", record, columns, eta)
+        except SetidError:
+            if kind == "proved":
+                raise
+    if kind not in (None, "sampled"):
+        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
+    thetas = np.vstack([theta, members(result, samples, seed)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        outputs = np.array([run(model, t, record) for t in thetas])
+    low, high = outputs.min(axis=0), outputs.max(axis=0)
+    return _band("sampled", "simulation", record, [outputs[0], low, high, low, high], eta)
+
+
+def predict(
+    result: FeasibleSet, data: IOData | None = None, noise: Noise | None = None
+) -> OutputBand:
+    """One-step predictions from the readings before, with a proved band.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+        Of a structure that is linear in its parameters.
+    data : IOData, optional
+        The identification record when left out.
+    noise : Noise, optional
+        Of this record; that of the identification when left out.
+
+    Returns
+    -------
+    OutputBand
+        NaN where no row predicts a sample.
+
+    Raises
+    ------
+    SetidError
+        If the structure has no regression form.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> len(setid.predict(result).outside)
+    0
+    """
+    record, _ = _record(result, data, noise)
+    model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
+    if any(equation.implicit for equation in model.regression()):
+        raise SetidError(
+            "model: rows of a continuous-time structure hold the sample itself beside its "
+            "parameters and predict nothing one step ahead; simulate instead"
+        )
+    rows = formulate(record, model, noise or result.formulation.noise).regression
+    if rows is None:
+        raise SetidError(
+            "model: separate denominators have no one-step prediction; simulate them instead"
+        )
+    ranges = -supports(cover, rows.regressors)[:, ::-1]
+    width = _noise_width(cover, rows.radius, rows.radii)
+    found = [np.full(record.y.shape, np.nan) for _ in range(5)]
+    place = rows.row, rows.output - 1
+    # The row is y~ + (rest) within width, so that the reading is -(rest) within width.
+    known = rows.target - record.y[place]
+    columns = (
+        -(rows.regressors @ theta),
+        ranges[:, 0],
+        ranges[:, 1],
+        ranges[:, 0] - width,
+        ranges[:, 1] + width,
+    )
+    sides = (0.0, -1.0, 1.0, -1.0, 1.0)  # outwards, by more than is rounded here
+    size = np.abs(rows.target) + np.abs(record.y[place]) + width
+    for target, values, side in zip(found, columns, sides, strict=True):
+        target[place] = values - known + side * 4.0 * _EPS * (np.abs(values) + size)
+    return OutputBand("proved", "prediction", record, *(frozen(x) for x in found))
+
+
+def compare(
+    result: FeasibleSet,
+    validation: IOData | None = None,
+    mode: Mode = "simulation",
+    kind: Kind | None = None,
+    noise: Noise | None = None,
+) -> Comparison:
+    """Fit of the nominal model to a record, and the band that holds for every model.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    validation : IOData, optional
+        The identification record when left out.
+    mode : {"simulation", "prediction"}
+    kind : {"proved", "sampled"}, optional
+        As in :func:`simulate_band`.
+    noise : Noise, optional
+        Of the validation record; that of the identification when left out (bounds that
+        are given one a sample then have to fit).
+
+    Returns
+    -------
+    Comparison
+        Samples from which the simulation starts do not count for the fit.
+    """
+    if mode == "simulation":
+        band = simulate_band(result, validation, kind, noise)
+    elif mode == "prediction":
+        band = predict(result, validation, noise)
+    else:
+        raise SetidError(f"mode: found {mode!r}, expected 'simulation' or 'prediction'")
+    model, data = result.formulation.model, band.data
+    started = np.zeros(data.samples, bool)
+    if mode == "simulation" and model.initial == "free" and model.regression():
+        started = np.arange(data.samples) - data.first < max(e.lag for e in model.regression())
+    modelled = np.where(started[:, None], np.nan, band.nominal)
+    return Comparison(result.formulation.parameters, nominal(result), fit(data.y, modelled), band)
+
+
+def _record(
+    result: FeasibleSet, data: IOData | None, noise: Noise | None
+) -> tuple[IOData, tuple[Reals, Reals, Reals]]:
+    """The record and its noise bounds."""
+    formulation = result.formulation
+    record = formulation.data if data is None else data
+    check_channels(record, formulation.model)
+    if record.Ts != formulation.data.Ts:
+        raise DataError(
+            f"data: found Ts = {record.Ts:g}, expected {formulation.data.Ts:g} as identified"
+        )
+    noise = (noise or formulation.noise).covering(formulation.noise.model_error)
+    return record, noise.bounds(record)
+
+
+def _noise_width(cover: Cover, radius: Reals, radii: Reals) -> Reals:
+    """Largest width of the noise of each row over the cover."""
+    size = np.where(np.any(radii > 0, axis=0), cover.magnitude, 0.0)
+    return np.asarray((radius + radii @ size) * (1.0 + 1e-14), np.float64)
+
+
+def _band(kind: Kind, mode: Mode, record: IOData, columns: list[Reals], eta: Reals) -> OutputBand:
+    nominal_, low, high, driven_low, driven_high = columns
+    reading = np.nextafter(driven_low - eta, -np.inf), np.nextafter(driven_high + eta, np.inf)
+    return OutputBand(kind, mode, record, *(frozen(x) for x in (nominal_, low, high, *reading)))

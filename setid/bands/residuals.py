@@ -1,0 +1,80 @@
+"""Residuals of a parameter vector against what the noise bounds can explain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.data.checks import frozen
+from setid.errors import SetidError
+from setid.feasible_points.members import nominal
+from setid.feasible_set.feasible_set import FeasibleSet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+__all__ = ["Residuals", "residuals"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Residuals:
+    """One-step residuals of a parameter vector against the noise that explains them.
+
+    Parameters
+    ----------
+    theta : (p,) float
+    values : (R,) float
+        Y_k + R_k theta, row by row.
+    bound : (R,) float
+        w0_k + W_k abs(theta): larger residuals no admissible noise explains.
+    row, output : (R,) int
+        Row of the data from 0, output from 1.
+    """
+
+    theta: Reals
+    values: Reals
+    bound: Reals
+    row: NDArray[np.int64]
+    output: NDArray[np.int64]
+
+    @property
+    def outside(self) -> NDArray[np.int64]:
+        """Places of residuals beyond their bound."""
+        return np.flatnonzero(np.abs(self.values) > self.bound * (1.0 + 1e-9))
+
+    def plot(self) -> Axes:
+        """Draw residuals and bounds; returns the axes."""
+        from setid.plots.residuals import plot_residuals
+
+        return plot_residuals(self)
+
+
+def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
+    """One-step residuals of a parameter vector with the bounds that noise can explain.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+        Of a structure that is linear in its parameters.
+    theta : (p,) array_like, optional
+        The nominal model when left out.
+    """
+    rows = result.formulation.regression
+    if rows is None:
+        raise SetidError("model: separate denominators have no one-step residuals")
+    values = nominal(result) if theta is None else np.asarray(theta, float)
+    if values.shape != (len(rows.names),):
+        raise SetidError(f"theta: found shape {values.shape}, expected ({len(rows.names)},)")
+    return Residuals(
+        values,
+        frozen(rows.target + rows.regressors @ values),
+        frozen(rows.radius + rows.radii @ np.abs(values)),
+        rows.row,
+        rows.output,
+    )

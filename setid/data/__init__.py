@@ -1,0 +1,1 @@
+"""Records of inputs and outputs, how they are read, and the noise in them."""

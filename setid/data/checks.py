@@ -1,0 +1,166 @@
+"""Validation shared by the front half: arrays and numbers become what is stored, or raise."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid.errors import DataError, SetidError
+
+__all__ = [
+    "FrozenMapping",
+    "channels_of",
+    "frozen",
+    "entries_of",
+    "natural",
+    "number",
+    "range_of",
+    "real_array",
+    "starts_of",
+    "switch",
+]
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class FrozenMapping(Mapping[K, V]):
+    """A read-only copy of a mapping, in its order; pickles, and compares like a dict.
+
+    Parameters
+    ----------
+    items : mapping
+
+    Examples
+    --------
+    >>> FrozenMapping({"a1": -0.5})
+    {'a1': -0.5}
+    """
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[K, V]) -> None:
+        self._items = dict(items)
+
+    def __getitem__(self, key: K) -> V:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __reduce__(self) -> tuple[type[FrozenMapping[K, V]], tuple[dict[K, V]]]:
+        return type(self), (self._items,)
+
+    def __or__(self, other: Mapping[K, V]) -> dict[K, V]:
+        return {**self._items, **other}
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._items.items()))
+
+    def __repr__(self) -> str:
+        return repr(self._items)
+
+
+def frozen(array: NDArray) -> NDArray:
+    """The same array, made read-only."""
+    array.flags.writeable = False
+    return array
+
+
+def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.float64]:
+    """A fresh array of doubles; NaN is kept, infinity and non-numbers raise.
+
+    Parameters
+    ----------
+    given : array_like
+    field : str
+        What the message calls it.
+    error : type
+        The exception to raise.
+    """
+    try:
+        array = np.array(given)
+        if np.iscomplexobj(array) or array.dtype.kind in "USm":  # text, durations
+            raise TypeError
+        values = np.array(array, float)
+    except (TypeError, ValueError):
+        raise error(
+            f"{field}: found {type(given).__name__} {given!r:.60}, expected real numbers"
+        ) from None
+    if np.any(np.isinf(values)):
+        where = np.argwhere(np.isinf(values))[0].tolist()
+        raise error(f"{field}: found an infinite value at {where}, expected finite numbers")
+    return values
+
+
+def switch(given: Any, field: str, error: type[SetidError]) -> bool:
+    """True or False; words such as "no" raise."""
+    if not isinstance(given, (bool, np.bool_)):
+        raise error(f"{field}: found {given!r:.60}, expected True or False")
+    return bool(given)
+
+
+def entries_of(given: Any, field: str, what: str, error: type[SetidError]) -> list[Any]:
+    """The items of a list; what cannot be gone through raises."""
+    try:
+        return list(given)
+    except TypeError:
+        raise error(f"{field}: found {type(given).__name__}, expected {what}") from None
+
+
+def natural(given: Any, field: str, error: type[SetidError], least: int = 0) -> int:
+    """An integer of at least ``least``; booleans and fractions raise."""
+    whole = isinstance(given, numbers.Integral) and not isinstance(given, (bool, np.bool_))
+    if not whole or int(given) < least:
+        raise error(f"{field}: found {given!r}, expected an integer >= {least}")
+    return int(given)
+
+
+def number(given: Any, field: str, error: type[SetidError]) -> float:
+    """A real number that is not NaN; infinity is allowed."""
+    real = isinstance(given, numbers.Real) and not isinstance(given, (bool, np.bool_))
+    if not real or np.isnan(float(given)):
+        raise error(f"{field}: found {given!r}, expected a number")
+    return float(given)
+
+
+def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:
+    """Samples as rows and channels as columns, (N, channels), each with some number."""
+    values = real_array(given, field, DataError)
+    if values.ndim == 1:
+        values = values[:, None]
+    if values.ndim != 2 or 0 in values.shape:
+        raise DataError(f"{field}: found shape {values.shape}, expected (N,) or (N, channels)")
+    empty = np.flatnonzero(np.all(np.isnan(values), axis=0))
+    if empty.size:
+        raise DataError(f"{field}: found no number in channel {empty[0] + 1}, expected some")
+    return frozen(values)
+
+
+def starts_of(given: Sequence[int] | NDArray[np.int64] | None, samples: int) -> NDArray[np.int64]:
+    """Row numbers at which records begin."""
+    values = np.zeros(1, np.int64) if given is None else np.array(given)
+    whole = values.ndim == 1 and values.size > 0 and np.issubdtype(values.dtype, np.integer)
+    if not whole or values[0] != 0 or np.any(np.diff(values) <= 0) or values[-1] >= samples:
+        raise DataError(
+            f"starts: found {values.tolist()!r:.60}, expected 0 and then increasing row numbers "
+            f"below {samples}"
+        )
+    return frozen(values.astype(np.int64))
+
+
+def range_of(given: ArrayLike | None, field: str, channels: int) -> NDArray[np.float64] | None:
+    """A range for each channel, (channels, 2)."""
+    if given is None:
+        return None
+    values = real_array(given, field, DataError)
+    if values.shape not in ((2,), (channels, 2)) or not np.all(values[..., 0] <= values[..., 1]):
+        raise DataError(f"{field}: found {values.tolist()}, expected (low, high), low <= high")
+    return frozen(np.broadcast_to(values, (channels, 2)).copy())

@@ -1,0 +1,81 @@
+"""Read columns of numbers from MATLAB files; put columns side by side."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.data.checks import real_array
+from setid.data.tables import Column
+from setid.errors import DataError
+
+__all__ = ["listed", "read_mat_columns", "stacked"]
+
+
+def _check_distinct(
+    path: str | os.PathLike[str], columns: Sequence[Column], places: list[Any]
+) -> None:
+    """Refuse one column for two signals."""
+    for column, place in zip(columns, places, strict=True):
+        if places.count(place) > 1:
+            raise DataError(
+                f"{path}: found column {column!r} for two signals, expected one for each"
+            )
+
+
+def read_mat_columns(
+    path: str | os.PathLike[str], names: Sequence[str]
+) -> list[NDArray[np.float64]]:
+    """Variables of a MATLAB file (up to version 7), each as columns (N, c).
+
+    Rows and columns are told apart by length: the longer side holds the samples.
+
+    Raises
+    ------
+    DataError
+        If a variable is missing or not a real matrix.
+    """
+    import scipy.io  # loaded by those who read such files
+
+    try:
+        version = scipy.io.matlab.matfile_version(os.fspath(path))
+        found = {} if version[0] > 1 else scipy.io.loadmat(os.fspath(path))
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}, expected a MATLAB file") from None
+    except (ValueError, TypeError, scipy.io.matlab.MatReadError, zlib.error) as cause:
+        raise DataError(f"{path}: {cause}, expected a MATLAB file of version 7 or older") from None
+    if version[0] > 1:
+        raise DataError(
+            f"{path}: found a MATLAB 7.3 file, expected version 7 or older (save with '-v7')"
+        )
+    _check_distinct(path, names, list(names))
+    arrays = []
+    for name in names:
+        if name not in found or name.startswith("__"):
+            known = sorted(key for key in found if not key.startswith("__"))
+            raise DataError(f"{path}: found no variable {name!r}, expected one of {known}")
+        values = np.atleast_2d(real_array(found[name], f"{path}: {name}", DataError))
+        if values.ndim != 2:
+            raise DataError(f"{path}: {name}: found shape {values.shape}, expected a matrix")
+        arrays.append(values.T.copy() if values.shape[0] < values.shape[1] else values)
+    return arrays
+
+
+def listed(given: Column | Sequence[Column]) -> list[Any]:
+    """One column or several, as a list."""
+    return [given] if isinstance(given, (str, int)) else list(given)
+
+
+def stacked(columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Columns side by side, shape (N, channels)."""
+    if not columns:
+        raise DataError("inputs, outputs: found no column, expected at least one each")
+    if len({column.shape[0] for column in columns}) > 1:
+        lengths = [column.shape[0] for column in columns]
+        raise DataError(f"channels: found {lengths} samples, expected equal numbers")
+    return np.column_stack(columns)

@@ -1,0 +1,395 @@
+"""Measured records: inputs, outputs and the sampling time, validated once and never modified."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of
+from setid.data.readers import listed, read_mat_columns, stacked
+from setid.data.tables import Column, read_table
+from setid.errors import DataError, SetidWarning
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["IOData"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
+class IOData:
+    """One or several records of the same system, sampled at the same rate.
+
+    Parameters
+    ----------
+    u : array_like (N,) or (N, nu)
+        Measured inputs; NaN marks a missing sample.
+    y : array_like (N,) or (N, ny)
+        Measured outputs; NaN marks a missing sample.
+    Ts : float
+        Sampling time in seconds, or in whatever unit the user counts time.
+    starts : sequence of int, optional
+        Row numbers (from 0) at which a record begins; the first is 0. Usually made by
+        :meth:`concat`. No equation reaches across the beginning of a record.
+    assumptions : sequence of str
+        What was done to the numbers before they came here; results repeat it.
+    u_range, y_range : (low, high) or array_like (channels, 2), optional
+        A range that every noise-free sample is known to lie in. Missing samples become
+        bounded unknowns with it; without it, equations that need them are left out.
+
+    Raises
+    ------
+    DataError
+        If lengths differ, a channel has no sample, a value is infinite or ``Ts`` is not
+        positive.
+
+    Warns
+    -----
+    SetidWarning
+        If an input never changes but is not zero: it excites nothing but the static gain.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875], Ts=0.1)
+    >>> data
+    <IOData: 4 samples, 1 input, 1 output, Ts = 0.1>
+    >>> data.u.shape, data.y.shape
+    ((4, 1), (4, 1))
+    """
+
+    u: NDArray[np.float64]
+    y: NDArray[np.float64]
+    Ts: float
+    starts: NDArray[np.int64]
+    assumptions: tuple[str, ...]
+    u_range: NDArray[np.float64] | None
+    y_range: NDArray[np.float64] | None
+
+    def __init__(
+        self,
+        u: ArrayLike,
+        y: ArrayLike,
+        Ts: float = 1.0,
+        *,
+        starts: Sequence[int] | NDArray[np.int64] | None = None,
+        assumptions: Iterable[str] = (),
+        u_range: ArrayLike | None = None,
+        y_range: ArrayLike | None = None,
+    ) -> None:
+        inputs, outputs = channels_of(u, "u"), channels_of(y, "y")
+        if inputs.shape[0] != outputs.shape[0]:
+            raise DataError(
+                f"u, y: found {inputs.shape[0]} and {outputs.shape[0]} samples, expected equal "
+                "numbers (samples are rows, channels are columns)"
+            )
+        step = number(Ts, "Ts", DataError)
+        if not 0 < step < np.inf:
+            raise DataError(f"Ts: found {Ts!r}, expected a positive number")
+        fields = {
+            "u": inputs,
+            "y": outputs,
+            "Ts": step,
+            "starts": starts_of(starts, inputs.shape[0]),
+            "assumptions": tuple(str(text) for text in assumptions),
+            "u_range": range_of(u_range, "u_range", inputs.shape[1]),
+            "y_range": range_of(y_range, "y_range", outputs.shape[1]),
+        }
+        for key, value in fields.items():
+            object.__setattr__(self, key, value)
+        for channel in _constant_channels(inputs):
+            warnings.warn(
+                f"u: input {channel + 1} is constant; it excites only the static gain",
+                SetidWarning,
+                stacklevel=2,
+            )
+
+    # ---- shape --------------------------------------------------------------------------
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N, over all records."""
+        return self.y.shape[0]
+
+    @property
+    def inputs(self) -> int:
+        """Number of input channels nu."""
+        return self.u.shape[1]
+
+    @property
+    def outputs(self) -> int:
+        """Number of output channels ny."""
+        return self.y.shape[1]
+
+    @property
+    def records(self) -> int:
+        """Number of records."""
+        return self.starts.size
+
+    @property
+    def first(self) -> NDArray[np.int64]:
+        """Row at which the record of each sample begins, shape (N,)."""
+        return self.starts[self.record]
+
+    @property
+    def record(self) -> NDArray[np.int64]:
+        """Record of each sample, from 0, shape (N,)."""
+        return np.searchsorted(self.starts, np.arange(self.samples), side="right") - 1
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time of each sample since the beginning of its record, shape (N,), in units of Ts."""
+        return np.asarray((np.arange(self.samples) - self.first) * self.Ts, np.float64)
+
+    # ---- from files ---------------------------------------------------------------------
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | os.PathLike[str],
+        inputs: Column | Sequence[Column],
+        outputs: Column | Sequence[Column],
+        Ts: float = 1.0,
+        *,
+        decimal: str = ".",
+        header: int | None = None,
+    ) -> IOData:
+        r"""Read a record from a text table.
+
+        Parameters
+        ----------
+        path : path-like
+            Separated by semicolons, tabs, commas or blanks; the first line may hold names.
+            Comments (``#``, ``%``) and blank lines may stand above the table, never inside it:
+            each line inside is a sample. What was skipped stands in ``assumptions``.
+        inputs, outputs : str, int, or sequence of these
+            Columns by name or by number from 0. Empty fields and the error values of
+            spreadsheets (``#N/A``) are missing samples.
+        Ts : float
+            Sampling time.
+        decimal : {".", ","}
+            The decimal mark; with a comma, commas separate nothing.
+        header : int, optional
+            Lines before the first sample, of which the first holds the names (a second may
+            hold units). By default one if the first line holds no number.
+
+        Raises
+        ------
+        DataError
+            Naming file, line, column and what was found.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile, setid
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = pathlib.Path(folder, "record.csv")
+        ...     _ = path.write_text("time,valve,level\n0,1.0,0.0\n1,0.5,\n2,0.2,0.7\n")
+        ...     data = setid.IOData.from_csv(path, inputs="valve", outputs="level", Ts=1.0)
+        >>> data.y.ravel()
+        array([0. , nan, 0.7])
+        """
+        left, right = listed(inputs), listed(outputs)
+        table = read_table(path, [*left, *right], decimal, header)
+        u, y = stacked(table.columns[: len(left)]), stacked(table.columns[len(left) :])
+        return cls(u, y, Ts, assumptions=table.skipped)
+
+    @classmethod
+    def from_mat(
+        cls,
+        path: str | os.PathLike[str],
+        u: str | Sequence[str] = "u",
+        y: str | Sequence[str] = "y",
+        Ts: float = 1.0,
+    ) -> IOData:
+        """Read a record from a MATLAB file (version 7 or older).
+
+        Parameters
+        ----------
+        path : path-like
+        u, y : str or sequence of str
+            Names of the variables; several become channels side by side. Rows or columns.
+        Ts : float
+            Sampling time.
+
+        Raises
+        ------
+        DataError
+            If the file or a variable cannot be read.
+        """
+        left, right = listed(u), listed(y)
+        arrays = read_mat_columns(path, [*left, *right])
+        return cls(stacked(arrays[: len(left)]), stacked(arrays[len(left) :]), Ts)
+
+    # ---- parts --------------------------------------------------------------------------
+
+    @staticmethod
+    def concat(records: Iterable[IOData]) -> IOData:
+        """Several records of one system as one set of data; equations never cross a join.
+
+        Parameters
+        ----------
+        records : iterable of IOData
+            With equal channels, sampling times and ranges.
+
+        Raises
+        ------
+        DataError
+            If they differ.
+
+        Examples
+        --------
+        >>> import setid
+        >>> one, two = setid.IOData([1, 2, 3], [0, 1, 2]), setid.IOData([5, 4], [2, 2])
+        >>> setid.IOData.concat([one, two]).starts
+        array([0, 3])
+        """
+        parts = entries_of(records, "records", "a list of IOData", DataError)
+        if not parts:
+            raise DataError("records: found none, expected at least one")
+        for place, part in enumerate(parts):
+            if not isinstance(part, IOData):
+                raise DataError(f"records[{place}]: found {type(part).__name__}, expected IOData")
+            _check_alike(parts[0], part, place)
+        offsets = np.cumsum([0, *(part.samples for part in parts[:-1])])
+        texts = dict.fromkeys(text for part in parts for text in part.assumptions)
+        return parts[0]._like(
+            np.concatenate([part.u for part in parts]),
+            np.concatenate([part.y for part in parts]),
+            starts=np.concatenate([p.starts + o for p, o in zip(parts, offsets, strict=True)]),
+            assumptions=tuple(texts),
+        )
+
+    def split(self, at: float) -> tuple[IOData, IOData]:
+        """Estimation and validation parts: the rows before ``at`` and those from it on.
+
+        Parameters
+        ----------
+        at : int or float
+            A row number in 1..N-1, or a fraction of the samples between 0 and 1.
+        """
+        fraction = number(at, "at", DataError)
+        whole = isinstance(at, (int, np.integer))
+        row = int(at) if whole else round(fraction * self.samples)
+        if not (whole or 0 < fraction < 1) or not 0 < row < self.samples:
+            raise DataError(
+                f"at: found {at!r}, expected a row in 1..{self.samples - 1} or a fraction in (0, 1)"
+            )
+        return self._rows(slice(0, row)), self._rows(slice(row, None))
+
+    def decimate(self, m: int) -> IOData:
+        """Every m-th sample of each record, without filtering.
+
+        A kept sample obeys its noise bound as before. That the discrete model still holds
+        presumes an input that does not change between kept samples; the result says so.
+
+        Parameters
+        ----------
+        m : int
+            At least 1; the sampling time becomes m Ts.
+        """
+        step = natural(m, "m", DataError, least=1)
+        keep = (np.arange(self.samples) - self.first) % step == 0
+        note = f"decimated by {step}: the input is constant between the samples that were kept"
+        return self._like(
+            self.u[keep],
+            self.y[keep],
+            Ts=self.Ts * step,
+            starts=np.searchsorted(np.flatnonzero(keep), self.starts),
+            assumptions=(*self.assumptions, *((note,) if step > 1 else ())),
+        )
+
+    def detrend(self, kind: str = "constant") -> IOData:
+        """Subtract mean or straight line from each channel of each record.
+
+        This changes the data by numbers estimated from them, which no noise bound covers:
+        the assumption is recorded. An unknown constant is better a parameter of the model
+        (``offset=True``). Ranges of signals are dropped.
+
+        Parameters
+        ----------
+        kind : {"constant", "linear"}
+        """
+        if kind not in ("constant", "linear"):
+            raise DataError(f"kind: found {kind!r}, expected 'constant' or 'linear'")
+        degree = 0 if kind == "constant" else 1
+        bounds = [*self.starts.tolist(), self.samples]
+        parts = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+        note = f"detrended ({kind}): the trend of each channel is what least squares found"
+        return IOData(
+            np.concatenate([_without_trend(self.u[part], degree) for part in parts]),
+            np.concatenate([_without_trend(self.y[part], degree) for part in parts]),
+            self.Ts,
+            starts=self.starts,
+            assumptions=(*self.assumptions, note),
+        )
+
+    def plot(self) -> NDArray[Any] | Axes:
+        """Draw outputs above inputs over time; returns the axes (needs matplotlib)."""
+        from setid.plots.records import plot_record
+
+        return plot_record(self)
+
+    def _rows(self, part: slice) -> IOData:
+        begin, end, _ = part.indices(self.samples)
+        inside = self.starts[(self.starts > begin) & (self.starts < end)] - begin
+        return self._like(self.u[part], self.y[part], starts=np.append(0, inside))
+
+    def _like(self, u: NDArray, y: NDArray, **changes: Any) -> IOData:
+        kept: dict[str, Any] = {
+            "Ts": self.Ts,
+            "assumptions": self.assumptions,
+            "u_range": self.u_range,
+            "y_range": self.y_range,
+        }
+        return IOData(u, y, **(kept | changes))
+
+    def __repr__(self) -> str:
+        def count(number: int, noun: str) -> str:
+            return f"{number} {noun}{'' if number == 1 else 's'}"
+
+        parts = [count(self.samples, "sample"), count(self.inputs, "input")]
+        parts += [count(self.outputs, "output"), f"Ts = {self.Ts:g}"]
+        if self.records > 1:
+            parts.append(count(self.records, "record"))
+        missing = int(np.isnan(self.u).sum() + np.isnan(self.y).sum())
+        if missing:
+            parts.append(f"{missing} missing")
+        return f"<IOData: {', '.join(parts)}>"
+
+
+def _constant_channels(inputs: NDArray[np.float64]) -> list[int]:
+    """Channels with one value throughout; zero inputs are zero-input records, not mistakes."""
+    if inputs.shape[0] < 2:
+        return []
+    low, high = np.nanmin(inputs, axis=0), np.nanmax(inputs, axis=0)
+    return np.flatnonzero((low == high) & (low != 0.0)).tolist()
+
+
+def _check_alike(one: IOData, other: IOData, place: int) -> None:
+    for field in ("inputs", "outputs", "Ts"):
+        if getattr(one, field) != getattr(other, field):
+            raise DataError(
+                f"records[{place}].{field}: found {getattr(other, field)}, "
+                f"expected {getattr(one, field)} as in the first record"
+            )
+    for field in ("u_range", "y_range"):
+        a, b = getattr(one, field), getattr(other, field)
+        if (a is None) != (b is None) or (a is not None and not np.array_equal(a, b)):
+            raise DataError(f"records[{place}].{field}: expected that of the first record")
+
+
+def _without_trend(values: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+    result = values.copy()
+    time = np.linspace(-1.0, 1.0, len(values))
+    for column in result.T:
+        known = ~np.isnan(column)
+        if np.count_nonzero(known) > degree:
+            trend = np.polynomial.polynomial.polyfit(time[known], column[known], degree)
+            column -= np.polynomial.polynomial.polyval(time, trend)
+    return result

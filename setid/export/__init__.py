@@ -1,0 +1,1 @@
+"""Identified systems for other software, and in continuous time."""

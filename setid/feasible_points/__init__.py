@@ -1,0 +1,1 @@
+"""Parameter vectors that are consistent with a record, or nearly: estimates, searches, members."""

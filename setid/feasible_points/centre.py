@@ -1,0 +1,158 @@
+"""The centre of the outer box: its worst-case error, and whether it is consistent, both proved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen
+from setid.errors import SetidError
+from setid.feasible_points.members import ROUNDING, noise_level
+from setid.feasible_points.witness import consistent
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.formulation.formulation import Formulation
+from setid.formulation.units import in_units
+from setid.proofs.existence import admitted
+
+__all__ = ["Central", "central", "is_consistent", "worst_case_error"]
+
+Reals = NDArray[np.float64]
+_SECONDS = 10.0  # for a proof that a vector is not consistent
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Central:
+    """The centre of the outer box: least worst-case error of each parameter by itself.
+
+    Parameters
+    ----------
+    names : tuple of str
+    theta : (p,) float
+    error : (p,) float
+        No consistent parameter is further away than this (proved): half the widths.
+    level : float
+        Factor on the noise bounds with which ``theta`` explains the data (computed, not
+        proved); infinite where none does, NaN where no linear program can tell.
+    member : bool or None
+        Whether the centre is consistent, proved either way; None where neither was proved.
+
+    Notes
+    -----
+    The centre need not be consistent: the feasible set is not convex in general, and even
+    a polytope may miss the centre of its box.
+
+    References
+    ----------
+    M. Milanese, A. Vicino, "Optimal estimation theory for dynamic systems with set
+    membership uncertainty: an overview", Automatica 27 (1991) 997-1009, section 3.
+    """
+
+    names: tuple[str, ...]
+    theta: Reals
+    error: Reals
+    level: float
+    member: bool | None
+
+    def __str__(self) -> str:
+        pairs = zip(self.names, self.theta, self.error, strict=True)
+        text = ", ".join(f"{name} = {t:.6g} +- {e:.3g}" for name, t, e in pairs)
+        return f"{text} (errors proved; {_MEMBERSHIP[self.member]})"
+
+
+_MEMBERSHIP = {
+    True: "consistent with the data, proved",
+    False: "proved not to be consistent with the data itself: use feasible() for a model",
+    None: "whether it is consistent with the data is not proved",
+}
+
+
+def central(result: FeasibleSet) -> Central:
+    """The centre of the outer intervals, its worst-case error, and whether it is consistent.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+
+    Returns
+    -------
+    Central
+
+    Raises
+    ------
+    SetidError
+        If the feasible set is empty or an outer interval is not finite.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> centre = setid.central(result)
+    >>> centre.theta.round(4), centre.error.round(3), centre.member
+    (array([-0.4343,  2.013 ]), array([0.089, 0.096]), True)
+    """
+    result.require_members()
+    theta = result.middle
+    if theta is None:
+        wide = [n for n, v in result.intervals.items() if not np.isfinite(v.width)]
+        raise SetidError(
+            f"result: found no finite interval of {', '.join(wide)}, expected all finite; "
+            "give priors such as Box, or a record with more excitation"
+        )
+    formulation, error = result.formulation, worst_case_error(result, theta)
+    level = noise_level(formulation, theta)
+    member = is_consistent(formulation, theta)
+    return Central(formulation.parameters, frozen(theta), frozen(error), level, member)
+
+
+def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
+    """How far each parameter of a consistent vector can be from an estimate, proved.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    theta : array_like (p,)
+        Any estimate, consistent or not.
+
+    Returns
+    -------
+    (p,) float
+        Infinite where an outer interval is.
+    """
+    low, high = result.outer_box
+    values = np.asarray(theta, float)
+    if values.shape != low.shape:
+        raise SetidError(f"theta: found shape {values.shape}, expected {low.shape}")
+    with np.errstate(invalid="ignore"):
+        error = np.nextafter(np.maximum(high - values, values - low), inf)
+    return np.where(np.isnan(error), inf, error)
+
+
+def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
+    """Whether a parameter vector is consistent, proved either way; None where neither is.
+
+    A witness whose noise is repaired exactly proves that it is. That it is not is what the
+    engine proves of the problem with these parameters fixed.
+    """
+    if consistent(formulation, theta) is not None:
+        return True
+    level = noise_level(formulation, theta)
+    if level <= 1.0 + ROUNDING:
+        return None  # on the edge, within rounding
+    problem, p = formulation.problem, len(formulation.parameters)
+    if np.any(theta < problem.lower[:p]) or np.any(theta > problem.upper[:p]):
+        return False
+    lower, upper = problem.lower.copy(), problem.upper.copy()
+    lower[:p] = upper[:p] = theta
+    nothing = 0.0 * problem.objective
+    fixed = sp.Problem(nothing, problem.constraints, lower, upper, problem.names)
+    found = sp.solve(
+        in_units(fixed, formulation).problem, sp.Options(effort="auto", time_limit=_SECONDS)
+    )
+    if found.attained is not None:
+        return True if admitted(formulation, theta) else None
+    return False if found.status is sp.Status.INFEASIBLE else None

@@ -1,0 +1,200 @@
+"""Members of the feasible parameter set: what is attained, and what lies between.
+
+Nothing here is a cover of the set: what is drawn from members is labelled *sampled*.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen, natural
+from setid.errors import ModelError, SetidError
+from setid.feasible_points.witness import Witness, least_noise
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.linear_programs import minimise
+from setid.formulation.formulation import Formulation
+from setid.proofs.existence import admitted
+
+__all__ = [
+    "ROUNDING",
+    "feasible",
+    "is_member",
+    "members",
+    "noise_level",
+    "nominal",
+    "projection_estimate",
+]
+
+Reals = NDArray[np.float64]
+ROUNDING = 1e-9  # excess of the noise level that is put down to the linear program
+
+
+def noise_level(formulation: Formulation, theta: Reals) -> float:
+    """Factor on all noise bounds that theta needs; NaN where no linear program can tell."""
+    try:
+        witness: Witness = least_noise(formulation, theta)
+    except ModelError:
+        return float("nan")
+    if not np.isfinite(witness.level):
+        return inf
+    p = theta.size
+    problem = formulation.problem
+    ends = np.array([problem.lower[:p], problem.upper[:p]])
+    tiny = ROUNDING * (np.abs(theta) + np.abs(np.where(np.isfinite(ends), ends, 0.0)).max(axis=0))
+    inside = np.all(theta >= ends[0] - tiny) and np.all(theta <= ends[1] + tiny)
+    known = _priors_hold(formulation, witness.x) and admitted(formulation, theta)
+    return witness.level if inside and known else inf
+
+
+def is_member(formulation: Formulation, theta: Reals) -> bool:
+    """Whether theta is consistent with data, noise bounds and priors, up to rounding."""
+    return noise_level(formulation, theta) <= 1.0 + ROUNDING
+
+
+def _priors_hold(formulation: Formulation, x: Reals) -> bool:
+    """Rows of priors, which the least-noise program takes for granted or leaves out."""
+    for row, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True):
+        if origin != "model":
+            p = row.polynomial
+            sizes = sp.Polynomial(p.words, frozen(np.abs(p.coefficients)), p.dimension)
+            value, size = p(x), sizes(np.abs(x)) * ROUNDING
+            if value < -size or (row.kind.name == "ZERO" and value > size):
+                return False
+    return True
+
+
+# ---- members ----------------------------------------------------------------------------
+
+
+def members(result: FeasibleSet, count: int = 100, seed: int = 0) -> Reals:
+    """Consistent parameter vectors: attained ones, and mixtures of them that are consistent.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    count : int
+        Mixtures that are tried; those that the data refute are left out.
+    seed : int
+
+    Returns
+    -------
+    (M, p) float
+        Attained ones first. Samples, not a cover.
+
+    Raises
+    ------
+    SetidError
+        If no member is known.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> found = setid.members(result, count=5)
+    >>> found.shape[1]
+    2
+    """
+    result.require_members()
+    tries = natural(count, "count", SetidError)
+    known = result.attained
+    if not len(known):
+        point = _least_level(result)
+        known = np.zeros((0, len(result.formulation.parameters))) if point is None else point
+    if not len(known):
+        raise SetidError(
+            "result: found no consistent parameter vector to draw from; identify with a "
+            "larger time limit, or use what is proved instead"
+        )
+    weights = np.random.default_rng(seed).dirichlet(np.full(len(known), 0.5), tries)
+    mixed = weights @ known
+    keep = [theta for theta in mixed if is_member(result.formulation, theta)]
+    return np.concatenate([known, np.reshape(keep, (-1, known.shape[1]))])
+
+
+def _least_level(result: FeasibleSet) -> Reals | None:
+    """The centre where it is a member, shape (1, p)."""
+    theta = result.middle
+    return None if theta is None or not is_member(result.formulation, theta) else theta[None, :]
+
+
+def feasible(result: FeasibleSet) -> Reals:
+    """A consistent parameter vector, well inside where the set is convex.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+
+    Returns
+    -------
+    (p,) float
+        The mean of the attained vectors where that is consistent, else the one of them that
+        needs the least noise; where no linear program can tell, that nearest to the mean.
+    """
+    known = members(result, count=0)
+    middle = known.mean(axis=0)
+    if is_member(result.formulation, middle):
+        return np.asarray(middle, np.float64)
+    levels = np.array([noise_level(result.formulation, theta) for theta in known])
+    if np.all(np.isnan(levels)):  # no linear program can tell: those that attain are proved
+        levels = np.linalg.norm(known - middle, axis=1)
+    return np.asarray(known[int(np.nanargmin(levels))], np.float64)
+
+
+def projection_estimate(result: FeasibleSet) -> Reals:
+    """The parameter vector whose equations fit the readings best in the worst row.
+
+    Minimises the largest abs(Y_k + R_k theta) over the outer box, by a linear program; for
+    equation errors this is the least noise bound that explains the data.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+
+    Returns
+    -------
+    (p,) float
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear in its parameters.
+
+    References
+    ----------
+    M. Milanese, A. Vicino, Automatica 27 (1991) 997-1009, section 4 (projection estimates).
+    """
+    result.require_members()
+    rows = result.formulation.regression
+    if rows is None:
+        raise ModelError("model: separate denominators have no regression form to project on")
+    one = np.ones((rows.target.size, 1))
+    matrix = np.block([[rows.regressors, -one], [-rows.regressors, -one]])
+    right = np.concatenate([-rows.target, rows.target])
+    low, high = result.outer_box
+    cost = np.append(np.zeros(low.size), 1.0)
+    bounds = np.append(low, 0.0), np.append(high, inf)
+    found = minimise(cost, (sps.csr_array(matrix), right), None, bounds)
+    if found is None:
+        raise SetidError("result: the linear program has no solution; are numbers near overflow?")
+    return found[:-1]
+
+
+def nominal(result: FeasibleSet) -> Reals:
+    """The centre where it is consistent, else a consistent vector, else the centre anyway."""
+    result.require_members()
+    centre = result.middle
+    if centre is None:
+        return feasible(result)
+    level = noise_level(result.formulation, centre)
+    if level <= 1.0 + ROUNDING or (np.isnan(level) and not len(result.attained)):
+        return np.asarray(centre, np.float64)
+    try:
+        return feasible(result)
+    except SetidError:
+        return np.asarray(centre, np.float64)

@@ -1,0 +1,1 @@
+"""All parameter vectors that are consistent with a record: boxes, supports, projections."""

@@ -1,0 +1,1 @@
+"""From a record, a structure, noise and priors to a polynomial problem with named unknowns."""

@@ -1,0 +1,360 @@
+"""The steps of :func:`setid.formulate`: plan rows, number unknowns, multiply out, add priors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import ModelError, NoiseError, PriorError
+from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
+from setid.formulation.layout import Layout, LayoutBuilder
+from setid.formulation.products import build_products
+from setid.formulation.regression import (
+    Regression,
+    build_regression,
+    driven_signals,
+    usable_samples,
+)
+from setid.formulation.signals import Signal, internal_range, measured, missing_ranges, unknown
+from setid.formulation.smoothing import smoothed
+from setid.models.block import BlockStructured
+from setid.models.equations import Equation, Structure
+from setid.priors.base import Facts, Prior
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+
+__all__ = ["Built", "Rows", "build"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Where each constraint of the problem comes from, arrays of shape (m,).
+
+    Parameters
+    ----------
+    origin : tuple of {"model", "noise", "prior"}
+    equation : tuple of str
+        The signal that the equation defines, such as ``"y1"``; empty for others.
+    record, sample : (m,) int
+        From 1; 0 for constraints of noise and priors.
+    item : (m,) int
+        Number of the noise constraint or prior, from 0; -1 for the model.
+    """
+
+    origin: tuple[str, ...]
+    equation: tuple[str, ...]
+    record: NDArray[np.int64]
+    sample: NDArray[np.int64]
+    item: NDArray[np.int64]
+
+    def of_sample(self, k: int, record: int = 1) -> list[int]:
+        """Constraints of sample k of a record."""
+        return np.flatnonzero((self.sample == k) & (self.record == record)).tolist()
+
+    def of_prior(self, place: int) -> list[int]:
+        """Constraints of one prior, by its place among them."""
+        prior = np.array([origin == "prior" for origin in self.origin], bool)
+        return np.flatnonzero(prior & (self.item == place)).tolist()
+
+
+class Built(NamedTuple):
+    """What :func:`build` makes."""
+
+    problem: sp.Problem
+    layout: Layout
+    rows: Rows
+    regression: Regression | None
+    smoothed: Regression | None
+    products: ProductRows | None
+    equations: tuple[Equation, ...]
+    dropped: int
+
+
+class _Bounds(NamedTuple):
+    output: NDArray[np.float64]
+    input: NDArray[np.float64]
+    equation: NDArray[np.float64]
+
+
+class _Collected(NamedTuple):
+    constraint: sp.Constraint
+    origin: str
+    equation: str = ""
+    record: int = 0
+    sample: int = 0
+    item: int = -1
+
+
+def build(data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior]) -> Built:
+    """Assemble the problem; the parts have been checked to fit together."""
+    bounds = _Bounds(*noise.bounds(data))
+    facts = _facts(model, priors)
+    equations = model.equations(_noisy(data, bounds))
+    _check_errors(equations, bounds)
+    ranges = missing_ranges(data, model, bounds, facts.bounds)
+    driven = driven_signals(data, model)
+    usable = usable_samples(data, ranges) | {n: ~np.isnan(s.known) for n, s in driven.items()}
+    plans = plan(equations, data, usable, model.initial)
+    layout = _number(data, model, noise, priors, bounds, plans)
+    lower, upper = np.full(layout.dimension, -inf), np.full(layout.dimension, inf)
+    signals = _signals(data, bounds, layout, plans, ranges, (lower, upper)) | driven
+    _bound_noise(layout, bounds, (lower, upper))
+    _bound_priors(layout, model, priors, facts, (lower, upper))
+    rows = [
+        *_model_rows(plans, data, signals, layout, bounds),
+        *_noise_rows(noise, layout),
+        *_prior_rows(model, priors, facts, layout),
+    ]
+    problem = sp.Problem(
+        layout.polynomial(0), [row.constraint for row in rows], lower, upper, layout.names
+    )
+    regression = build_regression(data, model, signals, usable, bounds.equation)
+    return Built(
+        problem,
+        layout,
+        _rows(rows),
+        regression,
+        smoothed(regression, data, model, bounds),
+        build_products(data, model, signals, usable, bounds.equation),
+        tuple(equations),
+        sum(item.dropped for item in plans),
+    )
+
+
+def _rows(found: Sequence[_Collected]) -> Rows:
+    return Rows(
+        tuple(row.origin for row in found),
+        tuple(row.equation for row in found),
+        *(
+            frozen(np.array([getattr(row, key) for row in found], np.int64))
+            for key in ("record", "sample", "item")
+        ),
+    )
+
+
+# ---- before any unknown is numbered -----------------------------------------------------
+
+
+def _noisy(data: IOData, bounds: _Bounds) -> set[str]:
+    """Measured signals that are not known exactly."""
+    groups = (("y", data.y, bounds.output), ("u", data.u, bounds.input))
+    return {
+        f"{letter}{channel + 1}"
+        for letter, values, bound in groups
+        for channel in range(values.shape[1])
+        if np.any(bound[:, channel] > 0) or np.any(np.isnan(values[:, channel]))
+    }
+
+
+def _check_errors(equations: Sequence[Equation], bounds: _Bounds) -> None:
+    for equation in equations:
+        output = equation.output
+        if output is not None and not equation.error:
+            if np.any(bounds.equation[:, output] > 0):
+                raise ModelError(
+                    f"equation noise: found a bound > 0 for output {output + 1}, which is a sum of "
+                    "partial outputs without a difference equation of its own; expected output "
+                    "noise, common_denominator=True or form='direct'"
+                )
+
+
+def _facts(model: Structure, priors: Sequence[Prior]) -> Facts:
+    """Bounds of all priors, intersected."""
+    found: dict[str, tuple[float, float]] = {}
+    stable: frozenset[tuple[str, ...]] = frozenset()
+    for prior in priors:
+        for name, (low, high) in prior.bounds(model).items():
+            if name not in model.parameters:
+                raise PriorError(
+                    f"{prior.describe()}: found {name!r}, expected one of "
+                    f"{', '.join(model.parameters)}"
+                )
+            before = found.get(name, (-inf, inf))
+            found[name] = (max(before[0], low), min(before[1], high))
+            if found[name][0] > found[name][1]:
+                raise PriorError(
+                    f"{prior.describe()}: found [{low:g}, {high:g}] for {name}, expected a part of "
+                    f"[{before[0]:g}, {before[1]:g}] from the priors before it"
+                )
+        stable |= prior.stable(model)
+    return Facts(found, stable)
+
+
+# ---- unknowns ---------------------------------------------------------------------------
+
+
+def _number(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Sequence[Prior],
+    bounds: _Bounds,
+    plans: Sequence[Planned],
+) -> Layout:
+    """Number what occurs in rows; with noise constraints, every noise sample."""
+    builder = LayoutBuilder(data)
+    used = used_samples(plans, data)
+    nothing = np.zeros(data.samples, bool)
+
+    def mask(letter: str, channels: int) -> NDArray[np.bool_]:
+        columns = [used.get(f"{letter}{i + 1}", nothing) for i in range(channels)]
+        return np.stack(columns, axis=1)
+
+    y_used, u_used = mask("y", data.outputs), mask("u", data.inputs)
+    every = bool(noise.constraints)
+    builder.named("theta", model.parameters)
+    builder.samples("eta", (bounds.output > 0) & (y_used | every))
+    builder.samples("xi", (bounds.input > 0) & (u_used | every))
+    errors = np.zeros(data.y.shape, bool)
+    for item in plans:
+        output = item.equation.output
+        if item.equation.error and every and output is not None:
+            errors[item.rows, output] = bounds.equation[item.rows, output] > 0
+    builder.samples("e", errors)
+    builder.samples("y", np.isnan(data.y) & y_used)
+    builder.samples("u", np.isnan(data.u) & u_used)
+    for item in plans:
+        if item.equation.output is None:
+            builder.samples(item.equation.defines, used[item.equation.defines])
+    slack = [name for prior in priors for name in prior.unknowns(model)]
+    builder.named("slack", slack)
+    return builder.finish()
+
+
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def _signals(
+    data: IOData,
+    bounds: _Bounds,
+    layout: Layout,
+    plans: Sequence[Planned],
+    ranges: Mapping[str, NDArray[np.float64]],
+    box: Box,
+) -> dict[str, Signal]:
+    """All signals, and the boxes of missing samples and products written into ``box``."""
+    lower, upper = box
+    signals: dict[str, Signal] = {}
+    groups = (
+        ("y", data.y, bounds.output, "eta"),
+        ("u", data.u, bounds.input, "xi"),
+    )
+    for letter, values, bound, group in groups:
+        noise, missing = layout.group(group), layout.group(letter)
+        for i in range(values.shape[1]):
+            name = f"{letter}{i + 1}"
+            limits = ranges[name]
+            gone = missing[:, i] >= 0
+            lower[missing[gone, i]], upper[missing[gone, i]] = limits[gone].T
+            signals[name] = measured(values[:, i], bound[:, i], noise[:, i], missing[:, i], limits)
+    for item in plans:
+        name = item.equation.defines
+        if name in signals:
+            continue
+        variable = layout.group(name)
+        low, high = np.full(data.samples, -inf), np.full(data.samples, inf)
+        if not item.equation.parametric:
+            low[item.rows], high[item.rows] = internal_range(
+                item.equation, signals, item.rows, data.first
+            )
+        present = variable >= 0
+        lower[variable[present]], upper[variable[present]] = low[present], high[present]
+        signals[name] = unknown(variable, low, high)
+    return signals
+
+
+def _bound_noise(layout: Layout, bounds: _Bounds, box: Box) -> None:
+    for group, bound in zip(("eta", "xi", "e"), bounds, strict=True):
+        numbers = layout.group(group)
+        present = numbers >= 0
+        box[0][numbers[present]], box[1][numbers[present]] = -bound[present], bound[present]
+
+
+def _bound_priors(
+    layout: Layout, model: Structure, priors: Sequence[Prior], facts: Facts, box: Box
+) -> None:
+    unknowns = {name: ends for prior in priors for name, ends in prior.unknowns(model).items()}
+    for name, (low, high) in {**facts.bounds, **unknowns}.items():
+        number = layout.index(name)
+        box[0][number], box[1][number] = low, high
+
+
+# ---- rows -------------------------------------------------------------------------------
+
+
+def _model_rows(
+    plans: Sequence[Planned],
+    data: IOData,
+    signals: Mapping[str, Signal],
+    layout: Layout,
+    bounds: _Bounds,
+) -> list[_Collected]:
+    """Rows of the equations, in the order of samples."""
+    parameters = {layout.names[i]: i for i in layout.group("theta").tolist()}
+    collected: list[tuple[int, int, _Collected]] = []
+    for order, item in enumerate(plans):
+        found = assemble(item, signals, parameters, data.first)
+        name, first = item.equation.defines, data.first
+        samples = (item.rows - first[item.rows] + 1).tolist()
+        records = (data.record[item.rows] + 1).tolist()
+        many = data.records > 1
+        labels = [
+            f"{name}[{r},{k}]" if many else f"{name}[{k}]"
+            for r, k in zip(records, samples, strict=True)
+        ]
+        width = np.zeros(item.rows.size)
+        output = item.equation.output
+        if item.equation.error and output is not None:
+            errors = layout.group("e")[item.rows, output]
+            found = found.minus(errors)
+            width = np.where(errors >= 0, 0.0, bounds.equation[item.rows, output])
+        exact, wide = np.flatnonzero(width == 0), np.flatnonzero(width > 0)
+        rows = equalities(found.take(exact), layout.names, [labels[i] for i in exact])
+        both = bands(found.take(wide), width[wide], layout.names, [labels[i] for i in wide])
+        for place, row in zip([*exact, *np.repeat(wide, 2)], [*rows, *both], strict=True):
+            entry = _Collected(row, "model", name, records[place], samples[place])
+            collected.append((int(item.rows[place]), order, entry))
+    collected.sort(key=lambda triple: triple[:2])
+    return [entry for _, _, entry in collected]
+
+
+def _noise_rows(noise: Noise, layout: Layout) -> list[_Collected]:
+    rows = []
+    for place, item in enumerate(noise.constraints):
+        for constraint in item(layout):
+            good = isinstance(constraint, sp.Constraint)
+            good = good and not constraint.kind.is_matrix
+            if not good or constraint.polynomial.dimension != layout.dimension:
+                raise NoiseError(
+                    f"Noise.constraints[{place}]: found {type(constraint).__name__}, expected "
+                    "inequalities and equations in layout.variable(...) polynomials"
+                )
+            rows.append(_Collected(constraint, "noise", item=place))
+    return rows
+
+
+def _prior_rows(
+    model: Structure, priors: Sequence[Prior], facts: Facts, layout: Layout
+) -> list[_Collected]:
+    slack = layout.group("slack")
+    numbers = np.concatenate([layout.group("theta"), slack])
+    names = [layout.names[number] for number in numbers]
+    symbols = dict(zip(names, sp.variables(len(names), names), strict=True))
+    if isinstance(model, BlockStructured):
+        one = next(iter(symbols.values())) * 0.0 + 1.0
+        symbols |= {name: value * one for name, value in model.fixed}
+    rows = []
+    for place, prior in enumerate(priors):
+        for constraint in prior.rows(model, symbols, facts):
+            lifted = layout.lift(constraint.polynomial, numbers)
+            row = sp.Constraint(lifted, constraint.kind, constraint.name)
+            rows.append(_Collected(row, "prior", item=place))
+    return rows

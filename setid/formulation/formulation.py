@@ -1,0 +1,484 @@
+"""From data, structure, noise and priors to one polynomial problem with named unknowns."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import DataError, ModelError, NoiseError, PriorError, SetidError, SetidWarning
+from setid.formulation.assembly import Rows, build
+from setid.formulation.completion import complete_point
+from setid.formulation.layout import Layout
+from setid.formulation.printing import equation_text
+from setid.formulation.regression import Regression, check_channels
+from setid.models.block import BlockStructured
+from setid.models.continuous import ContinuousTransferFunction, at_rate
+from setid.models.equations import Equation, Structure
+from setid.priors.base import Prior, listed
+from setid.priors.coefficients import Given
+from setid.priors.normalisation import UnitGain
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+
+__all__ = ["Formulation", "Structs", "formulate", "settled", "to_structs"]
+
+Structs = tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Formulation:
+    """A polynomial problem whose feasible set, projected on theta, is the feasible set.
+
+    Parameters
+    ----------
+    problem : sparsepop_py.Problem
+        Minimises the first parameter; bounds of all unknowns in ``lower`` and ``upper``.
+        ``problem.with_objective`` asks for another parameter on the same set.
+    layout : Layout
+        Names and numbers of the unknowns.
+    rows : Rows
+        What each constraint comes from.
+    regression : Regression or None
+        Rows in theta alone that follow from the data and the noise bounds; None where the
+        structure is not linear in its parameters.
+    smoothed : Regression or None
+        The same rows, and where they are differences over time also their sums through
+        low-pass filters (:mod:`setid.formulation.smoothing`): what boxes of the parameters rest on.
+    products : ProductRows or None
+        The same in products of parameters, for block structures whose internal signals can
+        be eliminated.
+    data, model, noise, priors
+        What was given; a continuous-time model at the sampling interval of the data, and
+        the noise with its discretisation error.
+    dropped : int
+        Equations left out because a missing sample without a range occurs in them.
+    assumptions : tuple of str
+        What a result that rests on this formulation takes for granted.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> formulation = setid.formulate(data, model, setid.Noise(output=0.5))
+    >>> formulation
+    <Formulation: 2 parameters, 4 noise samples, 3 equations, degree 2>
+    >>> print(formulation.equation(2))
+    (-6.25 - eta[2]) + a1*(0 - eta[1]) - b0*(-3) == 0
+    """
+
+    problem: sp.Problem
+    layout: Layout
+    rows: Rows
+    regression: Regression | None
+    smoothed: Regression | None
+    products: ProductRows | None
+    data: IOData
+    model: Structure
+    noise: Noise
+    priors: tuple[Prior, ...]
+    dropped: int
+    assumptions: tuple[str, ...]
+    _equations: tuple[Equation, ...]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters, the first unknowns of the problem."""
+        return self.model.parameters
+
+    def equation(self, k: int, record: int = 1) -> str:
+        """The model's equations at sample k, with numbers, as text.
+
+        Parameters
+        ----------
+        k : int
+            Sample, from 1.
+        record : int
+            From 1.
+
+        Returns
+        -------
+        str
+            One line an equation.
+
+        Raises
+        ------
+        SetidError
+            If there is no row for this sample.
+        """
+        chosen = self.rows.of_sample(k, record)
+        names = dict.fromkeys(self.rows.equation[row] for row in chosen)
+        by_name = {equation.defines: equation for equation in self._equations}
+        equations = [by_name[name] for name in names]
+        if not equations:
+            samples = self.rows.sample[self.rows.record == record]
+            raise SetidError(
+                f"k: found {k} (record {record}), expected a sample with a row, "
+                + (f"{samples.min()}..{samples.max()}" if samples.size else "of another record")
+            )
+        sample = int(self.data.starts[record - 1]) + k - 1
+        return "\n".join(
+            equation_text(e, sample, self.data, self.layout, self.noise) for e in equations
+        )
+
+    def structs(self, target: str | None = None) -> Structs:
+        """State the problem in SparsePOP's data format.
+
+        Parameters
+        ----------
+        target : str, optional
+            The parameter to minimise, such as ``"a1"``, or with a sign to maximise, ``"-a1"``;
+            the first one when left out.
+
+        Returns
+        -------
+        objPoly, ineqPolySys, lbd, ubd
+            As ``sparsePOP`` takes them; see :func:`setid.to_structs`.
+
+        Raises
+        ------
+        SetidError
+            If there is no such parameter.
+        """
+        name = (target or self.parameters[0]).strip()
+        sign = -1.0 if name.startswith("-") else 1.0
+        name = name.removeprefix("-").strip()
+        if name not in self.parameters:
+            raise SetidError(
+                f"target: found {target!r}, expected one of {', '.join(self.parameters)}, with a "
+                "minus sign to maximise"
+            )
+        return sp.to_structs(self.problem.with_objective(sign * self.layout.variable(name)))
+
+    def to_gms(self, path: str | os.PathLike[str]) -> None:
+        """Write the problem as a GAMS scalar file."""
+        sp.write_gms(self.problem, path)
+
+    def point(
+        self,
+        theta: ArrayLike | Mapping[str, float],
+        output: ArrayLike | None = None,
+        input: ArrayLike | None = None,
+        equation: ArrayLike | None = None,
+        signals: Mapping[str, ArrayLike] | None = None,
+    ) -> NDArray[np.float64]:
+        """The vector of all unknowns that goes with parameters and noise.
+
+        Parameters
+        ----------
+        theta : array_like (p,) or mapping of names to numbers
+        output, input, equation : array_like (N, channels), optional
+            Noise; zero when left out. Samples without a variable are ignored.
+        signals : mapping of str to array_like, optional
+            Noise-free values of missing or internal signals, such as ``{"y": (N, ny)}`` or
+            ``{"z[1,1]": (N,)}``. Internal signals that are left out are computed where they
+            are defined by others, and otherwise chosen so that the rows fit best.
+
+        Returns
+        -------
+        (n,) float
+            ``problem.violation`` of it says whether it is feasible.
+        """
+        noise = {"eta": output, "xi": input, "e": equation}
+        return complete_point(self, self.parameter_vector(theta), noise, signals or {})
+
+    def witness(self, theta: ArrayLike | Mapping[str, float]) -> Any:
+        """Deprecated name of :func:`setid.least_noise`.
+
+        Parameters
+        ----------
+        theta : array_like (p,) or mapping of names to numbers
+        """
+        text = "Formulation.witness(theta) is now setid.least_noise(formulation, theta)"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return import_module("setid").least_noise(self, theta)
+
+    def parameter_vector(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64]:
+        """Check parameters and put them in order.
+
+        Parameters
+        ----------
+        theta : array_like (p,) or mapping of names to numbers
+
+        Returns
+        -------
+        (p,) float
+
+        Raises
+        ------
+        SetidError
+            If names or shape do not fit.
+        """
+        names = self.parameters
+        if isinstance(theta, Mapping):
+            if set(theta) != set(names):
+                raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
+            theta = [theta[name] for name in names]
+        values = np.array(theta, float)
+        if values.shape != (len(names),) or not np.all(np.isfinite(values)):
+            raise SetidError(f"theta: found shape {values.shape}, expected {len(names)} numbers")
+        return values
+
+    def __repr__(self) -> str:
+        noise = sum(int(np.sum(self.layout.group(g) >= 0)) for g in ("eta", "xi", "e"))
+        equations = len(
+            {*zip(self.rows.equation, self.rows.record, self.rows.sample, strict=True)}
+            - {("", 0, 0)}
+        )
+        return (
+            f"<Formulation: {len(self.parameters)} parameters, {noise} noise samples, "
+            f"{equations} equations, degree {self.problem.degree}>"
+        )
+
+
+def formulate(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
+) -> Formulation:
+    """State an identification problem as a polynomial problem.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+        Such as :class:`TransferFunction` or :class:`PolynomialNARX`.
+    noise : Noise
+    priors : iterable of priors and ``sp`` constraints
+        Constraints are in the polynomials of :func:`parameters`.
+
+    Returns
+    -------
+    Formulation
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together, before any work starts: ``DataError``,
+        ``NoiseError``, ``ModelError`` or ``PriorError``.
+
+    Notes
+    -----
+    For each sample k from max(na, nk + nb - 1) + 1 on (all, with ``initial="zero"``)
+
+        (y~_k - eta_k) + sum_i a_i (y~_{k-i} - eta_{k-i}) - sum_j b_j (u~_{k-j} - xi_{k-j}) = 0
+
+    with abs(eta) and abs(xi) within their bounds. An equation error e_k with bound D turns
+    the row into -D <= row <= D and needs no variable, unless a noise constraint asks for it.
+
+    References
+    ----------
+    V. Cerone, D. Piga, D. Regruto, "Set-membership error-in-variables identification
+    through convex relaxation techniques", IEEE Trans. Automatic Control 57 (2012) 517-522,
+    eqs. (5)-(9).
+
+    Examples
+    --------
+    >>> import setid, sparsepop_py as sp
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> formulation = setid.formulate(data, model, setid.Noise(equation=0.5))
+    >>> result = sp.solve(formulation.problem)  # the least a1, about -0.52326
+    >>> abs(result.lower_bound + 0.52326) < 1e-5
+    True
+    """
+    check_channels(data, model)
+    if not isinstance(noise, Noise):
+        raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
+    model, noise = settled(data, model, noise)
+    wanted = _as_priors(priors, model)
+    silent = np.flatnonzero(np.all(np.nan_to_num(data.u) == 0.0, axis=0))
+    if silent.size:
+        warnings.warn(
+            f"u: input {silent[0] + 1} is zero throughout; its coefficients cannot be bounded",
+            SetidWarning,
+            stacklevel=2,
+        )
+    built = build(data, model, noise, wanted)
+    if not np.any(built.rows.sample):
+        raise DataError(
+            f"data: found {data.samples} samples in {data.records} records and no complete "
+            f"equation, expected more than {max(e.lag for e in built.equations)} in a record"
+        )
+    return Formulation(
+        problem=built.problem,
+        layout=built.layout,
+        rows=built.rows,
+        regression=built.regression,
+        smoothed=built.smoothed,
+        products=built.products,
+        data=data,
+        model=model,
+        noise=noise,
+        priors=wanted,
+        dropped=built.dropped,
+        assumptions=(
+            *_assumptions(data, model, noise, wanted, built.dropped),
+            *_rounded_products(data, built.equations),
+        ),
+        _equations=built.equations,
+    )
+
+
+def to_structs(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
+    target: str | None = None,
+) -> Structs:
+    """State an identification problem in the data format of SparsePOP.
+
+    Parameters
+    ----------
+    data, model, noise, priors
+        As of :func:`formulate`.
+    target : str, optional
+        The parameter to minimise, such as ``"a1"``, or with a sign to maximise, ``"-a1"``; the
+        first one when left out.
+
+    Returns
+    -------
+    objPoly : dict
+        Objective.
+    ineqPolySys : list of dict
+        Constraints; with noise on outputs and inputs, one bilinear equation a sample, such as
+        12 terms for order 2.
+    lbd, ubd : (n,) float
+        Bounds of all unknowns, in the order of ``formulate(...).layout.names``; 1e10 stands for
+        none.
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together, or there is no such parameter.
+
+    Examples
+    --------
+    >>> import setid, sparsepop_py as sp
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> given = data, model, setid.Noise(equation=0.5)
+    >>> least = sp.sparsePOP(*setid.to_structs(*given, target="b0"), {"printLevel": 0})
+    >>> most = sp.sparsePOP(*setid.to_structs(*given, target="-b0"), {"printLevel": 0})
+    >>> abs(least.SDPobjValue - 1.91667) < 1e-4, abs(-most.SDPobjValue - 2.1093) < 1e-4
+    (True, True)
+    """
+    return formulate(data, model, noise, priors).structs(target)
+
+
+def settled(data: IOData, model: Structure, noise: Noise) -> tuple[Structure, Noise]:
+    """A structure at the sampling interval of the data, and the noise with its ``delta``."""
+    model = at_rate(model, data.Ts)
+    if not isinstance(model, ContinuousTransferFunction):
+        return model, noise
+    if model.delta == "estimate":
+        raise ModelError(
+            "delta: found 'estimate', expected a number; setid.identify estimates it, and "
+            "setid.estimate_delta(data, model, noise) does so alone"
+        )
+    return model, noise.covering(max(model.delta, noise.model_error))
+
+
+def _as_priors(given: Any, model: Structure) -> tuple[Prior, ...]:
+    found: list[Prior] = []
+    for place, item in enumerate(listed(given)):
+        if isinstance(item, sp.Constraint):
+            if item.polynomial.dimension != len(model.parameters):
+                raise PriorError(
+                    f"priors[{place}]: found a constraint in {item.polynomial.dimension} "
+                    f"variables, expected {len(model.parameters)}, from setid.parameters(model)"
+                )
+            if item.kind.is_matrix:
+                raise PriorError(
+                    f"priors[{place}]: found a {item.kind.name} constraint, expected a "
+                    "polynomial inequality or equation"
+                )
+            item = Given(item)
+        if isinstance(item, type) or not isinstance(item, Prior):  # a class has the methods too
+            raise PriorError(
+                f"priors[{place}]: found {type(item).__name__}, expected a prior such as Stable() "
+                "or a constraint in setid.parameters(model)"
+            )
+        found.append(item)
+    return _normalised(model, found)
+
+
+def _normalised(model: Structure, priors: Sequence[Prior]) -> tuple[Prior, ...]:
+    """With the static gains that the structure itself asks for."""
+    if not isinstance(model, BlockStructured) or not model.unit_gain:
+        return tuple(priors)
+    own = UnitGain(model.unit_gain)
+    return tuple(priors) if own in priors else (*priors, own)
+
+
+def _assumptions(
+    data: IOData, model: Structure, noise: Noise, priors: Sequence[Prior], dropped: int
+) -> tuple[str, ...]:
+    texts = [*data.assumptions, *noise.assumptions]
+    texts.append(f"the system is a {model!r}")
+    if isinstance(model, ContinuousTransferFunction):
+        texts.append(model.between_samples(noise.model_error))
+    texts.append("each noise sample lies within its bound")
+    if model.initial == "zero":
+        texts.append("all signals are zero before the record")
+    for field in ("u_range", "y_range"):
+        if getattr(data, field) is not None and np.isnan(getattr(data, field[0])).any():
+            texts.append(f"missing samples of {field[0]} lie in {getattr(data, field).tolist()}")
+    texts += [f"prior: {prior.describe()}" for prior in priors]
+    if dropped:
+        texts.append(f"{dropped} equations with missing samples are left out")
+    return tuple(dict.fromkeys(texts))
+
+
+def _rounded_products(data: IOData, equations: Sequence[Equation]) -> tuple[str, ...]:
+    """Say where coefficients are products of samples that no double holds.
+
+    Rows are statements about the rounded products. Where the noise bounds are small, that is not
+    the same as the statement about the samples: with no noise at all, exact data may fail it.
+    """
+    signals = {f"y{k + 1}": data.y[:, k] for k in range(data.outputs)}
+    signals |= {f"u{k + 1}": data.u[:, k] for k in range(data.inputs)}
+    monomials = {item.signals for equation in equations for item in equation.terms}
+    inexact = 0
+    for factors in (m for m in monomials if len(m) > 1 and all(f.signal in signals for f in m)):
+        longest = max(factor.lag for factor in factors)
+        values = [signals[f.signal][longest - f.lag : data.samples - f.lag] for f in factors]
+        inexact += int(np.count_nonzero(_is_rounded(values)))
+    if not inexact:
+        return ()
+    return (
+        f"{inexact} products of samples are rounded to nearest doubles, each by at most 1.2e-16 of "
+        "its size: equation errors are bounded for the rounded products",
+    )
+
+
+def _is_rounded(values: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Whether a product of arrays, taken from the left, is no double (Dekker 1971, mul12)."""
+    product, lost = values[0], np.zeros(values[0].size, bool)
+    with np.errstate(all="ignore"):
+        for other in values[1:]:
+            found = product * other
+            one, two = _halves(product), _halves(other)
+            error = one[0] * two[0] - found + one[0] * two[1] + one[1] * two[0] + one[1] * two[1]
+            tiny = (np.abs(found) < 1e-290) & (product != 0) & (other != 0)
+            lost |= (error != 0) | tiny
+            product = found
+    return lost & ~np.isnan(product)
+
+
+def _halves(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Split doubles into two of 26 bits each (Veltkamp)."""
+    high = x * 134217729.0
+    high = high - (high - x)
+    return high, x - high

@@ -1,0 +1,75 @@
+"""Problems of a formulation in units in which signals are neither tiny nor huge.
+
+Noise has the unit of its signal, not that of its bound: both carry the same rounding errors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen
+from setid.formulation.formulation import Formulation
+from sparsepop_py.problem import units
+from sparsepop_py.problem.units import InUnits
+from sparsepop_py.verified.uncertain_rows.coupled import CoupledRows
+
+__all__ = ["InUnits", "coupled_rows", "in_units", "sizes_of"]
+
+
+def sizes_of(formulation: Formulation) -> NDArray[np.float64]:
+    """Sizes (n,) of the signals to which noise samples belong; 0 for other unknowns.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    data = formulation.data
+    found = np.zeros(formulation.problem.dimension)
+    for group, signal in (("eta", data.y), ("e", data.y), ("xi", data.u)):
+        numbers = formulation.layout.group(group)
+        present = numbers >= 0
+        largest = np.broadcast_to(np.nanmax(np.abs(signal), axis=0), numbers.shape)
+        found[numbers[present]] = largest[present]
+    return frozen(found)
+
+
+def in_units(problem: sp.Problem, formulation: Formulation) -> InUnits:
+    """State the same problem with signals, parameters and rows neither tiny nor huge.
+
+    Parameters
+    ----------
+    problem : sparsepop_py.Problem
+        That of the formulation, with other bounds, rows and perhaps more unknowns.
+    formulation : Formulation
+
+    Returns
+    -------
+    InUnits
+        With all units one where other ones would not be exact.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4e6, -3e6, 2e6, 1e6], [0, -6e-9, 1e-9, 2e-9])
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=5e-10))
+    >>> scaled = in_units(known.problem, known)
+    >>> scaled.units.tolist() == [1, 1] + 4 * [2.0**-32]  # a1 and b0 have no bounds yet
+    True
+    >>> bool(abs(scaled.problem.upper[2:] - 5e-10 * 2.0**32).max() == 0)
+    True
+    """
+    return units.in_units(problem, sizes_of(formulation))
+
+
+def coupled_rows(formulation: Formulation) -> CoupledRows:
+    """State the rows of samples with the noise that they share.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    """
+    samples = frozen(formulation.rows.sample > 0)
+    count = len(formulation.parameters)
+    return CoupledRows(formulation.problem, count, samples, sizes_of(formulation))

@@ -1,0 +1,149 @@
+"""Parameter vectors of block structures with the same outputs, and which of them is meant.
+
+How scales and shifts change parameters is in :mod:`setid.proofs.normalisation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+from itertools import product as cartesian
+from typing import cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from setid.errors import ModelError
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.models.block import BlockStructured, Lure, Normalise
+from setid.proofs.normalisation import convert_ends, scaled_signals
+from sparsepop_py.verified.arithmetic.scalar_interval import (
+    Ends,
+)
+
+__all__ = ["convert", "convert_intervals", "equivalent"]
+
+
+def convert(
+    model: BlockStructured, theta: ArrayLike | Mapping[str, float], normalise: Normalise
+) -> dict[str, float]:
+    """The equivalent parameter vector in another normalisation.
+
+    Parameters
+    ----------
+    model : BlockStructured
+        The structure that ``theta`` belongs to, with its own normalisation.
+    theta : array_like (p,) or mapping of names to numbers
+    normalise
+        The other normalisation, as :class:`BlockStructured` takes it.
+
+    Returns
+    -------
+    dict of str to float
+        Parameters of ``model.normalised(normalise)``.
+
+    Raises
+    ------
+    ModelError
+        If there is no such vector (a quantity that is to be fixed is zero), or the
+        normalisation leaves a scale open.
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2, normalise="gamma1")
+    >>> other = setid.convert(model, {"a1": -0.5, "b1": 2.0, "gamma2": 0.25}, "dcgain")
+    >>> {name: round(value, 9) for name, value in other.items()}
+    {'a1': -0.5, 'b1': 0.5, 'gamma1': 4.0, 'gamma2': 1.0}
+    """
+    names = model.parameters
+    values = theta if isinstance(theta, Mapping) else dict(zip(names, np.ravel(theta), strict=True))
+    if set(values) != set(names):
+        raise ModelError(f"theta: found names {sorted(values)}, expected {sorted(names)}")
+    ends = {name: (float(value), float(value)) for name, value in values.items()}
+    found = convert_ends(model, ends, normalise)
+    return {name: 0.5 * low + 0.5 * high for name, (low, high) in found.items()}
+
+
+def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, Ends]:
+    """Proved intervals in another normalisation, by interval arithmetic on outer ones.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+        Of a block structure with a normalisation.
+    normalise
+        The other one.
+
+    Returns
+    -------
+    dict of str to (low, high)
+        Every consistent parameter vector in that normalisation lies inside. Wider than
+        identification in that normalisation, since dependencies are lost.
+
+    Raises
+    ------
+    ModelError
+        If a quantity that is to be fixed may be zero.
+    """
+    model = result.formulation.model
+    if not isinstance(model, BlockStructured):
+        raise ModelError(f"result: found a {type(model).__name__}, expected a block structure")
+    ends = {name: item.outer for name, item in result.intervals.items()}
+    return convert_ends(model, ends, normalise)
+
+
+def equivalent(
+    model: BlockStructured,
+    theta: ArrayLike | Mapping[str, float],
+    other: ArrayLike | Mapping[str, float],
+    tolerance: float = 1e-9,
+) -> bool:
+    """Whether two parameter vectors of a structure have the same outputs for all inputs.
+
+    Both are brought to one normalisation, in which they must agree; vectors of different
+    normalisations are to be given in full, for ``model.normalised(None)``.
+
+    Parameters
+    ----------
+    model : BlockStructured
+    theta, other : array_like (p,) or mapping of names to numbers
+    tolerance : float
+        Relative.
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.Lure(setid.TransferFunction(1, 1, 1), 2)
+    >>> setid.equivalent(model, [-0.5, 2.0, 0.0, 0.3], [-0.1, 2.0, -0.2, 0.3])
+    True
+    """
+    for choice in _choices(model):
+        try:
+            one, two = (convert(model, vector, choice) for vector in (theta, other))
+        except ModelError:
+            continue
+        return all(
+            abs(one[name] - two[name]) <= tolerance * max(1.0, abs(one[name])) for name in one
+        )
+    raise ModelError(
+        "theta: found no normalisation that both vectors have, expected blocks and maps that "
+        "are not zero"
+    )
+
+
+def _choices(model: BlockStructured) -> Iterable[Normalise]:
+    if isinstance(model, Lure):
+        return [{"gamma1": 0.0}]
+    wiring = model.wiring
+    maps = [[{name: 1.0} for name in wiring.weights(target)] for target, _ in model.maps]
+    tops = [[{n: 1.0} for n in wiring.transfer(b).numerator] for b in model.blocks]
+    pools = [*maps, *tops]
+    scales = len(scaled_signals(model))
+    found: list[Normalise] = []
+    for chosen in combinations(pools, scales):
+        found += [cast(Normalise, parts) for parts in cartesian(*chosen)]
+    return found or [None]
+
+
+# ---- conversion ---------------------------------------------------------------------------

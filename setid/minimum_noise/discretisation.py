@@ -1,0 +1,244 @@
+"""Discretisation errors: of given coefficients, and the least one that explains a record.
+
+The least consistent bound is no estimate of the true error. Where the exact sampled model
+has no more freedom than the recursion (a held input, m = n - 1), other coefficients absorb
+the whole error and the least bound is zero. So the error at what was found is computed as
+well, and a result says where its bound does not cover it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen, number
+from setid.data.noise import EstimatedBound, Noise
+from setid.data.record import IOData
+from setid.errors import ModelError
+from setid.feasible_points.start import candidates
+from setid.feasible_points.witness import least_noise
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import in_units
+from setid.minimum_noise.factor import on_box
+from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction, without_delta
+from setid.models.equations import Structure
+from setid.options import Options
+from setid.priors.base import Prior, listed
+from setid.proofs.noise_scale import admitted_point, problem_with_factor
+from setid.proofs.parameter_box import start_of
+from setid.simulation.simulate import simulate
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+
+__all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
+
+_STEPS = 30  # halvings of the bound that an estimate needs
+_SECONDS = 30.0  # for an estimate
+
+
+def discretisation_error(
+    model: ContinuousTransferFunction, theta: ArrayLike, u: ArrayLike
+) -> NDArray[np.float64]:
+    """How far the recursion is from the exact sampled response, both from rest.
+
+    Parameters
+    ----------
+    model : ContinuousTransferFunction
+        With Ts.
+    theta : (p,) array_like
+    u : (N,) array_like
+        Samples of an input that is as ``hold`` says between them.
+
+    Returns
+    -------
+    (N,) float
+        Recursion minus exact response; its largest absolute value is the ``delta`` that
+        these coefficients need for this input. Computed, not proved.
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.ContinuousTransferFunction(1, 0, hold="constant", Ts=0.1)
+    >>> error = setid.discretisation_error(model, [1.0, 1.0], [1.0] * 20)
+    >>> bool(0 < abs(error).max() < 1e-2)
+    True
+    """
+    from scipy.signal import cont2discrete, lfilter
+
+    inputs, count = np.asarray(u, float).ravel(), model.n + model.m + 1
+    values = np.asarray(theta, float)[:count]  # constants pass all recursions unharmed
+    recursion = simulate(replace(model, offset=False), values, inputs)[:, 0]
+    kind = "zoh" if model.hold == "constant" else "foh"
+    system = np.append(1.0, values[: model.n]), values[model.n :]
+    top, bottom, _ = cont2discrete((system[1], system[0]), model.Ts, method=kind)
+    exact = lfilter(np.ravel(top), bottom, inputs)
+    return np.asarray(recursion - exact, np.float64)
+
+
+def remark(formulation: Formulation, theta: NDArray[np.float64]) -> str:
+    """What to say of the discretisation at nominal coefficients; nothing where all is well."""
+    model, data = formulation.model, formulation.data
+    if not isinstance(model, ContinuousTransferFunction):
+        return ""
+    if model.method == "indirect":
+        return INDIRECT_WARNING
+    if np.any(np.isnan(data.u)) or not np.all(np.isfinite(theta)):
+        return ""
+    records = np.split(data.u[:, 0], data.starts[1:])
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable middle of the intervals
+        size = max(float(np.abs(discretisation_error(model, theta, u)).max()) for u in records)
+    allowed = formulation.noise.model_error
+    if not size > allowed * (1.0 + 1e-6) + 1e-9 * float(np.nanmax(np.abs(data.y))):
+        return ""
+    return (
+        f"at the middle of the intervals the recursion is off by {size:.3g} for this input, more "
+        f"than delta = {allowed:.3g}: give delta >= {size:.2g}, or sample faster, lest the true "
+        "coefficients be lost"
+    )
+
+
+Priors = Iterable[Prior | sp.Constraint] | Prior | sp.Constraint
+
+
+def with_estimate(
+    data: IOData, model: Structure, noise: Noise, priors: Priors, until: float = inf
+) -> tuple[Structure, Noise, list[Prior | sp.Constraint]]:
+    """Structure and noise after ``delta="estimate"`` is settled, and the priors as a list.
+
+    Half of the time until ``until``, a reading of ``time.monotonic``, is for this at most.
+    """
+    given = listed(priors)
+    if not isinstance(model, ContinuousTransferFunction) or model.delta != "estimate":
+        return model, noise, given
+    left = max(0.5 * (until - time.monotonic()), 1e-3)
+    options = Options(time_limit=min(_SECONDS, left))
+    found = estimate_delta(data, model, noise, given, options)
+    return without_delta(model), noise.covering(found), given
+
+
+def estimate_delta(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Priors = (),
+    options: Options | None = None,
+    margin: float = 1.0,
+) -> EstimatedBound:
+    """The least bound ``delta`` of the discretisation error that is consistent with a record.
+
+    Parameters
+    ----------
+    data : IOData
+    model : ContinuousTransferFunction
+        Its own ``delta`` is not used.
+    noise : Noise
+        The bounds of the noise alone, which stay as they are.
+    priors : iterable of priors and ``sp`` constraints
+    options : Options, optional
+        30 seconds when left out.
+    margin : float
+        Factor >= 1 on what was found. The true error may be larger than the least one that
+        the record shows, and then the true coefficients are lost: 1 is an optimist's choice.
+
+    Returns
+    -------
+    EstimatedBound
+        Consistent with the data (attained); its text says what is proved to be too small.
+        For :meth:`Noise.covering`.
+
+    Raises
+    ------
+    ModelError
+        If the structure has no discretisation error.
+    SetidError
+        If the parts do not fit together.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 2, 1, 1, 0, 1], [0.0, 0.6, 1.5, 1.3, 1.2, 0.4])
+    >>> model = setid.ContinuousTransferFunction(1, 0, hold="constant")
+    >>> bound = setid.estimate_delta(data, model, setid.Noise(output=0.01))
+    >>> bool(0 < bound.value[0] < 0.1)
+    True
+    """
+    if not isinstance(model, ContinuousTransferFunction) or model.method == "indirect":
+        raise ModelError(
+            f"model: found {model!r:.60}, expected a ContinuousTransferFunction of method 'tustin' "
+            "or 'lambda', whose recursion is an approximation"
+        )
+    factor = number(margin, "margin", ModelError)
+    if not 1.0 <= factor < inf:
+        raise ModelError(f"margin: found {margin!r}, expected a factor >= 1")
+    exact = without_delta(model)
+    given = list([priors] if isinstance(priors, (Prior, sp.Constraint)) else priors)
+
+    def stated(delta: float) -> Formulation:
+        return formulate(data, exact, noise.covering(delta), given)
+
+    settings = options or Options(time_limit=_SECONDS)
+    until = settings.deadline()
+    limit, x = _explaining(data, stated, until)
+    low, value = 0.0, limit
+    if limit > 0.0:
+        low, value = _least(stated(limit), limit, x, settings, until)
+    value = float(np.nextafter(value * factor, inf)) if value > 0.0 else 0.0
+    text = (
+        f"discretisation error: at most delta = {value:.6g}, the least one that was found "
+        f"consistent with the data (proved: none below {low:.6g} is)"
+        + (f", times {factor:g}" if factor > 1.0 else "")
+        + "; the true error may be larger"
+    )
+    return EstimatedBound(frozen(np.array([value])), frozen(np.zeros(1)), text)
+
+
+def _explaining(
+    data: IOData, stated: Callable[[float], Formulation], until: float
+) -> tuple[float, NDArray[np.float64] | None]:
+    """A bound with which some estimate is consistent, with its unknowns; near its least one."""
+    largest = 2.0 * float(np.nanmax(np.abs(data.y))) or 1.0
+    unit = stated(largest)
+    best: tuple[float, NDArray[np.float64] | None] = (largest, None)
+    for theta in candidates(unit, unit.problem):
+        at_zero = least_noise(stated(0.0), theta)
+        if at_zero.level <= 1.0:
+            return 0.0, at_zero.x
+        low, high = largest * 2.0**-_STEPS, largest
+        if least_noise(unit, theta).level > 1.0:
+            continue
+        while high > 1.05 * low and time.monotonic() < until:
+            middle = float(np.sqrt(low * high))
+            low, high = (
+                (low, middle) if least_noise(stated(middle), theta).level <= 1 else (middle, high)
+            )
+        if high < best[0]:
+            best = high, least_noise(stated(high), theta).x
+    return best
+
+
+def _least(
+    formulation: Formulation,
+    limit: float,
+    x: NDArray[np.float64] | None,
+    settings: Options,
+    until: float,
+) -> tuple[float, float]:
+    """Proved lower end and attained value of the least bound up to the limit."""
+    rows = formulation.smoothed
+    box = None if rows is None else parameter_box(rows, start_of(formulation), until)
+    asked = problem_with_factor(formulation, box, limit)
+    result = on_box(formulation, asked, settings.for_engine("absolute", until), x)
+    if result is None:
+        return 0.0, limit
+    low = max(0.0, result.lower_bound) * limit if np.isfinite(result.lower_bound) else 0.0
+    units = in_units(asked, formulation).units
+    point = result.attained
+    if point is not None and not admitted_point(formulation, units, point):
+        point = None
+    value = limit if point is None else min(1.0, point.value) * limit
+    return float(np.nextafter(low, 0.0)), value * (1.0 + 1e-9)

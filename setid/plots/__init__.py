@@ -1,0 +1,1 @@
+"""Pictures of records and results; the one door of setid to matplotlib."""

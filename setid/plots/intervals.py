@@ -1,0 +1,66 @@
+"""Pictures of parameter intervals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from setid.plots.axes import ATTAINED, PROVED, new_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from setid.feasible_set.feasible_set import FeasibleSet
+
+__all__ = ["plot_intervals"]
+
+
+def plot_intervals(result: FeasibleSet, ax: Axes | None = None) -> Axes:
+    """Draw the interval of each parameter, proved and attained, relative to its centre.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+        One line a parameter; the label gives the outer interval, the axis is the distance
+        from its centre in per cent of the centre (in half widths where it is about zero).
+    """
+    intervals = list(result.intervals.values())
+    axes = new_axes(ax, (7.0, 0.45 * len(intervals) + 1.4))
+    labels = []
+    for place, interval in enumerate(intervals):
+        low, high = interval.outer
+        mark = "" if _by_centre(interval.centre, interval.width) else " *"
+        labels.append(f"{interval.name} in [{low:.5g}, {high:.5g}]{mark}")
+        if not np.isfinite(interval.centre):
+            axes.text(0.0, place, str(interval.status), ha="center", va="center")
+            continue
+        unit = _unit(interval.centre, interval.width)
+        ends = np.array([low, high]) - interval.centre
+        axes.plot(ends / unit, [place, place], color=PROVED, lw=7, solid_capstyle="butt")
+        if interval.inner is not None:
+            inner = np.array(interval.inner) - interval.centre
+            axes.plot(inner / unit, [place, place], color=ATTAINED, lw=2.5)
+    axes.plot([], [], color=PROVED, lw=7, label="outer (proved)")
+    axes.plot([], [], color=ATTAINED, lw=2.5, label="inner (attained)")
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+    axes.set_xlabel("distance from the centre, % of the centre (* of half the width)")
+    axes.legend(loc="best")
+    axes.grid(alpha=0.3, axis="x")
+    return axes
+
+
+def _unit(centre: float, width: float) -> float:
+    """1 % of the centre, or of half the width where the interval holds zero."""
+    unit = abs(centre) / 100.0 if _by_centre(centre, width) else width / 200.0
+    return unit or 1.0
+
+
+def _by_centre(centre: float, width: float) -> bool:
+    return abs(centre) > width

@@ -1,0 +1,129 @@
+"""Pictures of bands of frequency and step responses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.errors import SetidError
+from setid.plots.axes import COLOUR, READING, fill_between, new_axes, require_matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from setid.bands.responses import FrequencyBand, StepBand
+
+__all__ = ["plot_frequency_band", "plot_step_band"]
+
+
+def plot_frequency_band(band: FrequencyBand, kind: str = "bode") -> NDArray[Any] | Axes:
+    """Draw a band of a frequency response.
+
+    Parameters
+    ----------
+    band : FrequencyBand
+    kind : {"bode", "nyquist", "nichols"}
+
+    Returns
+    -------
+    array of two matplotlib Axes for a Bode plot, else matplotlib Axes
+    """
+    drawers: dict[str, Callable[[FrequencyBand], NDArray[Any] | Axes]] = {
+        "bode": _bode,
+        "nyquist": _nyquist,
+        "nichols": _nichols,
+    }
+    if kind not in drawers:
+        raise SetidError(f"kind: found {kind!r}, expected one of {', '.join(drawers)}")
+    require_matplotlib()
+    return drawers[kind](band)
+
+
+def _bode(band: FrequencyBand) -> NDArray[Any]:
+    plt = require_matplotlib()
+    _, axes = plt.subplots(2, 1, sharex=True, figsize=(7.0, 5.5), layout="constrained")
+    nominal = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
+    angle = np.degrees(np.unwrap(np.angle(band.nominal)))
+    for ax, ends, centre, label in (
+        (axes[0], _finite(band.decibel), nominal, "magnitude, dB"),
+        (axes[1], np.degrees(band.phase), angle, "phase, degrees"),
+    ):
+        ax.fill_between(
+            band.omega, *ends.T, color=COLOUR[band.kind], alpha=0.35, lw=0, label=band.kind
+        )
+        ax.semilogx(band.omega, centre, color=READING, lw=1, label="nominal")
+        ax.set_ylabel(label)
+        ax.grid(alpha=0.3, which="both")
+    axes[0].legend(loc="best")
+    axes[0].set_title(f"y{band.output} from u{band.input}")
+    axes[1].set_xlabel("frequency, rad per unit of time")
+    return np.asarray(axes)
+
+
+def _nyquist(band: FrequencyBand) -> Axes:
+    ax = new_axes(None, (5.5, 5.5))
+    colour = COLOUR[band.kind]
+    if band.kind == "proved":
+        for corners in band.regions[np.all(np.isfinite(band.regions), axis=1)]:
+            ax.fill(corners.real, corners.imag, color=colour, alpha=0.25, lw=0.3)
+        ax.fill([], [], color=colour, alpha=0.25, label="proved, at each frequency")
+    else:
+        ax.plot(band.regions.real, band.regions.imag, color=colour, alpha=0.3, lw=0.5)
+        ax.plot([], [], color=colour, label="sampled")
+    ax.plot(band.nominal.real, band.nominal.imag, color=READING, lw=1, label="nominal")
+    ax.plot([-1], [0], "+", color=READING)
+    ax.set_xlabel("real part")
+    ax.set_ylabel("imaginary part")
+    ax.grid(alpha=0.3)
+    ax.legend(loc="best")
+    return ax
+
+
+def _nichols(band: FrequencyBand) -> Axes:
+    ax = new_axes(None, (5.5, 5.5))
+    decibel, phase = _finite(band.decibel), np.degrees(band.phase)
+    for (low, high), (left, right) in zip(decibel, phase, strict=True):
+        ax.fill(
+            [left, right, right, left], [low, low, high, high], color=COLOUR[band.kind], alpha=0.2
+        )
+    ax.fill([], [], color=COLOUR[band.kind], alpha=0.2, label=f"{band.kind}, at each frequency")
+    gains = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
+    ax.plot(np.degrees(np.unwrap(np.angle(band.nominal))), gains, color=READING, lw=1)
+    ax.plot([-180], [0], "+", color=READING)
+    ax.set_xlabel("phase, degrees")
+    ax.set_ylabel("magnitude, dB")
+    ax.grid(alpha=0.3)
+    ax.legend(loc="best")
+    return ax
+
+
+def _finite(ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Infinite ends moved to where the eye takes them for the edge of the picture."""
+    known = ends[np.isfinite(ends)]
+    low, high = (known.min(), known.max()) if known.size else (-1.0, 1.0)
+    return np.clip(ends, low - 20.0, high + 20.0)
+
+
+def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
+    """Draw a band of a step response.
+
+    Parameters
+    ----------
+    band : StepBand
+    ax : matplotlib Axes, optional
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    axes = new_axes(ax)
+    fill_between(axes, band.time, band.low, band.high, COLOUR[band.kind], band.kind)
+    axes.step(band.time, band.nominal, color=READING, lw=1, where="post", label="nominal")
+    axes.set_xlabel("time")
+    axes.set_ylabel(f"y{band.output} for a step in u{band.input}")
+    axes.grid(alpha=0.3)
+    axes.legend(loc="best")
+    return axes

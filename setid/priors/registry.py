@@ -1,0 +1,126 @@
+"""Priors by name: one file and one line add one.
+
+A prior is any class with what :class:`setid.priors.base.Prior` asks for (deriving from
+:class:`setid.priors.base.Plain` gives the methods that it does not need);
+:func:`setid.formulate` takes it as it is. Registered priors may also be written as text, as the
+command line takes them: ``--prior "DCGain(0.9, 1.1)"``.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from typing import Any
+
+from setid.data.checks import FrozenMapping
+from setid.errors import PriorError
+from setid.priors.base import Prior
+from setid.priors.coefficients import Box, Known, Sign
+from setid.priors.transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
+
+__all__ = ["prior_kinds", "read_prior", "register_prior"]
+
+_KINDS: dict[str, type[Prior]] = {}
+
+
+def register_prior(kind: type[Prior]) -> None:
+    """Make a prior known by the name of its class.
+
+    Parameters
+    ----------
+    kind : type
+        The class of the prior.
+
+    Raises
+    ------
+    PriorError
+        If the class lacks a method, or the name belongs to another class.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import setid, sparsepop_py as sp
+    >>> from setid.priors.base import Plain, named
+    >>> @dataclass(frozen=True)
+    ... class SumAtMost(Plain):
+    ...     limit: float  # of the sum of all parameters
+    ...
+    ...     def rows(self, model, x, facts):
+    ...         return named([self.limit - sp.total(x[n] for n in model.parameters) >= 0], "sum")
+    >>> setid.register_prior(SumAtMost)
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> known = data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+    >>> setid.identify(*known).intervals["b0"]
+    b0 in [1.91667, 2.1093], attained [1.91667, 2.1093], certified
+    >>> setid.identify(*known, setid.read_prior("SumAtMost(1.5)")).intervals["b0"]
+    b0 in [1.91667, 2], attained [1.91667, 2], certified
+    """
+    if not (isinstance(kind, type) and issubclass(kind, Prior)):
+        name = getattr(kind, "__name__", type(kind).__name__)
+        raise PriorError(
+            f"register_prior: found {name}, expected a class with the methods of Prior"
+        )
+    known = _KINDS.get(kind.__name__)
+    if known is not None and known.__module__ != kind.__module__:
+        raise PriorError(
+            f"register_prior: found {kind.__name__!r}, which is {known.__module__}."
+            f"{kind.__name__} already; expected another name"
+        )
+    _KINDS[kind.__name__] = kind
+
+
+def prior_kinds() -> Mapping[str, type[Prior]]:
+    """List the registered priors by name.
+
+    Examples
+    --------
+    >>> "Stable" in prior_kinds()
+    True
+    """
+    return FrozenMapping(dict(_KINDS))
+
+
+def read_prior(text: str) -> Prior:
+    """Read a prior that is written as a call with numbers and texts.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``"Stable(margin=0.05)"`` or ``"Box({'a1': (-1, 1)})"``. Nothing is evaluated
+        but literals.
+
+    Raises
+    ------
+    PriorError
+        If the text is no such call, or its name is not registered.
+
+    Examples
+    --------
+    >>> import setid
+    >>> setid.read_prior("Stable(margin=0.05)")
+    Stable(margin=0.05)
+    """
+    try:
+        call = ast.parse(text.strip(), mode="eval").body
+    except SyntaxError:
+        call = None
+    if isinstance(call, ast.Name):
+        call = ast.Call(call, [], [])
+    if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
+        raise PriorError(f"prior: found {text!r}, expected a call such as 'Stable(margin=0.05)'")
+    if call.func.id not in _KINDS:
+        raise PriorError(f"prior: found {call.func.id!r}, expected one of {', '.join(_KINDS)}")
+    kind: Any = _KINDS[call.func.id]
+    try:
+        given = [ast.literal_eval(item) for item in call.args]
+        named = {str(item.arg): ast.literal_eval(item.value) for item in call.keywords}
+        prior: Prior = kind(*given, **named)
+    except (ValueError, TypeError) as error:
+        if isinstance(error, PriorError):
+            raise
+        raise PriorError(f"prior: found {text!r}, which cannot be read: {error}") from None
+    return prior
+
+
+for _kind in (Box, DCGain, Known, MinimumPhase, PoleIn, Sign, Stable, ZeroIn):
+    register_prior(_kind)

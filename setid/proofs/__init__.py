@@ -1,0 +1,1 @@
+"""The second trusted room: claims about a record, and how they are checked."""

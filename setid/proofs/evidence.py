@@ -1,0 +1,101 @@
+"""The evidence for the intervals of an identification, and the verdict on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import sparsepop_py as sp
+from setid.formulation.formulation import Formulation
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.normalisation import Nonzero
+from setid.proofs.parameter_box import ProvedBox
+from setid.proofs.unbounded import Unbounded
+
+__all__ = ["EndProof", "Evidence", "Verification"]
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What a check found; true where every claim holds.
+
+    Parameters
+    ----------
+    ok : bool
+    reason : str
+        The first claim that does not hold; empty where all do.
+
+    Examples
+    --------
+    >>> import setid
+    >>> bool(setid.Verification(True)), bool(setid.Verification(False, "no box"))
+    (True, False)
+    """
+
+    ok: bool
+    reason: str = ""
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+
+class EndProof(NamedTuple):
+    """What proves one end of an interval, and what attains it.
+
+    Parameters
+    ----------
+    certificate : sparsepop_py.Certificate or None
+    attained : sparsepop_py.ProvedPoint or None
+    """
+
+    certificate: sp.Certificate | None
+    attained: sp.ProvedPoint | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Claims about a record with all that they rest on; nothing in it is trusted.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Data, structure, noise and priors; its problem is stated again.
+    intervals : mapping of str to ParameterInterval
+        The claims.
+    problem : sparsepop_py.Problem
+        The problem that certificates and points are about.
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
+        The box of the parameters from the data alone, with its proof.
+    bounds : tuple of sparsepop_py.LinearBound
+        For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
+    ends : tuple of EndProof
+        Otherwise: certificates and attained points of theta_1, -theta_1, theta_2, ..., in the
+        units of :func:`setid.formulation.units.in_units`.
+    unbounded : Unbounded or None
+        Proof that parameters are unbounded.
+    reference : Evidence or None
+        For a structure without a normalisation: the evidence with the one that was used.
+    nonzero : ParameterBox, CellBox or None
+        Proof that the normalisation of the reference excludes no consistent system.
+    """
+
+    formulation: Formulation
+    intervals: Mapping[str, ParameterInterval]
+    problem: sp.Problem
+    box: ProvedBox | None = None
+    bounds: tuple[sp.LinearBound, ...] = ()
+    ends: tuple[EndProof, ...] = ()
+    unbounded: Unbounded | None = None
+    reference: Evidence | None = None
+    nonzero: Nonzero | None = None
+
+    @property
+    def evidence(self) -> Evidence:
+        """Itself, so that :func:`setid.verify` takes it as it takes a result."""
+        return self
+
+    @property
+    def empty(self) -> bool:
+        """Whether it is claimed that no parameter is consistent."""
+        return any(item.status is IntervalStatus.EMPTY for item in self.intervals.values())

@@ -1,0 +1,93 @@
+"""Proofs that consistent vectors exist near given ones, by noise that is repaired exactly."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+from setid.formulation.formulation import Formulation
+
+__all__ = ["admitted", "proved_point"]
+
+
+def proved_point(
+    formulation: Formulation, problem: sp.Problem, x: NDArray[np.float64]
+) -> sp.ProvedPoint | None:
+    """A proof that a feasible point exists near x, each equation solved for its newest sample.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : sp.Problem
+        Its problem, or that on a box of the parameters.
+    x : (n,) float
+    """
+    rows = np.flatnonzero(problem.equality)
+    solved = _newest(formulation, rows)
+    if solved is None:
+        return None
+    for proof in ("exact", "krawczyk") if rows.size else ("exact",):
+        point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
+        if point is not None:
+            return point
+    return None
+
+
+def admitted(formulation: Formulation, theta: ArrayLike, radius: ArrayLike = 0.0) -> bool:
+    """Prove that parameters are what the priors mean, where their rows say less.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    theta : array_like (p,)
+        That satisfy the rows of all priors.
+    radius : array_like, scalar or (p,)
+        How far the parameters may lie from theta.
+
+    Returns
+    -------
+    bool
+        False where some prior, such as ``Stable(form="jury")``, proves nothing.
+    """
+    centre, reach = np.broadcast_arrays(np.asarray(theta, float), np.asarray(radius, float))
+    low = np.where(reach > 0, np.nextafter(centre - reach, -inf), centre)
+    high = np.where(reach > 0, np.nextafter(centre + reach, inf), centre)
+    pairs = zip(formulation.parameters, low.tolist(), high.tolist(), strict=True)
+    box = {name: (a, b) for name, a, b in pairs}
+    checks = (getattr(prior, "admits", None) for prior in formulation.priors)
+    return all(check is None or check(formulation.model, box) for check in checks)
+
+
+def _newest(formulation: Formulation, rows: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """For each equality an unknown of its own that it gives: the newest noise sample."""
+    problem, taken = formulation.problem, set(range(len(formulation.parameters)))
+    layout = formulation.layout
+    age = np.full(problem.dimension, -1)
+    for group, numbers in formulation.layout.groups.items():
+        if group != "theta":
+            places = np.nonzero(numbers >= 0)
+            age[numbers[places]] = places[0] if group != "slack" else 0
+    order = {"eta": 1, "e": 2, "xi": 0}
+    rank = np.zeros(problem.dimension, int)
+    for group, value in order.items():
+        numbers = formulation.layout.group(group)
+        rank[numbers[numbers >= 0]] = value
+    solved = []
+    for row in rows.tolist():
+        support = problem.constraints[row].polynomial.support.tolist()
+        own = layout.groups.get(formulation.rows.equation[row])
+        mine = set() if own is None else set(own[own >= 0].tolist())
+        free = [v for v in support if v in mine and v not in taken] or [
+            v for v in support if v not in taken
+        ]
+        if not free and formulation.rows.origin[row] == "prior":
+            free = support[-1:]  # the normalisation gives a parameter
+        if not free:
+            return None
+        best = max(free, key=lambda v: (age[v], rank[v]))
+        taken.add(best)
+        solved.append(best)
+    return np.array(solved, np.int64)

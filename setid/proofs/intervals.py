@@ -1,0 +1,112 @@
+"""Proved and attained intervals of parameters: what an identification claims."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["IntervalStatus", "ParameterInterval"]
+
+
+class IntervalStatus(StrEnum):
+    """How far an interval is settled; ``message`` says what it means and what to try."""
+
+    CERTIFIED = "certified"
+    PARTIAL = "partial"
+    UNBOUNDED = "unbounded"
+    EMPTY = "empty"
+    UNIDENTIFIABLE = "unidentifiable"
+
+    @property
+    def message(self) -> str:
+        """One sentence of help."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    IntervalStatus.CERTIFIED: "Proved and attained ends agree within the tolerance.",
+    IntervalStatus.PARTIAL: (
+        "The outer ends are proved but not attained within the tolerance: give more time, or "
+        "priors such as Box and Stable."
+    ),
+    IntervalStatus.UNBOUNDED: (
+        "Consistent parameters of any size exist in a direction: the data do not bound it; "
+        "give a prior, more excitation or less noise."
+    ),
+    IntervalStatus.EMPTY: (
+        "It is proved that no parameter is consistent: the order, a noise bound, a prior or a "
+        "normalisation is wrong (see setid.consistency and setid.select)."
+    ),
+    IntervalStatus.UNIDENTIFIABLE: (
+        "It may take every value without a change in the model's outputs: excite the input, or "
+        "normalise the structure."
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ParameterInterval:
+    """The uncertainty interval of one parameter.
+
+    Parameters
+    ----------
+    name : str
+    outer : (float, float)
+        Proved: no consistent parameter vector lies outside. Infinite where nothing is
+        proved; (inf, -inf) when the feasible set is proved empty.
+    inner : (float, float) or None
+        Attained: consistent parameter vectors with values at most ``inner[0]`` and at least
+        ``inner[1]`` provably exist. None when no consistent vector was found.
+    status : IntervalStatus
+        Compares equal to its text, such as ``"certified"``.
+    witnesses : (array or None, array or None)
+        For each inner end the vector (n,) of all unknowns of the formulation, noise included.
+
+    Examples
+    --------
+    >>> import setid
+    >>> setid.ParameterInterval("a1", (-1.0, 1.0), (-0.9, 1.0), setid.IntervalStatus.PARTIAL)
+    a1 in [-1, 1], attained [-0.9, 1], partial
+    """
+
+    name: str
+    outer: tuple[float, float]
+    inner: tuple[float, float] | None
+    status: IntervalStatus
+    witnesses: tuple[NDArray[np.float64] | None, NDArray[np.float64] | None] = (None, None)
+
+    @property
+    def width(self) -> float:
+        """Width of the outer interval; 0 if it is empty."""
+        return max(0.0, self.outer[1] - self.outer[0])
+
+    @property
+    def centre(self) -> float:
+        """Middle of the outer interval; NaN where that means nothing."""
+        low, high = self.outer
+        return 0.5 * low + 0.5 * high if -inf < low <= high < inf else float("nan")
+
+    @property
+    def gap(self) -> float:
+        """What separates outer from inner, as a fraction of the attained width (0: closed)."""
+        if self.status is IntervalStatus.EMPTY:
+            return 0.0
+        if self.inner is None:
+            return inf
+        loose = max(self.inner[0] - self.outer[0], self.outer[1] - self.inner[1])
+        size = self.inner[1] - self.inner[0]
+        return loose / size if size > 0 else (0.0 if loose <= 0 else inf)
+
+    def __contains__(self, value: float) -> bool:
+        return self.outer[0] <= value <= self.outer[1]
+
+    def __repr__(self) -> str:
+        if self.status is IntervalStatus.EMPTY:
+            return f"{self.name}: empty"
+        inner = "none" if self.inner is None else f"[{self.inner[0]:.6g}, {self.inner[1]:.6g}]"
+        low, high = self.outer
+        return f"{self.name} in [{low:.6g}, {high:.6g}], attained {inner}, {self.status}"

@@ -1,0 +1,266 @@
+"""The least factor on all noise bounds: the problem in it, what is claimed, and the check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.noise import Noise
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import in_units
+from setid.proofs.evidence import Verification
+from setid.proofs.existence import admitted, proved_point
+from setid.proofs.parameter_box import ProvedBox, box_follows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
+
+__all__ = [
+    "NoiseScale",
+    "admitted_point",
+    "attained_factor",
+    "last_variable",
+    "linear_problem",
+    "problem_with_factor",
+    "proved_share",
+    "scaled_noise",
+    "verify_scale",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseScale:
+    """The least factor on all noise bounds with which a record is consistent, with its evidence.
+
+    Parameters
+    ----------
+    scale : (float, float)
+        No parameters are consistent with a factor below ``scale[0]`` (proved), some are with
+        ``scale[1]`` (attained; infinite where none was found).
+    theta : (p,) float or None
+        Parameters that attain the upper end.
+    witness : (n,) float or None
+        All unknowns of ``formulation`` there, noise included.
+    formulation : Formulation
+        The data with noise bounds at the largest factor that was looked at.
+    limit : float
+        That factor.
+    problem : sparsepop_py.Problem
+        Whose last variable is the factor, as a fraction of ``limit``.
+    bound : sparsepop_py.LinearBound or None
+        The exact optimum, where the problem is linear.
+    result : sparsepop_py.Result or None
+        What the engine proved, otherwise.
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
+        The box of the parameters with the factor at ``limit``.
+    refuted : (float, ParameterBox) or None
+        A factor at which the box from the data alone is proved empty.
+    noise : Noise
+        As given: a factor of 1.
+    """
+
+    scale: tuple[float, float]
+    theta: NDArray[np.float64] | None
+    witness: NDArray[np.float64] | None
+    formulation: Formulation
+    limit: float
+    problem: sp.Problem
+    bound: sp.LinearBound | None
+    result: sp.Result | None
+    box: ProvedBox | None
+    refuted: tuple[float, ParameterBox] | None
+    noise: Noise
+
+
+# ---- the problem --------------------------------------------------------------------------
+
+
+def scaled_noise(bounds: tuple[NDArray, ...], factor: float) -> Noise:
+    """Noise bounds times a factor, rounded up."""
+    parts = [np.where(b > 0, np.nextafter(b * factor, inf), 0.0) for b in bounds]
+    if factor == 1.0:
+        parts = list(bounds)
+    return Noise(output=parts[0], input=parts[1], equation=parts[2])
+
+
+def linear_problem(formulation: Formulation) -> sp.Problem:
+    """Rows abs(Y + R theta) <= s w0 and the priors, in theta and s."""
+    rows, problem = formulation.regression, formulation.problem
+    assert rows is not None
+    *theta, s = sp.variables(problem.dimension + 1, (*problem.names, "noise factor"))
+    lines = []
+    for y, r, w in zip(rows.target, rows.regressors, rows.radius, strict=True):
+        left = sp.total([float(y), *(float(c) * x for c, x in zip(r, theta, strict=True)), 0.0 * s])
+        lines += [float(w) * s - left >= 0, float(w) * s + left >= 0]
+    lines += [_lifted(problem, row) for row in _prior_rows(formulation)]
+    return sp.Problem(s, lines, np.append(problem.lower, 0.0), np.append(problem.upper, inf))
+
+
+def _prior_rows(formulation: Formulation) -> list[int]:
+    return [i for i, origin in enumerate(formulation.rows.origin) if origin == "prior"]
+
+
+def _lifted(problem: sp.Problem, row: int, extra: sp.Polynomial | None = None) -> sp.Constraint:
+    """A constraint in one more variable, and something added to it."""
+    constraint, n = problem.constraints[row], problem.dimension
+    p = constraint.polynomial
+    wide = sp.Polynomial(p.words, p.coefficients, n + 1)
+    return sp.Constraint(wide if extra is None else wide + extra, constraint.kind, constraint.name)
+
+
+def last_variable(problem: sp.Problem) -> sp.Polynomial:
+    """The factor, as a polynomial."""
+    word = np.array([[problem.dimension]], np.int32)
+    return sp.Polynomial.from_words(word, np.ones(1), problem.dimension)
+
+
+def problem_with_factor(
+    formulation: Formulation, box: ProvedBox | None, scaled: float | None = None
+) -> sp.Problem:
+    """The problem with one more unknown in [0, 1] that multiplies all noise bounds.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
+    scaled : float, optional
+        The part of each output noise bound that it multiplies, and nothing else.
+    """
+    problem, layout = formulation.problem, formulation.layout
+    n, p = problem.dimension, len(formulation.parameters)
+    variables = sp.variables(n + 1, (*problem.names, "noise factor"))
+    s = variables[-1]
+    lines, bounds = [], _row_bounds(formulation) if scaled is None else {}
+    for row in range(len(problem.constraints)):
+        size, spare = bounds.get(row, (0.0, 0.0))  # the bound is size s + spare instead of size
+        lines.append(_lifted(problem, row, size * s - (size - spare) if size else None))
+    for group in ("eta", "xi") if scaled is None else ("eta",):
+        numbers = layout.group(group)
+        for number in numbers[numbers >= 0].tolist():
+            size = float(problem.upper[number])
+            part = size if scaled is None else min(scaled, size)
+            limit = part * s + (float(np.nextafter(size - part, inf)) if part < size else 0.0)
+            lines += [limit - variables[number] >= 0, limit + variables[number] >= 0]
+    lower, upper = np.append(problem.lower, 0.0), np.append(problem.upper, 1.0)
+    if box is not None and not box.empty:
+        lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
+    return sp.Problem(s, lines, lower, upper)
+
+
+def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:
+    """Bounds of the equation errors of rows, and what rounding of the readings adds to them."""
+    width, rows = formulation.noise.bounds(formulation.data)[2], formulation.rows
+    found = {}
+    for row, constraint in enumerate(formulation.problem.constraints):
+        if rows.origin[row] == "model" and constraint.kind is sp.Kind.NONNEGATIVE:
+            start = formulation.data.starts[rows.record[row] - 1]
+            size = float(width[start + rows.sample[row] - 1, int(rows.equation[row][1:]) - 1])
+            found[row] = size, 4e-16 * (abs(constraint.polynomial.constant_term) + size)
+    return found
+
+
+def attained_factor(formulation: Formulation, s: float) -> float:
+    """The factor that a point of :func:`problem_with_factor` needs where it attains s."""
+    bounds = _row_bounds(formulation).values()
+    share = max((spare / size for size, spare in bounds if size), default=0.0)
+    return (s + share) * (1.0 + 1e-15)
+
+
+# ---- the check ---------------------------------------------------------------------------
+
+
+def proved_share(result: sp.Result) -> float:
+    """The part of the limit below which the engine proves that nothing is consistent."""
+    proof = result.certificate
+    return 0.0 if proof is None else min(max(0.0, proof.bound), 1.0)
+
+
+def verify_scale(found: NoiseScale) -> Verification:
+    """Check both ends of a least factor from the data, without any solver.
+
+    Parameters
+    ----------
+    found : NoiseScale
+    """
+    again = _stated(found, found.limit)
+    if again.problem.fingerprint != found.formulation.problem.fingerprint:
+        return Verification(False, "the problem is not that of the data, the noise and the limit")
+    if found.bound is not None:
+        problem = linear_problem(found.formulation)
+        verdict = found.bound.verify(problem, last_variable(problem))
+        same = found.scale == (found.bound.lower, found.bound.upper)
+        return Verification(verdict.ok and same, verdict.reason)
+    proved, attained = 0.0, False
+    if found.refuted is not None:
+        factor, box = found.refuted
+        if not box.empty or not box_follows(box, _stated(found, factor)):
+            return Verification(False, "emptiness of the box does not follow")
+        proved = factor
+    if found.result is not None:
+        if found.box is not None and not box_follows(found.box, _stated(found, found.limit)):
+            return Verification(False, "the box does not follow from the data")
+        reason, attained = _result_fails(found)
+        if reason:
+            return Verification(False, reason)
+        proved = max(proved, proved_share(found.result) * found.limit)
+    if not attained and found.scale[1] < inf and not _explained(found):
+        return Verification(False, "nothing attains the upper end")
+    good = found.scale[0] <= proved
+    return Verification(good, "" if good else "the lower end does not follow")
+
+
+def admitted_point(
+    formulation: Formulation, units: NDArray[np.float64], point: sp.ProvedPoint
+) -> bool:
+    """Prove that a point in units is what the priors mean.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    units : (n,) float
+    point : ProvedPoint
+    """
+    p = len(formulation.parameters)
+    return admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
+
+
+def _stated(found: NoiseScale, factor: float) -> Formulation:
+    """The problem at one factor, stated once more from the data."""
+    given = found.formulation
+    noise = scaled_noise(found.noise.bounds(given.data), factor)
+    return formulate(given.data, given.model, noise, given.priors)
+
+
+def _explained(found: NoiseScale) -> bool:
+    """Whether the parameters at the upper end are proved consistent, without the engine."""
+    if found.theta is None or found.witness is None:
+        return False
+    stated = _stated(found, found.scale[1])
+    if found.witness.shape != (stated.problem.dimension,):
+        return False
+    point = proved_point(stated, stated.problem, found.witness)
+    held = point is not None and np.array_equal(point.x[: found.theta.size], found.theta)
+    return held and admitted(stated, found.theta)
+
+
+def _result_fails(found: NoiseScale) -> tuple[str, bool]:
+    """What is wrong with the engine's result, and whether its point attains the upper end."""
+    result = found.result
+    assert result is not None
+    problem = problem_with_factor(found.formulation, found.box)
+    scaled = in_units(problem, found.formulation)
+    if result.certificate is not None:
+        verdict = result.certificate.verify(scaled.problem)
+        if not verdict.ok:
+            return verdict.reason, False
+    if result.attained is None:
+        return "", False
+    point = result.attained.recheck(scaled.problem)
+    if point is None:
+        return "the attained point could not be proved again", False
+    reached = attained_factor(found.formulation, point.value) * found.limit
+    if not admitted_point(found.formulation, scaled.units, point):
+        return "", False
+    return ("", True) if reached <= found.scale[1] else ("the upper end is not attained", False)

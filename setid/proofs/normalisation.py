@@ -1,0 +1,353 @@
+"""Normalisations of block structures: what they leave open, and intervals from one to another.
+
+**Scales.** With w' = K_w w and z' = K_z z for diagonal invertible K_w, K_z, blocks and maps
+change as follows and no output does: the numerator of a block from s to t is multiplied by
+k_t / k_s, the coefficient of x_1^p_1 x_2^p_2 ... in the map of t by k_t / (k_1^p_1 k_2^p_2 ...),
+where k = 1 for measured signals. A normalisation asks for the value of some monomial of the
+parameters, and each settles one k.
+
+**Shifts.** In a feedback loop y = G (u - N(y)), any part kappa y of N may belong to G:
+a'_i = a_i + kappa b_i, gamma'_1 = gamma_1 - kappa. The scale is settled by u.
+
+Both are exact for numbers and hold end by end for intervals, which are rounded outwards.
+
+References
+----------
+V. Cerone, V. Razza, D. Regruto, "A unified framework for the identification of a general
+class of multivariable nonlinear block-structured systems", Int. J. Robust and Nonlinear
+Control 31 (2021), section on identifiability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.errors import ModelError
+from setid.formulation.formulation import Formulation, formulate
+from setid.models.block import BlockStructured, Lure, Normalise
+from setid.proofs.output_cells import CellBox
+from setid.proofs.parameter_box import start_of
+from setid.simulation.simulate import simulate
+from sparsepop_py.verified.arithmetic.scalar_interval import (
+    Ends,
+    odd_root,
+    plus,
+    power,
+    quotient,
+    sum_of,
+    times,
+)
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
+
+__all__ = [
+    "Nonzero",
+    "convert_ends",
+    "normalised_by",
+    "products_with",
+    "reference_follows",
+    "scaled_signals",
+    "unidentifiable",
+]
+
+Nonzero = ParameterBox | CellBox  # proves that what a reference sets to 1 is not zero
+
+_RANK = 1e-7  # of the largest singular value
+_SAMPLES = 60
+
+
+def unidentifiable(model: BlockStructured) -> tuple[str, ...]:
+    """Parameters that may change without any change of the outputs.
+
+    The rank of the sensitivities of a simulation, at random stable parameters and inputs,
+    says so (not proved, and used to refuse work alone, never for a bound).
+
+    Parameters
+    ----------
+    model : BlockStructured
+
+    Returns
+    -------
+    tuple of str
+        In the order of ``model.parameters``; empty where they are unique (locally).
+
+    Examples
+    --------
+    >>> import setid
+    >>> setid.unidentifiable(setid.Hammerstein(setid.TransferFunction(1, 1, 1), 2))
+    ('b1', 'gamma1', 'gamma2')
+    >>> setid.unidentifiable(setid.Lure(setid.TransferFunction(1, 1, 1), 2))
+    ('a1', 'gamma1')
+    """
+    names = model.parameters
+    generator = np.random.default_rng(1)
+    rest = model.changed(initial="zero")
+    affected: set[str] | None = None
+    for _ in range(2):
+        matrix = _sensitivities(rest, names, generator)
+        _, sizes, right = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0))
+        null = right[sizes <= _RANK * sizes[0]]
+        moved = {n for n, column in zip(names, null.T, strict=True) if np.any(abs(column) > 1e-4)}
+        affected = moved if affected is None else affected & moved
+    return tuple(name for name in names if name in (affected or ()))
+
+
+def _sensitivities(
+    model: BlockStructured, names: tuple[str, ...], generator: np.random.Generator
+) -> NDArray[np.float64]:
+    theta = np.empty(len(names))
+    pools = [t.denominator for t in model.linear_blocks.values()]
+    for i, name in enumerate(names):
+        pool = next((d for d in pools if name in d), ())
+        theta[i] = generator.uniform(0.1, 0.5) / max(1, len(pool))
+    for gain in model.unit_gain:  # one coefficient settles it
+        block = model.linear_blocks[gain]
+        place = {name: i for i, name in enumerate(names)}
+        free = [n for n in block.numerator if n in place]
+        if free:
+            total = 1.0 + sum(theta[place[n]] for n in block.denominator if n in place)
+            others = sum(theta[place[n]] for n in free[:-1])
+            theta[place[free[-1]]] = total - others
+    u = generator.uniform(-0.5, 0.5, (_SAMPLES, model.inputs))
+    step, tangent = 1e-5, np.array(_tangent(model, names)).T
+    for amplitude in (1.0, 0.3, 0.1, 0.01):  # feedback loops may diverge
+        with np.errstate(all="ignore"):
+            ends = [
+                [simulate(model, theta + s * step * d, amplitude * u).ravel() for d in tangent.T]
+                for s in (1.0, -1.0)
+            ]
+        if np.all(np.abs(ends) < 1e3):
+            break
+    columns = (np.array(ends[0]) - np.array(ends[1])).T / (2 * step)
+    rest = np.eye(len(names)) - tangent @ tangent.T  # excluded by static gains: as if seen
+    return np.asarray(np.concatenate([columns @ tangent.T, rest]), np.float64)
+
+
+def _tangent(model: BlockStructured, names: tuple[str, ...]) -> list[NDArray[np.float64]]:
+    """Directions that keep the static gains of 1."""
+    place = {name: i for i, name in enumerate(names)}
+    rows = np.zeros((max(1, len(model.unit_gain)), len(names)))
+    for row, label in zip(rows, model.unit_gain, strict=False):
+        block = model.linear_blocks[label]
+        row[[place[n] for n in block.numerator if n in place]] = 1.0
+        row[[place[n] for n in block.denominator if n in place]] = -1.0
+    rank = int(np.linalg.matrix_rank(rows))
+    return list(np.linalg.svd(rows)[2][rank:])
+
+
+def convert_ends(
+    model: BlockStructured, ends: Mapping[str, Ends], normalise: Normalise
+) -> dict[str, Ends]:
+    """Convert ranges of parameters to another normalisation, rounded outwards.
+
+    Parameters
+    ----------
+    model : BlockStructured
+    ends : mapping of str to (low, high)
+        Of its parameters.
+    normalise
+        The other normalisation.
+    """
+    goal = model.normalised(normalise)
+    full = dict(ends) | {name: (value, value) for name, value in model.fixed}
+    if isinstance(model, Lure):
+        return _shifted(model, goal, full)
+    scales = _scales(goal, full)
+    exponents = _exponents(model)
+    found = {}
+    for name in goal.parameters:
+        factor = (1.0, 1.0)
+        for signal, exponent in exponents.get(name, {}).items():
+            factor = times(factor, power(scales[signal], exponent))
+        found[name] = full[name] if not exponents.get(name) else times(full[name], factor)
+    return found
+
+
+def _exponents(model: BlockStructured) -> dict[str, dict[str, int]]:
+    """For each coefficient the powers of the scales of internal signals that multiply it."""
+    found: dict[str, dict[str, int]] = {}
+    scaled = scaled_signals(model)
+    for block in model.blocks:
+        powers: dict[str, int] = {}
+        for signal, change in ((block.target, 1), (block.source[0][0], -1)):
+            if signal in scaled:
+                powers[signal] = powers.get(signal, 0) + change
+        for name in model.wiring.transfer(block).numerator:
+            found[name] = powers
+    for target, item in model.maps:
+        for name, entry in zip(model.wiring.weights(target), item.basis, strict=True):
+            powers = {target: 1} if target in scaled else {}
+            if not callable(entry):
+                for argument, exponent in zip(item.arguments, entry, strict=True):
+                    if argument in scaled and exponent:
+                        powers[argument] = powers.get(argument, 0) - exponent
+            found[name] = {signal: e for signal, e in powers.items() if e}
+    return found
+
+
+def scaled_signals(model: BlockStructured) -> tuple[str, ...]:
+    """Internal signals with a scale of their own: not in a sum with others in a source."""
+    tied = {s for b in model.blocks if len(b.source) > 1 for s, _ in b.source}
+    return tuple(name for name in model.internal if name not in tied)
+
+
+def _scales(goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
+    """The factor of each internal signal that the normalisation asks for."""
+    exponents, found = _exponents(goal), dict[str, Ends]()
+    asked: list[tuple[str, Ends, dict[str, int]]] = [
+        (name, quotient((value, value), full[name]), exponents[name])
+        for name, value in goal.fixed
+        if exponents.get(name) and value
+    ]
+    for label in goal.unit_gain:
+        block = goal.linear_blocks[label]
+        top = plus((1.0, 1.0), sum_of([full[n] for n in block.denominator]))
+        below = sum_of([full[n] for n in block.numerator])
+        asked.append(
+            (f"static gain of {label}", quotient(top, below), exponents[block.numerator[0]])
+        )
+    open_ = list(asked)
+    while open_:
+        ready = [a for a in open_ if len(set(a[2]) - set(found)) <= 1]
+        if not ready:
+            break
+        text, ratio, powers = ready[0]
+        open_.remove(ready[0])
+        if not np.all(np.isfinite(ratio)):
+            raise ModelError(
+                f"normalise: found {text} that may be zero, expected a quantity that is not, so "
+                "that it can be fixed"
+            )
+        unknown = [s for s in powers if s not in found]
+        for signal in set(powers) - set(unknown):
+            ratio = quotient(ratio, power(found[signal], powers[signal]))
+        if unknown:
+            exponent = powers[unknown[0]]
+            if exponent % 2 == 0:
+                raise ModelError(
+                    f"normalise: found {text}, an even power of the scale of {unknown[0]}, whose "
+                    "sign stays open; expected an odd coefficient, a numerator or 'dcgain'"
+                )
+            root = odd_root(ratio, abs(exponent))
+            found[unknown[0]] = root if exponent > 0 else quotient((1.0, 1.0), root)
+    missing = [name for name in scaled_signals(goal) if name not in found]
+    if missing:
+        raise ModelError(
+            f"normalise: found nothing that settles the scale of {', '.join(missing)}, expected "
+            "'dcgain', a numerator coefficient or one of a map"
+        )
+    return found
+
+
+def _shifted(model: Lure, goal: BlockStructured, full: Mapping[str, Ends]) -> dict[str, Ends]:
+    """A + kappa b, gamma1 - kappa."""
+    block = model.wiring.transfer(model.blocks[0])
+    first = _linear_term(model)
+    fixed = dict(goal.fixed)
+    poles, top = (
+        sum_of([full[n] for n in block.denominator]),
+        sum_of([full[n] for n in block.numerator]),
+    )
+    if first in fixed:
+        kappa = plus(full[first], (-fixed[first], -fixed[first]))
+    elif goal.unit_gain:
+        kappa = plus((1.0, 1.0), times((-1.0, -1.0), quotient(plus((1.0, 1.0), poles), top)))
+    else:
+        raise ModelError(
+            f"normalise: found nothing that settles the loop, expected 'dcgain' or {first}"
+        )
+    if not np.all(np.isfinite(kappa)):
+        raise ModelError(
+            "normalise: found a static gain of G that may be zero, expected one that is not"
+        )
+    lags = dict(enumerate(block.numerator, block.delay))
+    longest = max(len(block.denominator), 0)
+    if max(lags) > longest and kappa != (0.0, 0.0):
+        raise ModelError(
+            f"normalise: found a numerator up to lag {max(lags)} and a denominator up to "
+            f"{longest}: the shifted loop is not of this order"
+        )
+    found = dict(full)
+    for lag, name in enumerate(block.denominator, 1):
+        if lag in lags:
+            found[name] = plus(full[name], times(kappa, full[lags[lag]]))
+    found[first] = plus(full[first], (-kappa[1], -kappa[0]))
+    return {name: found[name] for name in goal.parameters}
+
+
+def _linear_term(model: BlockStructured) -> str:
+    target, item = model.maps[0]
+    for name, entry in zip(model.wiring.weights(target), item.basis, strict=True):
+        if entry == (1,):
+            return name
+    raise ModelError(
+        "basis: found no linear term, expected one that a shift of the loop can change"
+    )
+
+
+# ---- references ---------------------------------------------------------------------------
+
+
+def normalised_by(model: BlockStructured, choice: Normalise) -> BlockStructured:
+    """Add one normalisation to those of a structure.
+
+    Parameters
+    ----------
+    model : BlockStructured
+    choice
+        As :class:`BlockStructured` takes it.
+    """
+    parts: list[Normalise] = [dict(model.fixed), *(f"dcgain[{g}]" for g in model.unit_gain)]
+    return model.normalised([*parts, choice])  # type: ignore[list-item]
+
+
+def products_with(rows: ProductRows, box: ParameterBox) -> set[int]:
+    """Parameters (from 0) in products of two that a box of the products proves not to be zero.
+
+    Parameters
+    ----------
+    rows : ProductRows
+    box : ParameterBox
+        Of its columns.
+    """
+    sure = (box.lower > 0) | (box.upper < 0)
+    return {i for m, place in rows.place.items() if sure[place] and len(m) == 2 for i in m}
+
+
+def reference_follows(
+    formulation: Formulation, reference: BlockStructured, nonzero: Nonzero | None
+) -> bool:
+    """Check that a normalisation excludes no consistent system, without any solver.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Of a structure without that normalisation.
+    reference : BlockStructured
+        The structure with it.
+    nonzero : ParameterBox, CellBox or None
+        Proof that what is set to 1 is not zero; None for loops, which a shift normalises.
+    """
+    model = formulation.model
+    if not isinstance(model, BlockStructured):
+        return False
+    affected = unidentifiable(model)
+    if any(set(affected) & set(prior.bounds(model)) for prior in formulation.priors):
+        return False
+    if isinstance(model, Lure):
+        return reference == normalised_by(model, {"gamma1": 0.0})
+    chosen = [name for name in affected if normalised_by(model, name) == reference]
+    if not chosen or unidentifiable(reference):
+        return False
+    rows = formulation.products
+    if isinstance(nonzero, ParameterBox):
+        if rows is None or not nonzero.verify(rows.regression, rows.start(start_of(formulation))):
+            return False
+        return formulation.parameters.index(chosen[0]) in products_with(rows, nonzero)
+    if not isinstance(nonzero, CellBox) or nonzero.open:
+        return False
+    other = formulate(formulation.data, reference, formulation.noise, formulation.priors)
+    return nonzero.verify(other, start_of(other))

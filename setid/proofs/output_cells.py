@@ -1,0 +1,476 @@
+"""Boxes for systems with a nonlinear output, z = G r, y = N(z): cells of the linear block.
+
+No row in measured signals bounds these parameters. But in a small cell of the coefficients
+of G the signal z is known up to a small radius, so that y~_k = sum_m gamma_m z_k^m + eta_k
+are rows in gamma alone: cells in which they contradict each other are cut off, in the
+others they bound gamma.
+
+The numerator (and unknown initial values of z) are only known up to a factor that gamma
+takes up. All ratios are covered by the faces of a cube: one coordinate is 1, the others lie
+in [-1, 1]. The normalisation that was asked for gives each cell its factor at the end.
+Nothing here rests on a solver: every enclosure is computed with its rounding errors.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.data.checks import frozen
+from setid.formulation.formulation import Formulation
+from setid.models.block import BlockStructured
+from setid.models.equations import Equation, Lagged, channel_of
+from setid.proofs.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
+from sparsepop_py.verified.arithmetic.scalar_interval import Ends
+from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.products import Total, contracted
+
+__all__ = ["CellBox", "Parts", "cell_box", "parts_of"]
+
+Reals = NDArray[np.float64]
+
+
+class Parts(NamedTuple):
+    """What the method needs of a structure z = G r, y1 = N(z)."""
+
+    signal: str
+    poles: tuple[str, ...]
+    words: tuple[tuple[str, ...], ...]  # products of parameters, one a coordinate
+    constants: Reals  # and what else multiplies them
+    drives: Reals  # (q, N)
+    drive_noise: Reals  # (q, N)
+    weights: tuple[str, ...]
+    powers: tuple[int, ...]
+    initial: int  # unknown first samples of z
+
+
+def parts_of(formulation: Formulation) -> Parts | None:
+    """The parts, None where the structure is another one or more than one record is given."""
+    model, data = formulation.model, formulation.data
+    if not isinstance(model, BlockStructured) or model.outputs != 1 or data.records != 1:
+        return None
+    maps = dict(model.maps)
+    if "y1" not in maps or not maps["y1"].polynomial or len(maps["y1"].arguments) != 1:
+        return None
+    signal = maps["y1"].arguments[0]
+    blocks = [b for b in model.blocks if b.target == signal]
+    bare = model.changed(fixed=(), unit_gain=())
+    equations = {e.defines: e for e in bare.equations(())}
+    if len(blocks) != 1 or channel_of(signal) is not None or signal not in equations:
+        return None
+    equation = equations[signal]
+    poles = bare.wiring.transfer(blocks[0]).denominator
+    fixed = {name for name, _ in model.fixed}
+    if fixed & set(poles) or any(len(t.signals) != 1 for t in equation.terms[: len(poles) + 1]):
+        return None
+    drives = _drives(equation, len(poles), signal, formulation)
+    if drives is None:
+        return None
+    words, values, spread, constants = drives
+    powers = tuple(p[0] for p in maps["y1"].basis if not callable(p))
+    initial = 0 if model.initial == "zero" else equation.lag
+    return Parts(
+        signal, poles, words, constants, values, spread, bare.wiring.weights("y1"), powers, initial
+    )
+
+
+def _drives(
+    equation: Equation, poles: int, signal: str, formulation: Formulation
+) -> tuple[tuple[tuple[str, ...], ...], Reals, Reals, Reals] | None:
+    """Samples of what each product of parameters multiplies, and how far noise moves them."""
+    data = formulation.data
+    bound = formulation.noise.bounds(data)[1]
+    model = formulation.model
+    assert isinstance(model, BlockStructured)
+    driven = model.driven(data.u)
+    words, values, spread = [], [], []
+    for item in equation.terms[1 + poles :]:
+        if any(s.signal == signal for s in item.signals):
+            return None
+        value, noisy = np.full(data.samples, -item.coefficient), np.zeros(data.samples)
+        for factor in item.signals:
+            column, width = _samples(factor, data.u, bound, driven)
+            if column is None:
+                return None
+            noisy = np.abs(value) * width + noisy * (np.abs(column) + width)
+            value = value * column
+        words.append(item.parameters)
+        values.append(value)
+        spread.append(noisy * (1 + 1e-12) + 1e-14 * np.abs(value))
+    if not words or np.any(np.isnan(values)):
+        return None
+    size = np.maximum(np.abs(values).max(axis=1), 1e-300)
+    scaled = np.array(values) / size[:, None]
+    wide = np.array(spread) / size[:, None] * (1 + 1e-12) + 1e-15
+    return tuple(words), scaled, wide, 1.0 / size
+
+
+def _samples(
+    factor: Lagged, u: Reals, bound: Reals, driven: Mapping[str, Reals]
+) -> tuple[Reals | None, Reals]:
+    found = channel_of(factor.signal)
+    if found is None:
+        column, width = driven.get(factor.signal), np.zeros(u.shape[0])
+    elif found[0] == "u":
+        column, width = u[:, found[1]], bound[:, found[1]]
+    else:
+        return None, np.zeros(u.shape[0])
+    if column is None:
+        return None, width
+    late, wide = np.zeros(u.shape[0]), np.zeros(u.shape[0])
+    late[factor.lag :], wide[factor.lag :] = (
+        column[: u.shape[0] - factor.lag],
+        width[: u.shape[0] - factor.lag],
+    )
+    return late, wide
+
+
+_MOST = 20000  # cells at a time
+_ROUNDS = 60
+_PRUNING = (20, 40)  # samples that decide about cells, at first and once cells are fine
+_FINE = 0.25  # of the noise bound: the effect of a cell that is not cut further
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CellBox(Bounds):
+    """A box of theta and of the samples of an internal signal, by cells.
+
+    Parameters
+    ----------
+    names, lower, upper
+        As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
+    unknowns : (K,) int
+        Numbers of the samples of the internal signal.
+    low, high : (K,) float
+        Their bounds.
+    cells : int
+        How many were left.
+    rounds : int
+        How often cells were halved.
+    """
+
+    unknowns: NDArray[np.int64]
+    low: Reals
+    high: Reals
+    cells: int
+    rounds: int
+
+    @property
+    def open(self) -> tuple[str, ...]:
+        """Names of parameters that are not bounded on both sides."""
+        found = np.isinf(self.lower) | np.isinf(self.upper)
+        return tuple(np.array(self.names)[found & (self.lower <= self.upper)].tolist())
+
+    def verify(self, formulation: Formulation, start: Reals) -> bool:
+        """Compute it again from the data; there is no solver in it."""
+        again = cell_box(formulation, start, rounds=max(self.rounds, 0))
+        return (
+            again is not None
+            and np.array_equal(again.unknowns, self.unknowns)
+            and bool(np.all(again.lower >= self.lower) and np.all(again.upper <= self.upper))
+            and bool(np.all(again.low >= self.low) and np.all(again.high <= self.high))
+        )
+
+    def _text(self) -> str:
+        return f"{self.cells} cells, {Bounds._text(self)}"
+
+
+def cell_box(
+    formulation: Formulation, start: Reals, until: float = inf, rounds: int = _ROUNDS
+) -> CellBox | None:
+    """A box from cells, None where the structure is no G and N in a row.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    start : (2, p) float
+        Bounds of priors; finite for the denominator (:class:`Stable` or :class:`Box`).
+    until : float
+        Reading of ``time.monotonic`` from which on no cell is halved.
+    rounds : int
+        Most halvings.
+    """
+    parts = parts_of(formulation)
+    if parts is None or parts.initial:
+        return None  # unknown initial values of z have no bounds either
+    number = {name: i for i, name in enumerate(formulation.parameters)}
+    poles = start[:, [number[name] for name in parts.poles]]
+    if not np.all(np.isfinite(poles)):
+        return None
+    data = formulation.data
+    noise = formulation.noise.bounds(data)[0][:, 0]
+    known = ~np.isnan(data.y[:, 0])
+    if not np.any(np.abs(data.y[known, 0]) > noise[known]):
+        return None  # nothing but noise: z may be zero
+    cells = _first_cells(parts, poles)
+    left, fit, used = _pruned(parts, formulation, cells, np.flatnonzero(known), until, rounds)
+    return _converted(parts, formulation, start, left, fit, used)
+
+
+# ---- cells --------------------------------------------------------------------------------
+
+
+def _first_cells(parts: Parts, poles: Reals) -> Reals:
+    """The faces of the cube times the box of the denominator, shape (C, 2, d)."""
+    count = len(parts.words) + parts.initial
+    faces = []
+    for face in range(count):
+        ends = np.tile([[-1.0], [1.0]], count)
+        ends[:, face] = 1.0
+        faces.append(np.concatenate([poles, ends], axis=1))
+    return np.array(faces)
+
+
+def _measured(parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray) -> tuple:
+    upto = int(rows[-1]) + 1
+    found = enclosed(
+        cells,
+        len(parts.poles),
+        parts.drives[:, :upto],
+        parts.drive_noise[:, :upto],
+        parts.initial,
+    )
+    noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
+    return found, fitted(found, rows, parts.powers, formulation.data.y[rows, 0], noise)
+
+
+def _pruned(
+    parts: Parts,
+    formulation: Formulation,
+    cells: Reals,
+    known: NDArray,
+    until: float,
+    rounds: int,
+) -> tuple[Reals, Fitted | None, int]:
+    """Cells that cannot be cut off, with what is known of gamma in them, and the rounds used.
+
+    Coarse cells say nothing of late samples, which would ask for finer ones: few come first.
+    """
+    fit, spent = None, 0
+    for count in _PRUNING:
+        rows = known[:count]
+        left, used, whole = _halved(parts, formulation, cells, rows, until, rounds - spent)
+        if fit is not None and not whole:
+            break  # what fewer samples say is whole
+        cells, spent = left, spent + used
+        fit = _measured(parts, formulation, left, rows)[1] if len(left) else None
+        if fit is None or not whole or known.size <= count or spent == rounds:
+            break
+    return cells, fit, spent
+
+
+def _halved(
+    parts: Parts,
+    formulation: Formulation,
+    cells: Reals,
+    rows: NDArray,
+    until: float,
+    rounds: int,
+) -> tuple[Reals, int, bool]:
+    """Cells that some samples do not cut off, the rounds used, and whether all are fine."""
+    noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
+    done: list[Reals] = []
+    for used in range(rounds + 1):
+        cells = cells[_allowed(parts, formulation, cells)]
+        if used == rounds or not len(cells) or time.monotonic() >= until:
+            done.append(cells)
+            whole = used == rounds or not len(cells)
+            break
+        found, fit = _measured(parts, formulation, cells, rows)
+        alive = ~fit.empty
+        effect = _effects(found, np.abs(fit.gamma), parts.powers, rows, noise)
+        worst = _effects(found, np.abs(fit.gamma) + fit.radius, parts.powers, rows, noise)
+        fine = alive & fit.bounded & (worst.max(axis=1) <= _FINE)
+        done.append(cells[fine])
+        rest = np.flatnonzero(alive & ~fine)
+        if 2 * rest.size + sum(map(len, done)) > _MOST:
+            done.append(cells[rest])
+            used, whole = used + 1, False  # this round is repeated when it is computed again
+            break
+        cells = _halves(cells[rest], effect[rest].argmax(axis=1)) if rest.size else cells[:0]
+    return np.concatenate(done), used, whole
+
+
+def _effects(
+    found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray, noise: Reals
+) -> Reals:
+    """How much each coordinate of a cell moves outputs, in noise bounds, shape (C, d)."""
+    z = np.abs(found.centre[:, rows]) + 1e-300
+    slope = sum(
+        gamma[:, m, None] * power * z ** max(power - 1, 0) for m, power in enumerate(powers)
+    )
+    scale = slope / np.maximum(noise, 1e-300)
+    effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
+    width = found.radii > 0
+    return np.where(width, np.maximum(np.nan_to_num(effect, nan=1e300, posinf=1e300), 1e-300), -1.0)
+
+
+def _halves(cells: Reals, place: NDArray) -> Reals:
+    every = np.arange(len(cells))
+    middle = cells[every, :, place].mean(axis=1)
+    left, right = cells.copy(), cells.copy()
+    left[every, 1, place], right[every, 0, place] = middle, middle
+    return np.concatenate([left, right])
+
+
+def _allowed(parts: Parts, formulation: Formulation, cells: Reals) -> NDArray[np.bool_]:
+    """Cells in which the linear rows of priors on the denominator can hold."""
+    number = {name: i for i, name in enumerate(formulation.parameters)}
+    place = {number[name]: i for i, name in enumerate(parts.poles)}
+    good = np.ones(len(cells), bool)
+    for row, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True):
+        p = row.polynomial
+        if origin != "prior" or p.degree > 1 or not set(p.support.tolist()) <= set(place):
+            continue
+        most = np.zeros(len(cells))
+        for letter, value in zip(p.words.max(axis=1).tolist(), p.coefficients, strict=True):
+            ends = np.ones((len(cells), 2)) if not letter else cells[:, :, place[letter - 1]]
+            most = most + np.maximum(value * ends[:, 0], value * ends[:, 1])
+        good &= most >= -1e-9
+    return good
+
+
+# ---- the normalisation --------------------------------------------------------------------
+
+
+def _converted(
+    parts: Parts,
+    formulation: Formulation,
+    start: Reals,
+    cells: Reals,
+    fit: Fitted | None,
+    rounds: int,
+) -> CellBox:
+    """The hull of all cells in the normalisation of the model."""
+    names, p = formulation.parameters, start.shape[1]
+    model = formulation.model
+    assert isinstance(model, BlockStructured)
+    numbers = formulation.layout.group(parts.signal)
+    present = np.flatnonzero(numbers >= 0)
+    hull = np.array([np.full(p, np.inf), np.full(p, -np.inf)])
+    signal = np.array([np.full(present.size, np.inf), np.full(present.size, -np.inf)])
+    if fit is not None:
+        every = np.arange(formulation.data.samples)
+        found = enclosed(cells, len(parts.poles), parts.drives, parts.drive_noise, parts.initial)
+        z_low = (found.centre - found.radius)[:, every[present]]
+        z_high = (found.centre + found.radius)[:, every[present]]
+        factor = _factor(parts, model, cells, fit)
+        place = {name: i for i, name in enumerate(names)}
+        for c in range(len(cells)):
+            box = _one_cell(parts, model, start, cells[c], fit, c, factor[c], place)
+            if np.any(box[0] > box[1]):
+                continue
+            hull = np.array([np.minimum(hull[0], box[0]), np.maximum(hull[1], box[1])])
+            ends = np.stack([factor[c, 0] * z_low[c], factor[c, 0] * z_high[c]])
+            more = np.stack([factor[c, 1] * z_low[c], factor[c, 1] * z_high[c]])
+            both = np.nan_to_num(np.concatenate([ends, more]), nan=np.inf)
+            low, high = both.min(axis=0), both.max(axis=0)
+            wide = 1e-12 * np.maximum(np.abs(low), np.abs(high))
+            if not np.all(np.isfinite(factor[c])):
+                low, high = np.full(low.size, -np.inf), np.full(low.size, np.inf)
+            signal = np.array(
+                [np.minimum(signal[0], low - wide), np.maximum(signal[1], high + wide)]
+            )
+    return CellBox(
+        names,
+        frozen(hull[0]),
+        frozen(hull[1]),
+        numbers[present],
+        frozen(signal[0]),
+        frozen(signal[1]),
+        len(cells),
+        rounds,
+    )
+
+
+def _factor(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> Reals:
+    """Bounds (C, 2) of the factor from the face of a cell to the model's normalisation."""
+    n = len(parts.poles)
+    everything = np.tile([-np.inf, np.inf], (len(cells), 1))
+    fixed = dict(model.fixed)
+    for place, word in enumerate(parts.words):
+        if all(name in fixed for name in word):
+            goal = float(np.prod([fixed[name] for name in word]))
+            scale = np.asarray(parts.constants)[place]
+            return _divided(np.full((len(cells), 2), goal / scale), cells[:, :, n + place])
+    for m, (name, power) in enumerate(zip(parts.weights, parts.powers, strict=True)):
+        if name in fixed and power == 1 and fixed[name]:
+            ends = np.stack(
+                [fit.gamma[:, m] - fit.radius[:, m], fit.gamma[:, m] + fit.radius[:, m]], axis=1
+            )
+            return np.sort(ends / fixed[name], axis=1) * [1.0, 1.0]
+    if model.unit_gain and all(len(word) == 1 for word in parts.words):
+        top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
+        below = (cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
+        slack = 1e-14 * np.abs(cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
+        below = below + slack * [-1.0, 1.0]
+        return _divided(top, below)
+    return everything
+
+
+def _divided(top: Reals, below: Reals) -> Reals:
+    """Quotients of intervals (C, 2), rounded outwards; everything where zero divides."""
+    zero = (below[:, 0] <= 0) & (below[:, 1] >= 0)
+    safe = np.where(zero[:, None], 1.0, below)
+    corners = np.stack([top[:, i] / safe[:, j] for i in (0, 1) for j in (0, 1)], axis=1)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    low, high = low - 1e-12 * np.abs(low), high + 1e-12 * np.abs(high)
+    return np.stack([np.where(zero, -np.inf, low), np.where(zero, np.inf, high)], axis=1)
+
+
+def _one_cell(
+    parts: Parts,
+    model: BlockStructured,
+    start: Reals,
+    cell: Reals,
+    fit: Fitted,
+    number: int,
+    factor: Reals,
+    place: Mapping[str, int],
+) -> Reals:
+    """The box of theta in one cell."""
+    n, fixed = len(parts.poles), dict(model.fixed)
+    box = start.copy()
+    for i, name in enumerate(parts.poles):
+        box[0, place[name]] = max(box[0, place[name]], cell[0, i])
+        box[1, place[name]] = min(box[1, place[name]], cell[1, i])
+    scale = (float(factor[0]), float(factor[1]))
+    ends: dict[Total, Ends] = {}
+    for i, word in enumerate(parts.words):
+        constant = float(parts.constants[i])
+        for name in word:
+            constant /= fixed.get(name, 1.0)
+        free = tuple(sorted(place[name] for name in word if name not in fixed))
+        if free and np.all(np.isfinite(scale)):
+            ends[free,] = _spread(
+                [a * b * constant for a in scale for b in cell[:, n + i].tolist()]
+            )
+    for m, (name, power) in enumerate(zip(parts.weights, parts.powers, strict=True)):
+        if name in fixed or not fit.bounded[number]:
+            continue
+        middle, radius = float(fit.gamma[number, m]), float(fit.radius[number, m])
+        divisor = _power(scale, power)
+        if power and (not np.all(np.isfinite(scale)) or divisor[0] <= 0.0 <= divisor[1]):
+            continue
+        ends[((place[name],),)] = _spread(
+            [a / b for a in (middle - radius, middle + radius) for b in divisor]
+        )
+    return contracted(box, ends, ())
+
+
+def _power(ends: Ends, power: int) -> Ends:
+    low, high = sorted((ends[0] ** power, ends[1] ** power))
+    if power % 2 == 0 and power and ends[0] < 0.0 < ends[1]:
+        low = 0.0
+    return low, high
+
+
+def _spread(corners: list[float]) -> Ends:
+    low, high = min(corners), max(corners)
+    return low - 1e-12 * abs(low), high + 1e-12 * abs(high)

@@ -1,0 +1,229 @@
+"""Proved ranges of linear functions of the parameters over the feasible parameter set.
+
+A :class:`Cover` is a box and linear rows that every consistent parameter vector obeys. For
+equation errors alone it *is* the feasible set; otherwise the noise is replaced by its
+largest effect and ``abs(theta)`` by its chord over the box. Multipliers may come from anywhere
+(:mod:`setid.feasible_set.supports` takes those of linear programs); the bound is what weak
+duality makes of them, every rounding error included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen
+from setid.formulation.formulation import Formulation
+
+__all__ = ["Cover", "Multipliers", "box_ranges", "cover", "supports"]
+
+Reals = NDArray[np.float64]
+_EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cover:
+    """A polytope that provably contains every consistent parameter vector.
+
+    Parameters
+    ----------
+    names : tuple of str
+    lower, upper : (p,) float
+        The outer intervals.
+    matrix, right : (m, p), (m,) float
+        Rows ``matrix @ theta <= right``: those of the problem as they are, others relaxed
+        by more than their rounding errors.
+    exact : bool
+        Whether the feasible set is this polytope (equation errors and linear priors alone).
+    """
+
+    names: tuple[str, ...]
+    lower: Reals
+    upper: Reals
+    matrix: Reals
+    right: Reals
+    exact: bool
+
+    @property
+    def centre(self) -> Reals:
+        """Middle of the box, shape (p,); NaN where the box is not finite."""
+        finite = np.isfinite(self.lower) & np.isfinite(self.upper)
+        low, high = np.where(finite, self.lower, np.nan), np.where(finite, self.upper, np.nan)
+        return low / 2 + high / 2
+
+    @property
+    def magnitude(self) -> Reals:
+        """Largest absolute value of each parameter, shape (p,)."""
+        return np.maximum(np.abs(self.lower), np.abs(self.upper))
+
+    @property
+    def spread(self) -> Reals:
+        """Distance of the centre from the ends, rounded up, shape (p,)."""
+        ends = np.maximum(self.upper - self.centre, self.centre - self.lower)
+        return np.nextafter(ends, np.inf)
+
+
+class Multipliers(Protocol):
+    """Whatever proposes multipliers of the rows of a cover; nothing is asked of their quality."""
+
+    def multipliers(self, direction: Reals) -> Reals:
+        """Multipliers (m,) for the largest value of direction'theta."""
+        ...
+
+
+def cover(formulation: Formulation, lower: Reals, upper: Reals) -> Cover:
+    """State box and rows in theta alone that every consistent parameter vector obeys.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    lower, upper : (p,) float
+        Proved bounds of the parameters.
+
+    Returns
+    -------
+    Cover
+    """
+    matrix, right, all_linear = _linear_constraints(formulation)
+    if not all_linear and formulation.smoothed is not None:
+        more, width = _regression_rows(formulation, lower, upper)
+        matrix, right = np.concatenate([matrix, more]), np.concatenate([right, width])
+    matrix, right = _binding(matrix, right, lower, upper)
+    ends = frozen(np.array(lower)), frozen(np.array(upper))
+    return Cover(formulation.parameters, *ends, frozen(matrix), frozen(right), all_linear)
+
+
+def supports(
+    cover: Cover,
+    directions: NDArray | list[list[float]],
+    proposer: Callable[[Cover], Multipliers],
+) -> Reals:
+    """Bound linear functions of theta from below and above.
+
+    Parameters
+    ----------
+    cover : Cover
+    directions : (K, p) float
+        Coefficients of the functions.
+    proposer : callable
+        Makes a source of multipliers for a finite cover with rows; not trusted.
+
+    Returns
+    -------
+    (K, 2) float
+        Lower and upper bounds over every consistent parameter vector.
+
+    References
+    ----------
+    A. Neumaier, O. Shcherbina, "Safe bounds in linear and mixed-integer linear
+    programming", Mathematical Programming 99 (2004) 283-296, section 2.
+    """
+    wanted = np.atleast_2d(np.asarray(directions, float))
+    ranges = box_ranges(cover, wanted)
+    usable = np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)) and cover.right.size
+    if not usable:
+        return ranges
+    source = proposer(cover)
+    for k, direction in enumerate(wanted):
+        if np.any(direction) and ranges[k, 1] > ranges[k, 0]:
+            high = _safe_maximum(cover, direction, source.multipliers(direction))
+            low = -_safe_maximum(cover, -direction, source.multipliers(-direction))
+            ranges[k] = max(ranges[k, 0], low), min(ranges[k, 1], high)
+    return ranges
+
+
+def box_ranges(cover: Cover, directions: Reals) -> Reals:
+    """Ranges over the box alone, rounded outwards, shape (K, 2)."""
+    with np.errstate(invalid="ignore"):
+        ends = np.stack([directions * cover.lower, directions * cover.upper])
+    ends = np.where(directions == 0.0, 0.0, ends)
+    sizes = np.abs(np.where(np.isfinite(ends), ends, 0.0)).max(axis=0).sum(axis=1)
+    slack = 2 * (directions.shape[1] + 2) * _EPS * sizes
+    low, high = ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1)
+    return np.stack([low - slack, high + slack], axis=1)
+
+
+# ---- rows -------------------------------------------------------------------------------
+
+
+def _linear_constraints(formulation: Formulation) -> tuple[Reals, Reals, bool]:
+    """Constraints in theta alone that are linear, and whether these are all."""
+    problem, p = formulation.problem, len(formulation.parameters)
+    matrix, right = [], []
+    for row in problem.constraints:
+        polynomial = row.polynomial
+        if polynomial.degree > 1 or np.any(polynomial.support >= p):
+            continue
+        slope, constant = np.zeros(p), 0.0
+        letters = polynomial.words.max(axis=1).tolist()
+        for letter, value in zip(letters, polynomial.coefficients.tolist(), strict=True):
+            if letter:
+                slope[letter - 1] = value
+            else:
+                constant = value
+        signs = (1.0, -1.0) if row.kind is sp.Kind.ZERO else (1.0,)
+        matrix += [-sign * slope for sign in signs]
+        right += [sign * constant for sign in signs]
+    every = problem.degree <= 1 and problem.dimension == p
+    return np.reshape(matrix, (-1, p)), np.array(right), every
+
+
+def _regression_rows(formulation: Formulation, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+    """Rows of the regression, abs(theta) replaced by its chord over the box."""
+    rows = formulation.smoothed
+    assert rows is not None
+    slope, level = _chords(lower, upper)
+    usable = ~np.any(np.isinf(level) & (rows.radii > 0), axis=1)
+    level = np.where(np.isinf(level), 0.0, level)
+    target, radii, regressors = (x[usable] for x in (rows.target, rows.radii, rows.regressors))
+    width = rows.radius[usable] + radii @ level
+    size = np.maximum(np.abs(lower), np.abs(upper))
+    size = np.where(np.isfinite(size), size, 0.0)
+    slack = 8 * (lower.size + 4) * _EPS
+    slack = slack * (np.abs(target) + width + (np.abs(regressors) + radii) @ size)
+    matrix = np.concatenate([regressors - radii * slope, -regressors - radii * slope])
+    right = np.concatenate([width - target + slack, width + target + slack])
+    return matrix, right
+
+
+def _chords(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+    """slope, level with abs(t) <= slope t + level on each interval; level inf where none is."""
+    mixed = (lower < 0) & (upper > 0)
+    finite = mixed & np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(finite, lower, -1.0), np.where(finite, upper, 1.0)
+    slope = np.where(finite, (high + low) / (high - low), np.where(lower >= 0, 1.0, -1.0))
+    level = -2.0 * (low / (high - low)) * high
+    level = level + 8 * _EPS * (level + high - low)  # the chord of a convex function, raised
+    return np.where(mixed & ~finite, 0.0, slope), np.where(
+        finite, level, np.where(mixed, np.inf, 0.0)
+    )
+
+
+def _binding(matrix: Reals, right: Reals, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+    """Rows that cut the box; leaving others out only enlarges the cover."""
+    with np.errstate(invalid="ignore"):
+        ends = np.maximum(matrix * lower, matrix * upper)
+    most = np.where(matrix == 0.0, 0.0, ends).sum(axis=1)
+    cuts = ~(most <= right)
+    return matrix[cuts], right[cuts]
+
+
+# ---- bounds -----------------------------------------------------------------------------
+
+
+def _safe_maximum(cover: Cover, direction: Reals, multipliers: Reals) -> float:
+    """Upper bound of direction'theta from any multipliers, rounding included; NaN says nothing."""
+    used = (multipliers > 0) & np.isfinite(multipliers)
+    weight, matrix, right = multipliers[used], cover.matrix[used], cover.right[used]
+    unit = 4 * (weight.size + direction.size + 4) * _EPS
+    rest = direction - weight @ matrix
+    doubt = unit * (np.abs(direction) + weight @ np.abs(matrix))
+    over_box = np.maximum(rest * cover.lower, rest * cover.upper)
+    size = cover.magnitude
+    slack = unit * (weight @ np.abs(right) + np.abs(rest) @ size) + doubt @ size
+    return float((weight @ right + over_box.sum() + slack) * 1.0 + unit * np.abs(slack))

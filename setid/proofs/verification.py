@@ -1,0 +1,193 @@
+"""Check claims about a record again, from the data and without any solver."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+import numpy as np
+
+import sparsepop_py as sp
+from setid.data.record import IOData
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import InUnits, in_units
+from setid.models.block import BlockStructured
+from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.existence import admitted
+from setid.proofs.free_parameters import free_parameters
+from setid.proofs.normalisation import reference_follows, unidentifiable
+from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
+
+__all__ = ["verify"]
+
+
+def verify(claims: Evidence, data: IOData | None = None) -> Verification:
+    """Check formulation, box, outer and inner ends from the data.
+
+    Parameters
+    ----------
+    claims : Evidence
+    data : IOData, optional
+        The record; the one that was stored when left out.
+
+    Returns
+    -------
+    Verification
+        True where every claim holds; no value of a solver is trusted.
+    """
+    given = claims.formulation
+    again = formulate(given.data if data is None else data, given.model, given.noise, given.priors)
+    if again.problem.fingerprint != given.problem.fingerprint:
+        return Verification(False, "the result belongs to other data")
+    if [(name, item.name) for name, item in claims.intervals.items()] != [
+        (name, name) for name in again.parameters
+    ]:
+        return Verification(False, "the intervals are not those of the parameters, in their order")
+    if claims.reference is not None:
+        return _verify_reference(claims, claims.reference, again)
+    if claims.box is not None:
+        if not box_follows(claims.box, again):
+            return Verification(False, "the box does not follow from the data")
+        if claims.box.empty:
+            return Verification(claims.empty, "" if claims.empty else _NOT_EMPTY)
+    if claims.bounds:
+        return _verify_linear(claims, again)
+    problem = problem_on_box(again, claims.box)
+    if problem.fingerprint != claims.problem.fingerprint:
+        return Verification(False, "the problem is not that of the box")
+    return _verify_results(claims, again, in_units(problem, again))
+
+
+_NOT_EMPTY = "the box is empty, and the intervals are not"
+
+
+def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> Verification:
+    """Check the evidence with a normalisation, and that no more is claimed than follows."""
+    reference = found.formulation.model
+    if not isinstance(again.model, BlockStructured) or not isinstance(reference, BlockStructured):
+        return Verification(False, "only block structures have a reference")
+    if not reference_follows(again, reference, claims.nonzero):
+        return Verification(False, "the normalisation of the reference does not follow")
+    wanted = formulate(again.data, reference, again.noise, again.priors).problem
+    if wanted.fingerprint != found.formulation.problem.fingerprint:
+        return Verification(False, "the reference is not that of the data")
+    if found.empty != claims.empty:
+        return Verification(False, "emptiness is not that of the reference")
+    known: dict[str, Any] = {n: (item.outer, item.inner) for n, item in found.intervals.items()}
+    known |= dict.fromkeys(unidentifiable(again.model), ((-inf, inf), None))
+    for name, item in claims.intervals.items():
+        if not claims.empty and (item.outer, item.inner) != known.get(name):
+            return Verification(False, f"the interval of {name} is not that of the reference")
+    return verify(found, again.data)
+
+
+def _verify_linear(claims: Evidence, again: Formulation) -> Verification:
+    proved, asked = [], objectives(again)
+    if len(claims.bounds) != len(asked):
+        return Verification(False, "bounds are missing")
+    for bound, objective in zip(claims.bounds, asked, strict=True):
+        verdict = bound.verify(again.problem, objective)
+        if not verdict.ok:
+            return Verification(False, verdict.reason)
+        proved.append((bound.lower, bound.upper))
+    for place, item in enumerate(claims.intervals.values()):
+        falls = [upper == -inf for _, upper in proved[2 * place : 2 * place + 2]]
+        if str(item.status) in ("unbounded", "unidentifiable"):
+            if not (all if str(item.status) == "unidentifiable" else any)(falls):
+                return Verification(False, f"it is not proved that {item.name} is {item.status}")
+    return _ends_follow(claims, proved)
+
+
+def _verify_results(claims: Evidence, again: Formulation, scaled: InUnits) -> Verification:
+    claimed = {n for n, item in claims.intervals.items() if str(item.status) == "unbounded"}
+    why = claims.unbounded if claimed else None
+    shown = why.names if why is not None and why.verify(again) else ()
+    if not claimed <= set(shown):
+        return Verification(False, f"it is not proved that {', '.join(claimed)} are unbounded")
+    problem, known = scaled.problem, dict[int, Any]()
+    count = 2 * len(again.parameters)
+    if len(claims.ends) not in (0, count):
+        return Verification(False, "proofs of ends are missing")
+    ends = [(problem_low(problem, number), inf) for number in range(count)]
+    asked, points = objectives(again), list[sp.ProvedPoint]()
+    for number, found in enumerate(claims.ends):
+        about = problem.with_objective(scaled.asked(asked[number])[0])
+        lower, upper = problem_low(problem, number), inf
+        if found.certificate is not None:
+            verdict = found.certificate.verify(about, known)
+            if not verdict.ok:
+                return Verification(False, verdict.reason)
+            lower = max(lower, found.certificate.bound)
+        if found.attained is not None:
+            point = found.attained.recheck(about)
+            if point is None:
+                return Verification(False, "an attained point could not be proved again")
+            if _is_admitted(again, scaled, point):
+                upper = point.value
+                points.append(point)
+        ends[number] = lower, upper
+    for number, (lower, upper) in enumerate(ends):
+        unit = float(scaled.units[number // 2])
+        upper = min([upper, *(_reached(problem, p, number) for p in points)])
+        ends[number] = lower * unit, upper * unit
+    return _ends_follow(claims, ends) if claims.empty else _with_free(claims, again, ends, points)
+
+
+def _is_admitted(again: Formulation, scaled: InUnits, point: sp.ProvedPoint) -> bool:
+    p = len(again.parameters)
+    units = scaled.units[:p]
+    return admitted(again, point.x[:p] * units, point.radius * units)
+
+
+def _with_free(
+    claims: Evidence,
+    again: Formulation,
+    ends: list[tuple[float, float]],
+    points: list[sp.ProvedPoint],
+) -> Verification:
+    """The same for parameters that change no row, which the ends of the problem are not about."""
+    free = set(free_parameters(again)[0])
+    for place, item in enumerate(claims.intervals.values()):
+        silent = not np.any(again.problem.rows.words == place + 1)
+        if str(item.status) == "unidentifiable" and not (silent or item.name in free):
+            return Verification(False, f"it is not proved that {item.name} is unidentifiable")
+        if item.name in free:
+            ends[2 * place : 2 * place + 2] = [(-inf, -inf)] * 2
+        elif silent:
+            ends[2 * place : 2 * place + 2] = _given(again, place, bool(points))
+    return _ends_follow(claims, ends)
+
+
+def _given(again: Formulation, place: int, attained: bool) -> list[tuple[float, float]]:
+    """The ends of a parameter that no row speaks of: its own bounds."""
+    low, high = float(again.problem.lower[place]), -float(again.problem.upper[place])
+    return [(low, low if attained else inf), (high, high if attained else inf)]
+
+
+def _reached(problem: sp.Problem, point: sp.ProvedPoint, number: int) -> float:
+    """An upper end of objective ``number`` at a proved point."""
+    place, sign = number // 2, 1.0 if number % 2 == 0 else -1.0
+    if problem.lower[place] == problem.upper[place]:
+        return sign * float(problem.lower[place])
+    return float(np.nextafter(sign * point.x[place] + point.radius, inf))
+
+
+def problem_low(problem: sp.Problem, number: int) -> float:
+    """What the bounds of the problem say of objective ``number``."""
+    i = number // 2
+    return float(problem.lower[i] if number % 2 == 0 else -problem.upper[i])
+
+
+def _ends_follow(claims: Evidence, ends: list[tuple[float, float]]) -> Verification:
+    """Whether the intervals claim no more than was found again."""
+    for number, item in enumerate(claims.intervals.values()):
+        low, high = ends[2 * number], ends[2 * number + 1]
+        if claims.empty:
+            if not any(end[0] == inf for end in ends):
+                return Verification(False, "emptiness does not follow")
+            continue
+        if item.outer[0] > low[0] or item.outer[1] < -high[0]:
+            return Verification(False, f"the outer interval of {item.name} does not follow")
+        if item.inner is not None and (item.inner[0] < low[1] or item.inner[1] > -high[1]):
+            return Verification(False, f"the inner interval of {item.name} is not attained")
+    return Verification(True)

@@ -1,0 +1,1 @@
+"""What an identification returns, and what is said of it."""

@@ -1,0 +1,152 @@
+"""Put results of identification together, with notes where nothing is found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import FrozenMapping
+from setid.formulation.formulation import Formulation
+from setid.models.block import BlockStructured, HammersteinWiener, Wiener
+from setid.options import Options
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.normalisation import Nonzero
+from setid.proofs.parameter_box import ProvedBox
+from setid.proofs.unbounded import Unbounded
+from setid.result.identification import Identification
+from setid.result.reports import active_priors
+
+__all__ = ["Outcome", "empty_result", "free_text", "result_of", "simpler_text", "unbounded_text"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """What the stages of an identification found, ahead of its intervals.
+
+    Parameters
+    ----------
+    problem : sparsepop_py.Problem, optional
+        That of the formulation when left out.
+    box, bounds, results, samples, notes, unbounded, reference, nonzero
+        As of :class:`Identification`.
+    """
+
+    problem: sp.Problem | None = None
+    box: ProvedBox | None = None
+    bounds: tuple[sp.LinearBound, ...] = ()
+    results: tuple[sp.Result, ...] = ()
+    samples: tuple[tuple[int, int], ...] = ()
+    notes: tuple[str, ...] = ()
+    unbounded: Unbounded | None = None
+    reference: Identification | None = None
+    nonzero: Nonzero | None = None
+
+
+def result_of(
+    formulation: Formulation,
+    settings: Options,
+    timings: Mapping[str, float],
+    intervals: Sequence[ParameterInterval],
+    outcome: Outcome,
+) -> Identification:
+    """Put the parts of a result together.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    settings : Options
+    timings : mapping of str to float
+    intervals : sequence of ParameterInterval
+        One a parameter, in their order.
+    outcome : Outcome
+    """
+    points = [w for item in intervals for w in item.witnesses if w is not None]
+    return Identification(
+        formulation=formulation,
+        intervals=FrozenMapping({item.name: item for item in intervals}),
+        problem=formulation.problem if outcome.problem is None else outcome.problem,
+        options=settings,
+        assumptions=formulation.assumptions,
+        box=outcome.box,
+        bounds=outcome.bounds,
+        results=outcome.results,
+        active=FrozenMapping(active_priors(formulation, points) if points else {}),
+        samples=outcome.samples,
+        timings=FrozenMapping(dict(timings)),
+        notes=outcome.notes,
+        unbounded=outcome.unbounded,
+        reference=outcome.reference,
+        nonzero=outcome.nonzero,
+    )
+
+
+def empty_result(
+    formulation: Formulation, settings: Options, timings: Mapping[str, float], outcome: Outcome
+) -> Identification:
+    """Put together the result of a feasible set that is proved empty.
+
+    Parameters
+    ----------
+    formulation, settings, timings, outcome
+        As of :func:`result_of`.
+    """
+    status = IntervalStatus.EMPTY
+    items = [ParameterInterval(n, (inf, -inf), None, status) for n in formulation.parameters]
+    noted = replace(outcome, notes=(*outcome.notes, *_exactness(formulation)))
+    return result_of(formulation, settings, timings, items, noted)
+
+
+def _exactness(formulation: Formulation) -> list[str]:
+    """Readings are rounded, so noise of exactly zero is almost never consistent."""
+    if any(np.any(bound > 0) for bound in formulation.noise.bounds(formulation.data)):
+        return []
+    y = formulation.data.y
+    size = float(np.nanmax(np.abs(y))) * 2.0**-50
+    return [
+        "readings are rounded, so that no parameters explain them with noise of exactly zero: give "
+        "bounds of the errors, output= and input= of the sensors or equation= of the model "
+        "(setid.consistency finds the least that explain the record); of an exact simulation the "
+        f"rounding alone, Noise(equation={size:.1e})"
+    ]
+
+
+def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
+    """Say which parameters the data leave unbounded, and what bounds them."""
+    names = ", ".join(formulation.parameters[i] for i in loose)
+    model = formulation.model
+    if isinstance(model, BlockStructured) and formulation.products is None:
+        first = " and initial='zero'" if model.initial == "free" else ""
+        return (
+            f"the data give no finite bounds of {names}: the outputs are no sums of products of "
+            f"measured signals; give Box for {names}"
+            + (f", or Stable{first}" if isinstance(model, Wiener | HammersteinWiener) else "")
+        )
+    return (
+        f"the data give no finite bounds of {names}: the noise is strong for this input; give "
+        "a prior such as Box or Stable, a longer record, or more excitation"
+    )
+
+
+def free_text(free: tuple[str, ...]) -> tuple[str, ...]:
+    """Say that noise alone explains the record."""
+    if not free:
+        return ()
+    return (
+        "noise within its bounds explains the whole record without any system: nothing is learnt "
+        f"of {', '.join(free)}; excite more strongly, or lower the noise bounds",
+    )
+
+
+def simpler_text(unbounded: Unbounded) -> tuple[str, ...]:
+    """Say that a simpler structure makes parameters unbounded."""
+    simpler = unbounded.model
+    return (
+        f"the data give no finite bounds of {', '.join(unbounded.names)}, proved: {simpler!r} with "
+        "a pole less explains the data as well, and nothing limits the pole that is added to it; "
+        "take the lower order, less noise, more excitation, or a prior such as Stable",
+    )

@@ -1,0 +1,322 @@
+"""What an identification returns: proved intervals, attained points, and what they rest on.
+
+``outer`` always means *proved*: every parameter vector that is consistent with the data,
+the structure, the noise bounds and the priors lies in it. ``inner`` always means
+*attained*: consistent parameters with these values provably exist.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sparsepop_py as sp
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.proofs.evidence import EndProof, Evidence, Verification
+from setid.proofs.intervals import IntervalStatus
+from setid.proofs.normalisation import Nonzero
+from setid.proofs.parameter_box import ProvedBox
+from setid.proofs.unbounded import Unbounded
+from setid.proofs.verification import verify
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from setid.bands.outputs import Comparison, Mode, OutputBand
+    from setid.bands.responses import Kind
+    from setid.export.python_control import ControlModels
+    from setid.feasible_points.centre import Central
+    from setid.feasible_set.projections import Projection
+
+__all__ = ["Identification"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Identification(FeasibleSet):
+    """Parameter uncertainty intervals of one record, and all that they rest on.
+
+    A :class:`FeasibleSet` with the evidence for it.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Data, structure, noise, priors, and the problem that they make.
+    intervals : mapping of str to ParameterInterval
+        One a parameter, in the order of ``formulation.parameters``.
+    problem : sparsepop_py.Problem
+        The problem that the bounds are about: that of the formulation, on the box.
+    options : Options
+    assumptions : tuple of str
+        What the conclusions take for granted.
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
+        The box of the parameters from the data alone, with its proof; None where linear
+        programs settle everything, or where rows of the data give none.
+    bounds : tuple of sparsepop_py.LinearBound
+        For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
+    results : tuple of sparsepop_py.Result
+        Otherwise: what the engine proved and attained of theta_1, -theta_1, theta_2, ..., in
+        the units of :func:`setid.formulation.formulation.units.in_units`, powers of two.
+    active : mapping of str to bool
+        For each prior (as it describes itself), whether it holds with equality at some
+        attained end of an interval.
+    samples : tuple of (record, sample)
+        Where the set is empty: the samples, from 1, whose rows contradict each other.
+    timings : mapping of str to float
+        CPU seconds of each stage.
+    notes : tuple of str
+        What was observed on the way.
+    unbounded : Unbounded, optional
+        What proves that parameters are unbounded.
+    reference : Identification, optional
+        For a structure without a normalisation: the result with the one that was used.
+    nonzero : ParameterBox or CellBox, optional
+        What proves that this normalisation excludes no consistent system.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> result = setid.identify(data, model, setid.Noise(equation=0.5))
+    >>> result.intervals["a1"]
+    a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+    >>> bool(result.verify(data))
+    True
+    """
+
+    assumptions: tuple[str, ...] = ()
+    box: ProvedBox | None = None
+    bounds: tuple[sp.LinearBound, ...] = ()
+    results: tuple[sp.Result, ...] = ()
+    active: Mapping[str, bool] = field(default_factory=dict)
+    samples: tuple[tuple[int, int], ...] = ()
+    timings: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    unbounded: Unbounded | None = None
+    reference: Identification | None = None
+    nonzero: Nonzero | None = None
+
+    @property
+    def status(self) -> IntervalStatus:
+        """The least settled status of all parameters."""
+        found = {interval.status for interval in self.intervals.values()}
+        return next(status for status in _WORST_FIRST if status in found)
+
+    @property
+    def evidence(self) -> Evidence:
+        """The claims and all that they rest on, as :func:`setid.verify` checks them."""
+        return Evidence(
+            formulation=self.formulation,
+            intervals=self.intervals,
+            problem=self.problem,
+            box=self.box,
+            bounds=self.bounds,
+            ends=tuple(EndProof(r.certificate, r.attained) for r in self.results),
+            unbounded=self.unbounded,
+            reference=None if self.reference is None else self.reference.evidence,
+            nonzero=self.nonzero,
+        )
+
+    # ---- texts --------------------------------------------------------------------------
+
+    def table(self) -> str:
+        """Intervals as text, one row a parameter; outer ends rounded outwards."""
+        from setid.result.reports import table
+
+        return table(self)
+
+    def summary(self) -> str:
+        """The table, what it rests on, and what to do about wide or empty intervals."""
+        from setid.result.reports import Remarks, summary
+
+        return summary(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+
+    def binding(self) -> tuple[tuple[int, int, int], ...]:
+        """Samples whose noise is at its bound where ends of intervals are attained.
+
+        Returns
+        -------
+        tuple of (record, sample, count)
+            Most frequent first: these samples decide how wide the intervals are.
+        """
+        from setid.result.reports import binding
+
+        return binding(self)
+
+    def verify(self, data: IOData | None = None) -> Verification:
+        """Check every claim again from the data, without any solver.
+
+        Parameters
+        ----------
+        data : IOData, optional
+            The record; the one that was stored when left out.
+
+        Returns
+        -------
+        Verification
+            True where the formulation, the box, all outer ends and all attained ends hold.
+        """
+        return verify(self.evidence, data)
+
+    # ---- estimates ----------------------------------------------------------------------
+
+    @property
+    def centre(self) -> Central:
+        """Middle of the outer box, consistent or not; see :func:`setid.central`."""
+        from setid.feasible_points.centre import central
+
+        return central(self)
+
+    def error(self, theta: ArrayLike) -> NDArray[np.float64]:
+        """Proved worst-case errors (p,) of an estimate; see :func:`setid.worst_case_error`."""
+        from setid.feasible_points.centre import worst_case_error
+
+        return worst_case_error(self, theta)
+
+    @property
+    def feasible(self) -> NDArray[np.float64]:
+        """A consistent parameter vector (p,); see :func:`setid.feasible`."""
+        from setid.feasible_points.members import feasible
+
+        return feasible(self)
+
+    @property
+    def projection(self) -> NDArray[np.float64]:
+        """Parameters (p,) whose equations fit best; see :func:`setid.projection_estimate`."""
+        from setid.feasible_points.members import projection_estimate
+
+        return projection_estimate(self)
+
+    def consistent(self, theta: ArrayLike | Mapping[str, float]) -> NDArray[np.float64] | None:
+        """Prove that a parameter vector is consistent with data, noise bounds and priors.
+
+        Parameters
+        ----------
+        theta : array_like (p,) or mapping of names to numbers
+
+        Returns
+        -------
+        (n,) float or None
+            A witness, noise included, near which a consistent one provably exists with
+            exactly these parameters; None where no proof was found.
+        """
+        from setid.feasible_points.witness import consistent
+
+        return consistent(self.formulation, theta)
+
+    # ---- one-line delegations -----------------------------------------------------------
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the intervals, outer and inner; see :func:`setid.plots.intervals.plot_intervals`."""
+        from setid.plots.intervals import plot_intervals
+
+        return plot_intervals(self, ax)
+
+    def bode(
+        self,
+        omega: ArrayLike | None = None,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+    ) -> NDArray[Any] | Axes:
+        """Draw the band of gain and phase; see :func:`setid.frequency_band`."""
+        from setid.bands.responses import frequency_band
+
+        return frequency_band(self, omega, kind, output, input).plot("bode")
+
+    def nyquist(
+        self,
+        omega: ArrayLike | None = None,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+    ) -> NDArray[Any] | Axes:
+        """Draw the band of the frequency response; see :func:`setid.frequency_band`."""
+        from setid.bands.responses import frequency_band
+
+        return frequency_band(self, omega, kind, output, input).plot("nyquist")
+
+    def nichols(
+        self,
+        omega: ArrayLike | None = None,
+        kind: Kind = "proved",
+        output: int = 1,
+        input: int = 1,
+    ) -> NDArray[Any] | Axes:
+        """Draw gain over phase; see :func:`setid.frequency_band`."""
+        from setid.bands.responses import frequency_band
+
+        return frequency_band(self, omega, kind, output, input).plot("nichols")
+
+    def step(
+        self, length: int = 50, kind: Kind = "proved", output: int = 1, input: int = 1
+    ) -> Axes:
+        """Draw the band of step responses; see :func:`setid.step_band`."""
+        from setid.bands.responses import step_band
+
+        return step_band(self, length, kind, output, input).plot()
+
+    def fps(self, first: str, second: str, directions: int = 16) -> Projection:
+        """The feasible parameter set over two parameters; see :func:`setid.project`."""
+        from setid.feasible_set.projections import project
+
+        return project(self, first, second, directions)
+
+    def simulate(
+        self, data: IOData | None = None, kind: Kind | None = None, noise: Noise | None = None
+    ) -> OutputBand:
+        """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`."""
+        from setid.bands.outputs import simulate_band
+
+        return simulate_band(self, data, kind, noise)
+
+    def predict(self, data: IOData | None = None, noise: Noise | None = None) -> OutputBand:
+        """One-step predictions with bands; see :func:`setid.predict`."""
+        from setid.bands.outputs import predict
+
+        return predict(self, data, noise)
+
+    def compare(
+        self,
+        validation: IOData | None = None,
+        mode: Mode = "simulation",
+        kind: Kind | None = None,
+        noise: Noise | None = None,
+    ) -> Comparison:
+        """Fit to a record and the guaranteed band; see :func:`setid.compare`."""
+        from setid.bands.outputs import compare
+
+        return compare(self, validation, mode, kind, noise)
+
+    def to_control(self, omega: ArrayLike | None = None, kind: Kind = "sampled") -> ControlModels:
+        """Models of python-control; see :func:`setid.to_control`."""
+        from setid.export.python_control import to_control
+
+        return to_control(self, omega, kind)
+
+    @property
+    def endless(self) -> Unbounded | None:
+        """Deprecated name of ``unbounded``."""
+        text = "Identification.endless is now Identification.unbounded"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
+        return self.unbounded
+
+    def __repr__(self) -> str:
+        lines = [repr(interval) for interval in self.intervals.values()]
+        return "<Identification: " + "; ".join(lines) + ">"
+
+
+_WORST_FIRST = (
+    IntervalStatus.EMPTY,
+    IntervalStatus.UNIDENTIFIABLE,
+    IntervalStatus.UNBOUNDED,
+    IntervalStatus.PARTIAL,
+    IntervalStatus.CERTIFIED,
+)

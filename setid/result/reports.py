@@ -1,0 +1,194 @@
+"""Reports for people: the table, the samples that bind, and what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.feasible_points.centre import central
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.formulation.completion import noise_shares
+from setid.formulation.formulation import Formulation
+from setid.formulation.printing import rounded
+
+__all__ = ["Remarks", "active_priors", "binding", "binding_kinds", "summary", "table"]
+
+_KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
+_NEAR = 1e-6  # closer than this (relative) to a bound counts as at it
+_WIDE = 0.3  # relative half width from which an interval is called wide
+
+
+def table(result: FeasibleSet) -> str:
+    """Intervals as text, outer ends rounded outwards and inner ones inwards."""
+    line = "{:<10}{:>15}{:>15}{:>15}{:>15}{:>10}  {}"
+    head = line.format("parameter", "outer", "", "inner", "", "width", "status")
+    lines = [head, "-" * len(head)]
+    for item in result.intervals.values():
+        inner = ("-", "-")
+        if item.inner is not None:
+            inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
+        outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+        if result.empty:
+            outer = ("empty", "")
+        lines.append(line.format(item.name, *outer, *inner, f"{item.width:.3g}", item.status))
+    return "\n".join(lines)
+
+
+def binding(result: FeasibleSet) -> tuple[tuple[int, int, int], ...]:
+    """Samples whose noise is at its bound where ends are attained: (record, sample, count)."""
+    count: dict[tuple[int, int], int] = {}
+    for record, sample, _ in _hits(result):
+        count[record, sample] = count.get((record, sample), 0) + 1
+    order = sorted(count, key=lambda key: (-count[key], key))
+    return tuple((*key, count[key]) for key in order)
+
+
+def binding_kinds(result: FeasibleSet) -> dict[str, int]:
+    """How often each kind of noise is at its bound where ends are attained."""
+    count: dict[str, int] = {}
+    for *_, kind in _hits(result):
+        count[kind] = count.get(kind, 0) + 1
+    return count
+
+
+def _hits(result: FeasibleSet) -> list[tuple[int, int, str]]:
+    """(record, sample, kind) for each noise sample at its bound at each attained end."""
+    formulation, found = result.formulation, []
+    problem, rows, data = formulation.problem, formulation.rows, formulation.data
+    band = np.flatnonzero((rows.sample > 0) & ~problem.equality)
+    constant = np.array([problem.constraints[i].polynomial.constant_term for i in band])
+    for x in result.witnesses:
+        values = problem.rows.values(x)[band]
+        for row in band[np.abs(values) <= _NEAR * (np.abs(constant) + 1e-300)].tolist():
+            found.append((int(rows.record[row]), int(rows.sample[row]), _KINDS["e"]))
+        for group, kind in _KINDS.items():
+            numbers = formulation.layout.group(group)
+            place, channel = np.nonzero(numbers >= 0)
+            bound = problem.upper[numbers[place, channel]]
+            full = np.abs(x[numbers[place, channel]]) >= (1.0 - _NEAR) * bound
+            for row in place[full].tolist():
+                sample = row - int(data.first[row]) + 1
+                found.append((int(data.record[row]) + 1, sample, kind))
+    return found
+
+
+def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -> dict[str, bool]:
+    """For each prior, whether it holds with equality at some of the points."""
+    problem, layout = formulation.problem, formulation.layout
+    values = [problem.rows.values(x) for x in points]
+    found: dict[str, bool] = {}
+    for place, prior in enumerate(formulation.priors):
+        rows = [r for r in formulation.rows.of_prior(place) if not problem.equality[r]]
+        sizes = [np.abs(problem.constraints[r].polynomial.coefficients).sum() for r in rows]
+        tight = any(
+            v[r] <= _NEAR * size for v in values for r, size in zip(rows, sizes, strict=True)
+        )
+        ends = {**prior.bounds(formulation.model), **prior.unknowns(formulation.model)}
+        for name, (low, high) in ends.items():
+            unit = _NEAR * max(1.0, *(abs(end) for end in (low, high) if np.isfinite(end)), 0.0)
+            x = np.array([point[layout.index(name)] for point in points])
+            tight = tight or bool(np.any((x <= low + unit) | (x >= high - unit)))
+        found[prior.describe()] = found.get(prior.describe(), False) or tight
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Remarks:
+    """What a summary says beside the intervals; fields as of :class:`Identification`."""
+
+    active: Mapping[str, bool]
+    samples: tuple[tuple[int, int], ...]
+    notes: tuple[str, ...]
+    assumptions: tuple[str, ...]
+
+
+def summary(result: FeasibleSet, remarks: Remarks) -> str:
+    """Write the table, what it rests on, and what to do about wide or empty intervals.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    remarks : Remarks
+    """
+    lines = [repr(result.formulation)[1:-1], "", table(result), ""]
+    statuses = dict.fromkeys(item.status for item in result.intervals.values())
+    lines += [f"{status}: {status.message}" for status in statuses]
+    lines += _centre(result)
+    lines += _advice(result, remarks)
+    for text, active in remarks.active.items():
+        lines.append(f"prior {text}: {'active' if active else 'not active'}")
+    lines += [f"note: {text}" for text in remarks.notes]
+    lines += ["taken for granted:", *(f"- {text}" for text in remarks.assumptions)]
+    return "\n".join(lines)
+
+
+def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
+    if result.empty:
+        return [_conflicting(result, remarks)]
+    lines = []
+    wide = [
+        item.name
+        for item in result.intervals.values()
+        if not item.width < 2 * _WIDE * abs(item.centre)
+        and item.width > 0
+        and str(item.status) != "unidentifiable"
+    ]
+    if wide:
+        lines.append(
+            f"wide (more than {100 * _WIDE:.0f} % about the centre, or zero inside): "
+            f"{', '.join(wide)}. A longer record, or an input with more power where the system "
+            "responds, narrows them; a lower noise bound does so in proportion."
+        )
+    hits, kinds = binding(result), binding_kinds(result)
+    if hits:
+        shown = ", ".join(_sample(result, r, k) for r, k, _ in hits[:6])
+        lines.append(f"samples that bind at the ends: {shown}: check these readings first")
+    if kinds:
+        parts = ", ".join(f"{kind} {count} times" for kind, count in sorted(kinds.items()))
+        lines.append(f"at its bound where ends are attained: {parts}")
+    return lines + _sensors(result)
+
+
+def _sensors(result: FeasibleSet) -> list[str]:
+    """Which kind of noise makes the equations uncertain: what a better sensor would gain."""
+    points = result.witnesses
+    theta = result.formulation.layout.group("theta")
+    if not points:
+        return []
+    shares = noise_shares(result.formulation, np.mean([x[theta] for x in points], axis=0))
+    named = {_KINDS[group]: share for group, share in shares.items()}
+    if not named:
+        return []
+    if len(named) == 1:
+        (kind,) = named
+        return [
+            f"all uncertainty of the equations is {kind}: widths shrink about as its bound does"
+        ]
+    most, least = max(named, key=lambda k: named[k]), min(named, key=lambda k: named[k])
+    parts = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in named.items())
+    return [
+        f"shares of the uncertainty of the equations: {parts}; a better sensor pays most for "
+        f"{most}, and a cheaper one costs least for {least}"
+    ]
+
+
+def _centre(result: FeasibleSet) -> list[str]:
+    """The centre with its worst-case errors, where all intervals are finite."""
+    if result.empty or not all(np.isfinite(item.width) for item in result.intervals.values()):
+        return []
+    return [f"centre: {central(result)}"]
+
+
+def _conflicting(result: FeasibleSet, remarks: Remarks) -> str:
+    if not remarks.samples:
+        return "no few samples are to blame: the proof uses the record as a whole"
+    shown = ", ".join(_sample(result, record, k) for record, k in remarks.samples[:12])
+    more = len(remarks.samples) - 12
+    return f"samples that contradict each other: {shown}" + (f", {more} more" if more > 0 else "")
+
+
+def _sample(result: FeasibleSet, record: int, sample: int) -> str:
+    return f"{record}:{sample}" if result.formulation.data.records > 1 else str(sample)

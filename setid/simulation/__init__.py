@@ -1,0 +1,1 @@
+"""Outputs and frequency responses of given parameter vectors: plain arithmetic, nothing proved."""

@@ -1,0 +1,189 @@
+"""Frequency responses and free-running outputs of given parameter vectors: plain arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid.data.record import IOData
+from setid.errors import ModelError, SetidError
+from setid.models.equations import Structure, Transfer
+from setid.simulation.simulate import leading, simulate, weight
+
+__all__ = ["frequency_response", "frequency_weights", "grid", "run", "transfer_of"]
+
+Reals = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+def transfer_of(model: Structure, output: int, input: int) -> Transfer:
+    """Coefficient names between two channels (from 1).
+
+    Raises
+    ------
+    ModelError
+        If the structure is not linear.
+    """
+    return model.transfer(output, input)
+
+
+def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool = False) -> Reals:
+    """Angular frequencies in rad per unit of time, up to the Nyquist frequency.
+
+    Parameters
+    ----------
+    omega : array_like (F,) or None
+        Checked where given; a grid of ``points`` otherwise.
+    Ts : float
+    points : int
+    continuous : bool
+        Models in continuous time, which also respond beyond the Nyquist frequency.
+
+    Raises
+    ------
+    SetidError
+        If a frequency is not in (0, pi / Ts].
+    """
+    top = np.pi / Ts
+    if omega is None:
+        return np.geomspace(top / 500.0, top, points)
+    values = np.atleast_1d(np.asarray(omega, float))
+    if values.ndim != 1 or not np.all((values > 0) & np.isfinite(values)):
+        raise SetidError("omega: expected finite frequencies > 0")
+    if not continuous and np.any(values > top * (1 + 1e-12)):
+        raise SetidError(f"omega: expected frequencies in (0, pi / Ts] = (0, {top:g}]")
+    return values
+
+
+def frequency_weights(
+    model: Structure, output: int, input: int, omega: Reals, Ts: float
+) -> tuple[Complexes, Complexes]:
+    """What multiplies theta in numerator and denominator: N = A theta, D = 1 + B theta.
+
+    Returns
+    -------
+    A, B : (F, p) complex
+    """
+    place = {name: column for column, name in enumerate(model.parameters)}
+    transfer = transfer_of(model, output, input)
+    numerator = np.zeros((omega.size, len(place)), complex)
+    denominator = np.zeros_like(numerator)
+    for lag, name in enumerate(transfer.numerator, transfer.delay):
+        numerator[:, place[name]] = _step(transfer, omega, Ts, lag)
+    for lag, name in enumerate(transfer.denominator, 1):
+        denominator[:, place[name]] = _step(transfer, omega, Ts, lag)
+    return numerator, denominator
+
+
+def _step(transfer: Transfer, omega: Reals, Ts: float, lag: int) -> Complexes:
+    """q^-lag at exp(j omega Ts), or s^-lag at j omega in continuous time."""
+    if transfer.continuous:
+        return np.asarray(omega**-lag * (1, -1j, -1, 1j)[lag % 4], np.complex128)
+    return np.asarray(np.exp(-1j * omega * Ts * lag), np.complex128)
+
+
+def frequency_response(
+    model: Structure,
+    theta: ArrayLike,
+    omega: Reals,
+    Ts: float,
+    output: int = 1,
+    input: int = 1,
+) -> Complexes:
+    """G(exp(j omega Ts)), or G(j omega) in continuous time, for one or many parameter vectors.
+
+    Parameters
+    ----------
+    model : Structure
+        Linear.
+    theta : (p,) or (M, p) array_like
+    omega : (F,) float
+    Ts : float
+    output, input : int
+        Channels, from 1.
+
+    Returns
+    -------
+    (F,) or (M, F) complex
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> from setid.simulation.responses import frequency_response
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> frequency_response(model, [-0.5, 1.0], np.array([np.pi]), 1.0).real.round(4)
+    array([0.6667])
+    """
+    a, b = frequency_weights(model, output, input, np.asarray(omega, float), Ts)
+    values = np.asarray(theta, float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        response = (a @ values.T) / (1.0 + b @ values.T)
+    return np.asarray(response.T, np.complex128)
+
+
+def run(model: Structure, theta: ArrayLike, data: IOData, from_rest: bool | None = None) -> Reals:
+    """Outputs that the model gives for the inputs of a record, without its later outputs.
+
+    Parameters
+    ----------
+    model : Structure
+    theta : (p,) array_like
+    data : IOData
+        Inputs must be complete. Where the model's ``initial`` is ``"free"`` and it has a
+        regression form, the first outputs of each record are those that were read;
+        otherwise everything is at rest before the record.
+    from_rest : bool, optional
+        Overrides that.
+
+    Returns
+    -------
+    (N, ny) float
+
+    Raises
+    ------
+    SetidError
+        If an input, or an output to start from, is missing.
+    """
+    if np.any(np.isnan(data.u)):
+        raise SetidError("data: found missing inputs, expected complete ones to simulate with")
+    values = np.asarray(theta, float)
+    rest = model.initial == "zero" or not model.regression() if from_rest is None else from_rest
+    bounds = [*data.starts.tolist(), data.samples]
+    parts = []
+    for begin, end in zip(bounds[:-1], bounds[1:], strict=True):
+        if rest:
+            parts.append(simulate(model, values, data.u[begin:end]))
+        else:
+            parts.append(_continue(model, values, data.u[begin:end], data.y[begin:end]))
+    return np.concatenate(parts)
+
+
+def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
+    """From the first readings on, sample by sample."""
+    equations = model.regression()
+    if not equations:
+        raise ModelError("model: separate denominators can be simulated from rest only")
+    first = max(e.lag for e in equations)
+    result = y.copy()
+    if np.any(np.isnan(y[:first])):
+        raise SetidError("data: found missing outputs at the beginning, expected a start value")
+    place = dict(zip(model.parameters, theta.tolist(), strict=True))
+    leads = {equation.defines: leading(equation, place) for equation in equations}
+    signals: Mapping[str, Any] = {
+        **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},
+        **{f"y{i + 1}": result[:, i] for i in range(y.shape[1])},
+    }
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(first, len(y)):
+            for equation in equations:
+                value = 0.0
+                for term in equation.explicit:
+                    factor = -weight(term, place)
+                    for lagged in term.signals:
+                        factor *= signals[lagged.signal][k - lagged.lag]
+                    value += factor
+                signals[equation.defines][k] = value / leads[equation.defines]
+    return result

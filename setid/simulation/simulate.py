@@ -1,0 +1,234 @@
+"""Simulation: noise-free outputs of any structure, and records with bounded noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid.data.checks import FrozenMapping, frozen, real_array
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.models.block import BlockStructured
+from setid.models.equations import Equation, Structure, Term, channel_of
+
+__all__ = ["Simulated", "leading", "simulate", "simulate_record", "weight"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Simulated:
+    """A record with everything that a real one hides.
+
+    Parameters
+    ----------
+    data : IOData
+        What a sensor would have recorded.
+    theta : mapping of str to float
+    u, y : (N, nu), (N, ny) float
+        Noise-free signals.
+    output, input, equation : arrays
+        The noise, as :meth:`Formulation.point` takes it.
+    signals : mapping of str to (N,) float
+        Internal signals.
+    """
+
+    data: IOData
+    theta: Mapping[str, float]
+    u: NDArray[np.float64]
+    y: NDArray[np.float64]
+    output: NDArray[np.float64]
+    input: NDArray[np.float64]
+    equation: NDArray[np.float64]
+    signals: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+
+
+def simulate(
+    model: Structure,
+    theta: ArrayLike | Mapping[str, float],
+    u: ArrayLike,
+    equation: ArrayLike | None = None,
+) -> NDArray[np.float64]:
+    """Noise-free outputs for given inputs, all signals being zero before the record.
+
+    Parameters
+    ----------
+    model : Structure
+    theta : array_like (p,) or mapping of names to numbers
+    u : array_like (N,) or (N, nu)
+    equation : array_like (N,) or (N, ny), optional
+        Equation errors that drive the difference equations.
+
+    Returns
+    -------
+    (N, ny) float
+
+    Raises
+    ------
+    SetidError
+        If shapes or names do not fit.
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.TransferFunction(na=1, nb=1, nk=1)
+    >>> setid.simulate(model, {"a1": -0.5, "b1": 1.0}, [1, 0, 0, 0]).ravel().tolist()
+    [0.0, 1.0, 0.5, 0.25]
+    """
+    inputs = _columns(u, "u", model.inputs)
+    shape = (inputs.shape[0], model.outputs)
+    errors = np.zeros(shape) if equation is None else _columns(equation, "equation", shape[1])
+    if errors.shape != shape:
+        raise DataError(f"equation: found shape {errors.shape}, expected {shape}")
+    found = _simulate(model, _values(model, theta), inputs, errors)
+    return np.stack([found[f"y{i + 1}"] for i in range(model.outputs)], axis=1)
+
+
+def simulate_record(
+    model: Structure,
+    theta: ArrayLike | Mapping[str, float],
+    u: ArrayLike,
+    noise: Noise,
+    seed: int | np.random.Generator = 0,
+    Ts: float = 1.0,
+) -> Simulated:
+    """A record with uniform noise within its bounds, and the truth behind it.
+
+    Parameters
+    ----------
+    model : Structure
+    theta : array_like (p,) or mapping of names to numbers
+    u : array_like (N,) or (N, nu)
+        Noise-free inputs.
+    noise : Noise
+        Absolute bounds; sets over the record are not simulated.
+    seed : int or numpy.random.Generator
+    Ts : float
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.TransferFunction(na=1, nb=1, nk=1)
+    >>> truth = setid.simulate_record(model, [-0.5, 1], [1, 3, 2, 1], setid.Noise(output=0.1))
+    >>> formulation = setid.formulate(truth.data, model, setid.Noise(output=0.1))
+    >>> x = formulation.point(truth.theta, output=truth.output)
+    >>> bool(formulation.problem.violation(x) < 1e-12)
+    True
+    """
+    if not isinstance(noise, Noise):
+        raise NoiseError(f"noise: found {type(noise).__name__}, expected Noise")
+    if noise.relative or noise.constraints:
+        raise NoiseError("noise: found relative bounds or sets, expected absolute bounds alone")
+    generator = np.random.default_rng(seed)
+    inputs = _columns(u, "u", model.inputs)
+    values = _values(model, theta)
+    blank = IOData(inputs, np.zeros((inputs.shape[0], model.outputs)), Ts)
+    eta, xi, e = (generator.uniform(-bound, bound) for bound in noise.bounds(blank))
+    found = _simulate(model, values, inputs, e)
+    outputs = np.stack([found[f"y{i + 1}"] for i in range(model.outputs)], axis=1)
+    internal = {name: frozen(v) for name, v in found.items() if channel_of(name) is None}
+    return Simulated(
+        IOData(inputs + xi, outputs + eta, Ts),
+        FrozenMapping(values),
+        frozen(inputs),
+        frozen(outputs),
+        frozen(eta),
+        frozen(xi),
+        frozen(e),
+        FrozenMapping(internal),
+    )
+
+
+def _columns(given: ArrayLike, field: str, channels: int) -> NDArray[np.float64]:
+    values = real_array(given, field, DataError)
+    values = values[:, None] if values.ndim == 1 else values
+    if values.ndim != 2 or values.shape[1] != channels or np.any(np.isnan(values)):
+        raise DataError(f"{field}: found shape {values.shape}, expected (N, {channels}), no NaN")
+    return values
+
+
+def _values(model: Structure, theta: ArrayLike | Mapping[str, float]) -> dict[str, float]:
+    names = model.parameters
+    if isinstance(theta, Mapping):
+        if set(theta) != set(names):
+            raise SetidError(f"theta: found names {sorted(theta)}, expected {sorted(names)}")
+        return {name: float(theta[name]) for name in names}
+    values = np.asarray(theta, float)
+    if values.shape != (len(names),):
+        raise SetidError(f"theta: found shape {values.shape}, expected ({len(names)},)")
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+def _simulate(
+    model: Structure,
+    theta: Mapping[str, float],
+    inputs: NDArray[np.float64],
+    errors: NDArray[np.float64],
+) -> dict[str, NDArray[np.float64]]:
+    """All signals, sample by sample: each equation gives the signal that it defines."""
+    equations = model.equations()
+    given = model.driven(inputs) if isinstance(model, BlockStructured) else {}
+    _check_causal(equations, {f"u{i + 1}" for i in range(inputs.shape[1])} | set(given))
+    samples, pad = inputs.shape[0], max(e.lag for e in equations)
+    signals: dict[str, list[float]] = {
+        f"u{i + 1}": [0.0] * pad + column.tolist() for i, column in enumerate(inputs.T)
+    }
+    signals |= {name: [0.0] * pad + column.tolist() for name, column in given.items()}
+    for equation in equations:
+        signals[equation.defines] = [0.0] * (pad + samples)
+    steps: list[tuple[list[float], float, list[float], list[Any]]] = []
+    for equation in equations:
+        driven = equation.error and equation.output is not None
+        drive = errors[:, equation.output].tolist() if driven else [0.0] * samples
+        terms = [
+            (-weight(t, theta), [(signals[s.signal], s.lag) for s in t.signals])
+            for t in equation.explicit
+        ]
+        steps.append((signals[equation.defines], leading(equation, theta), drive, terms))
+    for k in range(samples):
+        for target, lead, drive, terms in steps:
+            value = drive[k]
+            for product, factors in terms:
+                for samples_of, lag in factors:
+                    product *= samples_of[pad + k - lag]
+                value += product
+            target[pad + k] = value / lead
+    return {name: np.array(values[pad:]) for name, values in signals.items()}
+
+
+def weight(term: Term, theta: Mapping[str, float]) -> float:
+    """What multiplies the signals of a term."""
+    return term.coefficient * float(np.prod([theta[name] for name in term.parameters]))
+
+
+def leading(equation: Equation, theta: Mapping[str, float]) -> float:
+    """What multiplies the defined sample: 1, and more where the equation is implicit.
+
+    Raises
+    ------
+    ModelError
+        If it is zero, so that the equation does not give the sample.
+    """
+    value = 1.0 + sum(weight(term, theta) for term in equation.implicit)
+    if value == 0.0:
+        raise ModelError(
+            f"theta: found a factor of zero before {equation.defines} at the same sample, "
+            "expected parameters with which the equation gives it"
+        )
+    return value
+
+
+def _check_causal(equations: Sequence[Equation], given: set[str]) -> None:
+    """Each equation needs at lag 0 only what was defined before it."""
+    known = set(given)
+    for equation in equations:
+        now = {s.signal for t in equation.explicit for s in t.signals if s.lag == 0}
+        if not now <= known:
+            raise ModelError(
+                f"model: the equation of {equation.defines} needs {sorted(now - known)} at the "
+                "same sample, expected equations that can be solved in order"
+            )
+        known.add(equation.defines)

@@ -1,0 +1,51 @@
+"""Check a result again, from the data and without any solver."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from setid.data.record import IOData
+from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.verification import verify as verify_evidence
+
+__all__ = ["verify"]
+
+
+class Claimed(Protocol):
+    """A result that shows the evidence for what it claims."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """The claims and all that they rest on."""
+
+
+def verify(result: Claimed, data: IOData | None = None) -> Verification:
+    """Check every claim of an identification again from the data.
+
+    No value of a solver is trusted, and none is run: the problem is stated again from the
+    record, and all certificates, boxes and points are checked against it.
+
+    Parameters
+    ----------
+    result : Identification
+        Or whatever else has ``evidence``.
+    data : IOData, optional
+        The record; the one that was stored in the result when left out.
+
+    Returns
+    -------
+    Verification
+        True where formulation, box, all outer ends and all attained ends hold.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> bool(setid.verify(result, data))
+    True
+    >>> other = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0])
+    >>> setid.verify(result, other).reason
+    'the result belongs to other data'
+    """
+    return verify_evidence(result.evidence, data)

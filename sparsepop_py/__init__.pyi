@@ -1,0 +1,89 @@
+"""Public names of the package; ``__init__.py`` loads each with its first use."""
+
+from . import problems
+from .algebra.matrix_constraints import psd, second_order
+from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
+from .bounding.exact_linear import linear_bounds
+from .compat.mat import read_mat, write_mat
+from .compat.output import SparsePOPOutput
+from .compat.sparsepop import sparsePOP
+from .compat.structs import from_structs, to_structs
+from .conic.program import ConicProgram, ConicSolution
+from .errors import (
+    FormatError,
+    ParameterWarning,
+    ProblemError,
+    SolverNotFound,
+    SparsePOPError,
+)
+from .formats import read, write
+from .io.gams import read_gms, write_gms
+from .io.json_ import from_json, read_json, to_json, write_json
+from .io.sdpa import read_sdpa, write_sdpa
+from .io.text import parse
+from .options import Options
+from .pipeline import solve, solve_each
+from .problem.problem import Problem
+from .relaxation.assemble import assemble
+from .relaxation.moment import Relaxation, relax
+from .relaxation.sparsepop.relaxation import Switches
+from .result import Point, Result, Status
+from .solvers import solve_conic
+from .sparsity.correlative import Cliques, find_cliques
+from .verified.certificate.certificate import Certificate, Verdict
+from .verified.certificate.linear_bound import LinearBound
+from .verified.points.feasible_point import ProvedPoint
+
+__all__ = [
+    "Certificate",
+    "Cliques",
+    "ConicProgram",
+    "ConicSolution",
+    "Constraint",
+    "FormatError",
+    "Kind",
+    "LinearBound",
+    "Options",
+    "ParameterWarning",
+    "Point",
+    "Polynomial",
+    "Problem",
+    "ProblemError",
+    "ProvedPoint",
+    "Relaxation",
+    "Result",
+    "SolverNotFound",
+    "SparsePOPError",
+    "SparsePOPOutput",
+    "Status",
+    "Switches",
+    "Verdict",
+    "assemble",
+    "find_cliques",
+    "from_json",
+    "from_structs",
+    "linear_bounds",
+    "parse",
+    "problems",
+    "psd",
+    "read",
+    "read_gms",
+    "read_json",
+    "read_mat",
+    "read_sdpa",
+    "relax",
+    "second_order",
+    "solve",
+    "solve_conic",
+    "solve_each",
+    "sparsePOP",
+    "to_json",
+    "to_structs",
+    "total",
+    "variables",
+    "write",
+    "write_gms",
+    "write_json",
+    "write_mat",
+    "write_sdpa",
+]

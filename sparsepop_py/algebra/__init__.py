@@ -1,0 +1,1 @@
+"""Polynomials as exact data: monomials, polynomials, stacked systems, matrices of polynomials."""

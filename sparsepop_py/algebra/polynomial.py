@@ -1,0 +1,581 @@
+"""Sparse real polynomials and the constraints that comparisons of them make.
+
+A :class:`Polynomial` is a frozen pair of arrays: words (see
+:mod:`sparsepop_py.algebra.monomials`) and coefficients. Arithmetic merges equal
+monomials with one sort, so 10^5 terms in 10^4 variables take milliseconds;
+many terms are added in one pass by :func:`total`.
+"""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+from math import isqrt
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import ArrayLike, NDArray
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.errors import ProblemError
+
+__all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
+
+
+class Kind(Enum):
+    """Kinds of constraints on a polynomial p or a matrix G.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> (x == 1).kind, (x >= 1).kind.is_matrix
+    (<Kind.ZERO: 'p == 0'>, False)
+    """
+
+    NONNEGATIVE = "p >= 0"
+    ZERO = "p == 0"
+    SECOND_ORDER = "p >= |(f2, ..., fk)|"
+    PSD = "G positive semidefinite"
+
+    @property
+    def is_matrix(self) -> bool:
+        """True if a matrix of polynomials has to be positive semidefinite."""
+        return self in (Kind.SECOND_ORDER, Kind.PSD)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """Constraint: a polynomial non-negative or zero, or a semidefinite matrix.
+
+    Comparisons of polynomials make constraints; ``bool()`` of one raises, so that
+    ``0 <= x <= 1`` cannot silently lose half of itself. Matrices are made by
+    :func:`sparsepop_py.second_order` and :func:`sparsepop_py.psd`.
+
+    Parameters
+    ----------
+    polynomial : Polynomial
+        With a matrix: a polynomial that follows from it and is asked for as well, ``p >= 0``.
+    kind : Kind
+    name : str
+        Used in messages; empty when not given.
+    entries : tuple of Polynomial
+        Of a matrix: the axis f1 and the rest f2, ..., fk of a second-order cone, or the
+        lower triangle of G row by row. Else empty.
+
+    Raises
+    ------
+    ProblemError
+        If kind and entries do not belong together.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> constraint = x**2 + y**2 <= 1
+    >>> print(constraint)
+    1 - x1^2 - x2^2 >= 0
+    >>> constraint.degree, constraint.side
+    (2, 0)
+    """
+
+    polynomial: Polynomial
+    kind: Kind
+    name: str = ""
+    entries: tuple[Polynomial, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.kind, Kind):
+            raise ProblemError(f"kind: found {self.kind!r}, expected a Kind")
+        count = len(self.entries)
+        if not self.kind.is_matrix:
+            if count:
+                raise ProblemError(f"entries: found {count} for {self.kind.name}, expected none")
+        elif self.side < 2:
+            raise ProblemError(f"entries: found {count}, expected those of a matrix: use psd()")
+        elif self.kind is Kind.PSD and count != self.side * (self.side + 1) // 2:
+            raise ProblemError(f"entries: found {count}, expected a lower triangle")
+
+    @property
+    def side(self) -> int:
+        """Number of rows of the matrix, 0 without one."""
+        if self.kind is Kind.PSD:
+            return (isqrt(8 * len(self.entries) + 1) - 1) // 2
+        return len(self.entries)
+
+    @property
+    def degree(self) -> int:
+        """Largest degree of the polynomial and of all entries."""
+        return max(p.degree for p in (self.polynomial, *self.entries))
+
+    def position(self, i: int, j: int) -> int | None:
+        """Locate row i and column j of the matrix in ``entries``.
+
+        A second-order cone is the matrix with f1 on its diagonal and f2, ..., fk beside it
+        in the first row and column: its least eigenvalue is f1 - |(f2, ..., fk)|.
+
+        Parameters
+        ----------
+        i, j : int
+            From 0.
+
+        Returns
+        -------
+        int or None
+            None for an entry that is zero.
+        """
+        i, j = max(i, j), min(i, j)
+        if self.kind is Kind.PSD:
+            return i * (i + 1) // 2 + j
+        if i == j:
+            return 0
+        return i if j == 0 else None
+
+    def __bool__(self) -> bool:
+        raise ProblemError("a constraint has no truth value: write 0 <= x <= 1 as two constraints")
+
+    def __str__(self) -> str:
+        label = f"{self.name}: " if self.name else ""
+        if self.kind is Kind.SECOND_ORDER:
+            return f"{label}second_order({', '.join(map(str, self.entries))})"
+        if self.kind is Kind.PSD:
+            rows = [
+                ", ".join(str(self.entries[self.position(i, j) or 0]) for j in range(self.side))
+                for i in range(self.side)
+            ]
+            return f"{label}psd([{', '.join(f'[{row}]' for row in rows)}])"
+        relation = "==" if self.kind is Kind.ZERO else ">="
+        return f"{label}{self.polynomial} {relation} 0"
+
+
+def _frozen(array: NDArray) -> NDArray:
+    array.flags.writeable = False
+    return array
+
+
+@dataclass(frozen=True, eq=False, repr=False, slots=False)
+class Polynomial:
+    """Real polynomial in ``dimension`` variables, sparse and immutable.
+
+    Build one with :func:`variables` and arithmetic, :meth:`from_terms`, or
+    :func:`sparsepop_py.parse`.
+
+    Parameters
+    ----------
+    words : (T, D) int32
+        Distinct monomials in graded order.
+    coefficients : (T,) float
+        Their coefficients, finite and not zero.
+    dimension : int
+        Number of variables n.
+    names : tuple of str, optional
+        Names of the variables, used for printing.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x1, x2 = sp.variables(2)
+    >>> p = (x1 - 2) ** 2 + x1 * x2
+    >>> print(p)
+    4 - 4*x1 + x1^2 + x1*x2
+    >>> p([1.0, 3.0])
+    4.0
+    """
+
+    words: Words
+    coefficients: NDArray[np.float64]
+    dimension: int
+    names: tuple[str, ...] | None = field(default=None)
+
+    __array_ufunc__ = None  # numpy scalars and arrays leave the arithmetic to us
+    __hash__ = object.__hash__
+
+    # ---- construction -------------------------------------------------------------------
+
+    @staticmethod
+    def from_words(
+        words: Words,
+        coefficients: NDArray[np.float64],
+        dimension: int,
+        names: tuple[str, ...] | None = None,
+    ) -> Polynomial:
+        """Build a polynomial from monomials as words; equal ones are merged.
+
+        Parameters
+        ----------
+        words : (T, D) int32
+            Monomials, see :mod:`sparsepop_py.algebra.monomials`.
+        coefficients : (T,) float
+        dimension : int
+            Number of variables n.
+        names : tuple of str, optional
+
+        Returns
+        -------
+        Polynomial
+            Without zero coefficients, with read-only arrays.
+
+        Raises
+        ------
+        ProblemError
+            If a coefficient or a sum of coefficients is not finite.
+        """
+        if not np.all(np.isfinite(coefficients)):
+            bad = coefficients[~np.isfinite(coefficients)][0]
+            raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
+        words = monomials.trim(words)
+        unique, where = monomials.collect(words, dimension)
+        sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0]).astype(float)
+        keep = sums != 0.0
+        if not np.all(np.isfinite(sums)):
+            raise ProblemError("coefficients: a sum of equal monomials overflows")
+        unique = monomials.trim(unique[keep])
+        return Polynomial(_frozen(unique), _frozen(sums[keep]), dimension, names)
+
+    @staticmethod
+    def from_terms(
+        exponents: ArrayLike | sps.sparray | sps.spmatrix,
+        coefficients: ArrayLike,
+        names: Sequence[str] | None = None,
+    ) -> Polynomial:
+        """Build a polynomial from a matrix of exponents and coefficients.
+
+        Parameters
+        ----------
+        exponents : (T, n) array_like or sparse
+            Non-negative integers, one row a term.
+        coefficients : (T,) array_like
+        names : sequence of str, optional
+
+        Returns
+        -------
+        Polynomial
+
+        Raises
+        ------
+        ProblemError
+            If exponents are negative or fractional, or the lengths differ.
+        """
+        values = np.atleast_1d(np.array(coefficients, float)).ravel()
+        table = exponents if sps.issparse(exponents) else np.atleast_2d(np.asarray(exponents))
+        matrix = sps.csr_array(table)
+        if matrix.shape[0] != values.size:
+            raise ProblemError(
+                f"coefficients: found {values.size}, expected {matrix.shape[0]}, one a row"
+            )
+        bad = ~monomials.are_exponents(matrix.data)
+        if np.any(bad):
+            raise ProblemError(
+                f"exponents: found {matrix.data[bad][0]}, expected non-negative integers "
+                f"up to {monomials.LARGEST_POWER}"
+            )
+        if names is not None:
+            _check_names(names, int(matrix.shape[1]))
+        words = monomials.from_exponents(matrix)
+        return Polynomial.from_words(
+            words, values, int(matrix.shape[1]), tuple(names) if names is not None else None
+        )
+
+    def _constant(self, value: float) -> Polynomial:
+        word = np.zeros((1, 1), np.int32)
+        return Polynomial.from_words(word, np.array([value], float), self.dimension, self.names)
+
+    def _operand(self, other: Any) -> Polynomial | None:
+        if isinstance(other, Polynomial):
+            if other.dimension != self.dimension:
+                raise ProblemError(
+                    f"polynomials of {self.dimension} and {other.dimension} variables "
+                    "do not combine: make both from the same variables()"
+                )
+            return other
+        if isinstance(other, numbers.Real):
+            try:
+                return self._constant(float(other))
+            except OverflowError:
+                raise ProblemError("a number is too large for a double") from None
+        return None
+
+    # ---- views --------------------------------------------------------------------------
+
+    @cached_property
+    def exponents(self) -> sps.csr_array:
+        """Exponents as a sparse integer matrix (T, n), rows in graded order."""
+        return monomials.to_exponents(self.words, self.dimension)
+
+    @property
+    def degree(self) -> int:
+        """Total degree; 0 for constants and for the zero polynomial."""
+        return int(monomials.degrees(self.words).max(initial=0))
+
+    @property
+    def terms(self) -> int:
+        """Number of terms T."""
+        return self.coefficients.size
+
+    @cached_property
+    def support(self) -> NDArray[np.int64]:
+        """Sorted indices (from 0) of the variables that occur."""
+        letters = np.unique(self.words)
+        return letters[letters > 0].astype(np.int64) - 1
+
+    @property
+    def constant_term(self) -> float:
+        """Coefficient of the constant monomial."""
+        if self.terms and not self.words[0].any():
+            return float(self.coefficients[0])
+        return 0.0
+
+    def __call__(self, x: ArrayLike) -> Any:
+        """Evaluate at ``x``: (n,) gives a float, (N, n) an array (N,)."""
+        points = np.asarray(x, float)
+        if points.ndim not in (1, 2) or points.shape[-1] != self.dimension:
+            raise ProblemError(
+                f"x: found shape {points.shape}, expected ({self.dimension},) "
+                f"or (N, {self.dimension})"
+            )
+        values = monomials.evaluate(self.words, points) @ self.coefficients
+        return float(values) if points.ndim == 1 else values
+
+    # ---- arithmetic ---------------------------------------------------------------------
+
+    def __add__(self, other: Any) -> Polynomial:
+        right = self._operand(other)
+        return NotImplemented if right is None else total([self, right])
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Polynomial:
+        return self._scaled(-1.0)
+
+    def __sub__(self, other: Any) -> Polynomial:
+        right = self._operand(other)
+        return NotImplemented if right is None else total([self, right._scaled(-1.0)])
+
+    def __rsub__(self, other: Any) -> Polynomial:
+        left = self._operand(other)
+        return NotImplemented if left is None else total([left, self._scaled(-1.0)])
+
+    def _scaled(self, factor: float) -> Polynomial:
+        with np.errstate(over="ignore", under="ignore"):
+            values = self.coefficients * factor
+        if factor == 0.0 or not np.all(np.isfinite(values)) or not np.all(values):
+            return Polynomial.from_words(self.words, values, self.dimension, self.names)
+        return Polynomial(self.words, _frozen(values), self.dimension, self.names)
+
+    def __mul__(self, other: Any) -> Polynomial:
+        if isinstance(other, numbers.Real):
+            return self._scaled(float(other))
+        right = self._operand(other)
+        if right is None:
+            return NotImplemented
+        words = monomials.multiply(self.words[:, None, :], right.words[None, :, :])
+        with np.errstate(over="ignore", under="ignore"):
+            values = self.coefficients[:, None] * right.coefficients[None, :]
+        return Polynomial.from_words(
+            words.reshape(values.size, words.shape[-1]),
+            values.ravel(),
+            self.dimension,
+            self.names or right.names,
+        )
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Any) -> Polynomial:
+        if not isinstance(other, numbers.Real):
+            return NotImplemented
+        if other == 0:
+            raise ProblemError("division of a polynomial by zero")
+        with np.errstate(over="ignore", under="ignore"):
+            values = self.coefficients / float(other)
+        return Polynomial.from_words(self.words, values, self.dimension, self.names)
+
+    def __pow__(self, power: Any) -> Polynomial:
+        if not isinstance(power, numbers.Real) or power < 0 or float(power) % 1 != 0:
+            raise ProblemError(f"exponent: found {power!r}, expected a non-negative integer")
+        result, base, left = self._constant(1.0), self, int(float(power))
+        while left:
+            if left & 1:
+                result = result * base
+            left >>= 1
+            if left:
+                base = base * base
+        return result
+
+    def derivative(self, variable: int) -> Polynomial:
+        """Differentiate with respect to one variable.
+
+        Parameters
+        ----------
+        variable : int
+            Its index, from 0.
+
+        Returns
+        -------
+        Polynomial
+
+        Raises
+        ------
+        ProblemError
+            If there is no such variable.
+        """
+        if not 0 <= variable < self.dimension:
+            raise ProblemError(f"variable: found {variable}, expected 0..{self.dimension - 1}")
+        letter = variable + 1
+        power = np.count_nonzero(self.words == letter, axis=1)
+        rows = np.flatnonzero(power)
+        words = self.words[rows].copy()
+        words[np.arange(rows.size), np.argmax(words == letter, axis=1)] = 0
+        words.sort(axis=1)
+        values = self.coefficients[rows] * power[rows]
+        return Polynomial.from_words(words, values, self.dimension, self.names)
+
+    # ---- comparisons make constraints ---------------------------------------------------
+
+    def _compare(self, other: Any, kind: Kind, sign: float) -> Any:
+        right = self._operand(other)
+        if right is None:
+            return NotImplemented
+        return Constraint((self - right)._scaled(sign), kind)
+
+    def __ge__(self, other: Any) -> Constraint:
+        return self._compare(other, Kind.NONNEGATIVE, 1.0)
+
+    def __le__(self, other: Any) -> Constraint:
+        return self._compare(other, Kind.NONNEGATIVE, -1.0)
+
+    def __eq__(self, other: Any) -> Constraint:  # type: ignore[override]
+        return self._compare(other, Kind.ZERO, 1.0)
+
+    def __gt__(self, other: Any) -> Constraint:
+        raise ProblemError("strict inequalities are not closed sets: use >= and <=")
+
+    __lt__ = __gt__
+
+    def __ne__(self, other: Any) -> bool:
+        raise ProblemError("polynomials are not compared by !=; == makes an equality constraint")
+
+    # ---- printing -----------------------------------------------------------------------
+
+    def __str__(self) -> str:
+        if not self.terms:
+            return "0"
+        pieces = []
+        for row, value in zip(self.exponents, self.coefficients, strict=True):
+            factors = [
+                self.name(v) + (f"^{p}" if p > 1 else "")
+                for v, p in zip(row.indices, row.data, strict=True)
+            ]
+            size = repr(float(abs(value))).removesuffix(".0")
+            if size != "1" or not factors:
+                factors.insert(0, size)
+            pieces.append(("-" if value < 0 else "+", "*".join(factors)))
+        text = " ".join(f"{sign} {term}" for sign, term in pieces)
+        return text.removeprefix("+ ") if text[0] == "+" else "-" + text[2:]
+
+    def __repr__(self) -> str:
+        if self.terms <= 12:
+            return f"<Polynomial {self}>"
+        return f"<Polynomial of {self.terms} terms, degree {self.degree}>"
+
+    def name(self, variable: int) -> str:
+        """Return the name of a variable.
+
+        Parameters
+        ----------
+        variable : int
+            Its index, from 0.
+
+        Returns
+        -------
+        str
+        """
+        return self.names[variable] if self.names else f"x{variable + 1}"
+
+
+def _check_names(names: Sequence[str], n: int) -> None:
+    if len(names) != n or len(set(names)) != n:
+        raise ProblemError(f"names: found {len(names)} names, expected {n} distinct ones")
+
+
+def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, ...]:
+    """Create the variables x1, ..., xn as polynomials.
+
+    Parameters
+    ----------
+    n : int
+        Number of variables, at least 1.
+    names : sequence of str, optional
+        n distinct names; ``x1`` ... ``xn`` when left out.
+
+    Returns
+    -------
+    tuple of Polynomial
+        Of length n.
+
+    Raises
+    ------
+    ProblemError
+        If ``n`` is not a positive integer or the names do not fit.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> a, b = sp.variables(2, ["a", "b"])
+    >>> print(a * b >= 1)
+    -1 + a*b >= 0
+    """
+    if not isinstance(n, numbers.Integral) or n < 1:
+        raise ProblemError(f"n: found {n!r}, expected a positive integer")
+    labels = tuple(str(name) for name in names) if names is not None else None
+    if labels is not None:
+        _check_names(labels, int(n))
+    one = _frozen(np.ones(1))
+    return tuple(
+        Polynomial(_frozen(np.array([[v]], np.int32)), one, int(n), labels) for v in range(1, n + 1)
+    )
+
+
+def total(terms: Iterable[Polynomial | float]) -> Polynomial:
+    """Add polynomials (and numbers) in one pass.
+
+    Parameters
+    ----------
+    terms : iterable of Polynomial or float
+        At least one of them a Polynomial.
+
+    Returns
+    -------
+    Polynomial
+
+    Raises
+    ------
+    ProblemError
+        If none is a Polynomial, or their variables differ.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x = sp.variables(3)
+    >>> print(sp.total(v**2 for v in x))
+    x1^2 + x2^2 + x3^2
+    """
+    items = list(terms)
+    first = next((item for item in items if isinstance(item, Polynomial)), None)
+    if first is None:
+        raise ProblemError("total: found no polynomial among the terms, expected at least one")
+    parts = []
+    for item in items:
+        part = first._operand(item)
+        if part is None:
+            raise ProblemError(f"total: found {type(item).__name__}, expected polynomials")
+        parts.append(part)
+    width = max(part.words.shape[1] for part in parts)
+    words = np.concatenate([monomials.widen(part.words, width) for part in parts])
+    values = np.concatenate([part.coefficients for part in parts])
+    names = next((part.names for part in parts if part.names), None)
+    return Polynomial.from_words(words, values, first.dimension, names)

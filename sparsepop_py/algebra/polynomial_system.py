@@ -1,0 +1,151 @@
+"""Many polynomials stacked into one sparse object, for values and derivatives.
+
+Row i holds polynomial i. Distinct monomials are evaluated once; values and
+Jacobians are sparse products.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+
+__all__ = ["PolynomialSystem"]
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialSystem:
+    """Stacked polynomials.
+
+    Parameters
+    ----------
+    words : (T, D) int32
+        The monomial of each term, repeated when several rows share it.
+    coefficients : (T,) float
+    row : (T,) int
+        The polynomial of each term, ascending.
+    size : int
+        Number of polynomials m.
+    dimension : int
+        Number of variables n.
+    """
+
+    words: Words
+    coefficients: NDArray[np.float64]
+    row: NDArray[np.int64]
+    size: int
+    dimension: int
+
+    @staticmethod
+    def stack(polynomials: Sequence[Polynomial], dimension: int) -> PolynomialSystem:
+        """Stack polynomials in ``dimension`` variables."""
+        width = max([1, *(p.words.shape[1] for p in polynomials)])
+        words = [monomials.widen(p.words, width) for p in polynomials]
+        counts = [p.terms for p in polynomials]
+        return PolynomialSystem(
+            np.concatenate([*words, np.zeros((0, width), np.int32)]),
+            np.concatenate([*(p.coefficients for p in polynomials), np.zeros(0)]),
+            np.repeat(np.arange(len(polynomials)), np.array(counts, int)),
+            len(polynomials),
+            dimension,
+        )
+
+    def take(self, rows: NDArray) -> PolynomialSystem:
+        """Select rows, in the order given."""
+        number = np.full(self.size, -1)
+        number[rows] = np.arange(len(rows))
+        keep = np.flatnonzero(number[self.row] >= 0)
+        keep = keep[np.argsort(number[self.row[keep]], kind="stable")]
+        return PolynomialSystem(
+            self.words[keep],
+            self.coefficients[keep],
+            number[self.row[keep]],
+            len(rows),
+            self.dimension,
+        )
+
+    def without(self, rows: NDArray) -> PolynomialSystem:
+        """Empty the chosen rows."""
+        gone = np.zeros(self.size, bool)
+        gone[rows] = True
+        keep = np.flatnonzero(~gone[self.row])
+        return PolynomialSystem(
+            self.words[keep], self.coefficients[keep], self.row[keep], self.size, self.dimension
+        )
+
+    def terms_of(self, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Terms of the chosen rows: position in ``rows`` and term number, both (L,)."""
+        first = np.searchsorted(self.row, np.arange(self.size + 1))
+        count = first[rows + 1] - first[rows]
+        position = np.repeat(np.arange(len(rows)), count)
+        within = np.arange(position.size) - (np.cumsum(count) - count)[position]
+        return position, first[rows][position] + within
+
+    def values(self, x: NDArray) -> NDArray[np.float64]:
+        """Values at ``x`` of shape (n,), giving (m,)."""
+        terms = self.coefficients * monomials.evaluate(self.words, x)
+        return np.bincount(self.row, weights=terms, minlength=self.size).astype(float)
+
+    @cached_property
+    def _gradient(self) -> tuple[NDArray, NDArray, NDArray, Words]:
+        """Terms of all partial derivatives: row, variable, coefficient, word."""
+        term, variable, power = monomials.runs(self.words)
+        words = self.words[term].copy()
+        slot = np.argmax(words == (variable + 1)[:, None], axis=1)
+        words[np.arange(term.size), slot] = 0
+        words.sort(axis=1)
+        return self.row[term], variable, self.coefficients[term] * power, words
+
+    def gradient(self, x: NDArray) -> NDArray[np.float64]:
+        """Gradient of the only row at ``x``, shape (n,)."""
+        _, variable, coefficient, words = self._gradient
+        values = coefficient * monomials.evaluate(words, x)
+        return np.bincount(variable, weights=values, minlength=self.dimension).astype(float)
+
+    @cached_property
+    def gradient_system(self) -> PolynomialSystem:
+        """The partial derivatives of the only row, as n rows; its Jacobian is the Hessian."""
+        _, variable, coefficient, words = self._gradient
+        order = np.argsort(variable, kind="stable")
+        return PolynomialSystem(
+            words[order], coefficient[order], variable[order], self.dimension, self.dimension
+        )
+
+    @cached_property
+    def _places(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64]]:
+        """Rows and variables of the Jacobian's entries, and the entry of each derivative term."""
+        row, variable, *_ = self._gradient
+        keys, entry = np.unique(row * self.dimension + variable, return_inverse=True)
+        rows, columns = np.divmod(keys, max(self.dimension, 1))
+        return rows.astype(np.int32), columns.astype(np.int32), entry
+
+    def jacobian_places(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Rows and variables of the entries that :meth:`slopes` lists, ascending."""
+        return self._places[:2]
+
+    def slopes(self, x: NDArray) -> NDArray[np.float64]:
+        """Entries of the Jacobian at ``x`` that are not zero everywhere."""
+        _, _, coefficient, words = self._gradient
+        rows, _, entry = self._places
+        values = coefficient * monomials.evaluate(words, x)
+        return np.bincount(entry, weights=values, minlength=rows.size).astype(float)
+
+    def dense_jacobian(self, x: NDArray) -> NDArray[np.float64]:
+        """Jacobian at ``x`` of shape (n,), dense (m, n)."""
+        matrix = np.zeros((self.size, self.dimension))
+        matrix[self.jacobian_places()] = self.slopes(x)
+        return matrix
+
+    def jacobian(self, x: NDArray) -> sps.csr_array:
+        """Jacobian at ``x`` of shape (n,), sparse (m, n)."""
+        rows, columns = self.jacobian_places()
+        first = np.searchsorted(rows, np.arange(self.size + 1)).astype(np.int32)
+        return sps.csr_array((self.slopes(x), columns, first), shape=(self.size, self.dimension))

@@ -1,0 +1,95 @@
+"""The door for sympy: expressions and relations in, polynomials and constraints out.
+
+sympy is imported only when one of its objects is handed in.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from sparsepop_py.algebra.matrix_constraints import SymbolicCone, cone
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import ProblemError
+
+__all__ = ["convert"]
+
+
+def _is_symbolic(item: Any) -> bool:
+    return type(item).__module__.partition(".")[0] == "sympy"
+
+
+def convert(
+    objective: Any, constraints: list[Any], names: Sequence[str] | None
+) -> tuple[Any, list[Any]]:
+    """Replace sympy expressions, relations and cones by polynomials and constraints.
+
+    The variables are the symbols named in ``names``, or all symbols that occur, in
+    natural order (x2 before x10). What is not symbolic passes unchanged.
+    """
+    parts = [objective, *constraints]
+    parts += [e for row in constraints if isinstance(row, SymbolicCone) for e in row.entries]
+    if not any(_is_symbolic(item) for item in parts):
+        return objective, constraints
+    import sympy
+
+    given = [sympy.sympify(item) for item in parts if _is_symbolic(item)]
+    if isinstance(objective, Polynomial) or any(isinstance(row, Constraint) for row in constraints):
+        raise ProblemError("objective, constraints: sympy expressions and Polynomials are mixed")
+    free = set().union(*(item.free_symbols for item in given))
+    found = {str(symbol): symbol for symbol in free}
+    labels = list(names) if names is not None else sorted(found, key=_natural)
+    missing = sorted(set(found) - set(labels))
+    if missing:
+        raise ProblemError(f"names: sympy symbols {', '.join(missing)} are not among the names")
+    symbols = [found.get(label, sympy.Symbol(label)) for label in labels]
+    if not symbols:
+        raise ProblemError("objective: found no symbol, expected at least one variable")
+    polynomial = _polynomial(sympy.sympify(objective), symbols, labels, "objective")
+    rows = [
+        _constraint(row, symbols, labels, f"constraints[{number}]")
+        for number, row in enumerate(constraints)
+    ]
+    return polynomial, rows
+
+
+def _natural(name: str) -> list[Any]:
+    return [(int(p), "") if p.isdigit() else (-1, p) for p in re.split(r"(\d+)", name) if p]
+
+
+def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: str) -> Polynomial:
+    import sympy
+
+    try:
+        terms = sympy.Poly(
+            expression, *symbols, domain="RR" if expression.has(sympy.Float) else None
+        )
+    except (sympy.PolynomialError, sympy.polys.polyerrors.CoercionFailed) as error:
+        raise ProblemError(f"{where}: found {expression}, expected a polynomial: {error}") from None
+    pairs = terms.terms() or [((0,) * len(symbols), 0)]
+    exponents = np.array([powers for powers, _ in pairs], int)
+    try:
+        coefficients = [float(value) for _, value in pairs]
+    except TypeError:
+        raise ProblemError(f"{where}: found {expression}, expected real coefficients") from None
+    return Polynomial.from_terms(exponents, coefficients, labels)
+
+
+def _constraint(row: Any, symbols: list[Any], labels: list[str], where: str) -> Constraint:
+    import sympy
+
+    if isinstance(row, SymbolicCone):
+        entries = [_polynomial(sympy.sympify(e), symbols, labels, where) for e in row.entries]
+        return cone(row.kind, entries, row.name)
+    relations = {
+        sympy.Ge: (Kind.NONNEGATIVE, 1),
+        sympy.Le: (Kind.NONNEGATIVE, -1),
+        sympy.Eq: (Kind.ZERO, 1),
+    }
+    if type(row) not in relations:
+        raise ProblemError(f"{where}: found {row}, expected a sympy relation >=, <= or Eq")
+    kind, sign = relations[type(row)]
+    return Constraint(_polynomial(sign * (row.lhs - row.rhs), symbols, labels, where), kind)

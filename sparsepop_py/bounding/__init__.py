@@ -1,0 +1,1 @@
+"""Turn one relaxation into one proved bound."""

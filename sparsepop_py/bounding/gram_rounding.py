@@ -1,0 +1,173 @@
+"""Exact Gram matrices by rounding nearly exact ones.
+
+Monomials are those whose squares occur in the objective, entries those whose products do.
+A solver finds a nearly semidefinite matrix. What the coefficients leave open in it is rounded
+to ever finer binary fractions, until elimination in rationals shows that the matrix is
+semidefinite. That succeeds where the Gram matrix is simple, as in objectives written as a sum
+of squares with few digits; the fewer squares there are to choose from, the more likely it is.
+
+References
+----------
+H. Peyrl, P. A. Parrilo, Computing sum of squares decompositions with rational coefficients,
+Theoret. Comput. Sci. 409 (2008) 269-281.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.problem import generators
+from sparsepop_py.relaxation.assemble import assemble, split_dual
+from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, stacked_groups
+from sparsepop_py.relaxation.moment import Relaxation, on_groups
+from sparsepop_py.relaxation.term_sparsity import term_sparse
+from sparsepop_py.solvers import solve_conic
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
+
+__all__ = ["estimate", "exact_grams"]
+
+
+def exact_grams(
+    objective: Polynomial, relaxation: Relaxation, time_limit: float | None = None
+) -> Iterator[ExactGram]:
+    """Yield candidates for an exact Gram matrix of the objective, coarse ones first.
+
+    Parameters
+    ----------
+    objective : Polynomial
+    relaxation : Relaxation
+        Of the problem of that objective, unscaled but for a factor, with moment matrices only.
+    time_limit : float, optional
+        Seconds for the solver.
+
+    Yields
+    ------
+    ExactGram
+    """
+    linear = np.any(monomials.degrees(objective.words) == 1)
+    for constant in (True,) if linear else (False, True):
+        sparse = _where_terms_are(objective, relaxation, constant)
+        if sparse is not None:
+            yield from _rounded(objective, sparse, time_limit)
+
+
+def _rounded(
+    objective: Polynomial, sparse: Relaxation, time_limit: float | None
+) -> Iterator[ExactGram]:
+    """Round the Gram matrix of one solution with growing precision."""
+    program = assemble(sparse, objective)
+    rows = _row_weights(objective, sparse)
+    matrix = sps.csc_array(sps.diags_array(rows) @ program.A)
+    columns = 1.0 / np.maximum(abs(matrix).max(axis=0).toarray().ravel(), 1e-300)
+    matrix = sps.csc_array(matrix @ sps.diags_array(columns))
+    traced = rows * program.b + BOUNDING.trace * np.concatenate(
+        [np.tile(np.equal(*group.pairs), group.count) for group in sparse.groups]
+    )
+    normed = replace(program, q=columns * program.q, A=matrix, b=traced)
+    solution = solve_conic(normed, "clarabel", time_limit)
+    if solution.status not in ("solved", "almost"):
+        return
+    basis, first, second, value = _entries(sparse, rows * solution.z)
+    for bits in BOUNDING.bits:
+        yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
+
+
+def _where_terms_are(
+    objective: Polynomial, relaxation: Relaxation, constant: bool
+) -> Relaxation | None:
+    """Restrict the relaxation to squares and products that occur, None if too few."""
+    n = objective.dimension
+    blocks: dict[int, Blocks] = {}
+    for group in relaxation.groups:
+        square = monomials.multiply(group.basis, group.basis).reshape(-1, 2 * group.basis.shape[2])
+        held = monomials.lookup(square, objective.words, n) >= 0
+        varies = square.any(axis=1)
+        kept = np.where(varies, held, constant).reshape(group.basis.shape[:2])
+        count = kept.sum(axis=1)
+        for size in np.unique(count[count > 0]).tolist():
+            chosen = np.flatnonzero(count == size)
+            basis = group.basis[chosen][kept[chosen]].reshape(chosen.size, size, -1)
+            zero = np.zeros(chosen.size, np.int64)
+            blocks.setdefault(size, []).append(BlockGroup(False, zero, group.clique[chosen], basis))
+    groups = stacked_groups([block for parts in blocks.values() for block in parts])
+    system = generators.stacked(relaxation.problem, relaxation.products)
+    groups = term_sparse(groups, system, objective.words, n, "chordal", steps=1)
+    made = [g.products().reshape(-1, 2 * g.basis.shape[2]) for g in groups]
+    if not made:
+        return None
+    width = max(w.shape[1] for w in made)
+    distinct, _ = monomials.collect(np.concatenate([monomials.widen(w, width) for w in made]), n)
+    missing = monomials.lookup(objective.words, distinct, n) < 0
+    if np.any(objective.words[missing]):
+        return None
+    return on_groups(relaxation, groups)
+
+
+def _row_weights(objective: Polynomial, relaxation: Relaxation) -> NDArray[np.float64]:
+    """Compute d_i d_j for each row, where d_i^2 is the coefficient of monomial i squared."""
+    weights = [np.zeros(0)]
+    for group in relaxation.groups:
+        square = monomials.multiply(group.basis, group.basis).reshape(-1, 2 * group.basis.shape[2])
+        number = monomials.lookup(square, objective.words, objective.dimension)
+        size = np.where(number >= 0, np.abs(objective.coefficients[number]), 1.0)
+        size = np.where(square.any(axis=1), size, 1.0)
+        unit = np.sqrt(size.reshape(group.basis.shape[:2]))
+        i, j = group.pairs
+        weights.append((unit[:, i] * unit[:, j]).ravel())
+    return np.concatenate(weights)
+
+
+def _entries(
+    relaxation: Relaxation, z: NDArray[np.float64]
+) -> tuple[Words, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Sum all Gram matrices: basis, rows, columns and values, diagonal entries first."""
+    n, groups = relaxation.problem.dimension, relaxation.groups
+    width = max(g.basis.shape[2] for g in groups)
+    flat = [monomials.widen(g.basis, width).reshape(-1, width) for g in groups]
+    basis, number = monomials.collect(np.concatenate([np.zeros((1, width), np.int32), *flat]), n)
+    split = np.split(number[1:], np.cumsum([f.shape[0] for f in flat])[:-1])
+    pairs, values = [], []
+    for group, names, part in zip(groups, split, split_dual(relaxation, z), strict=True):
+        i, j = group.pairs
+        name = names.reshape(group.count, group.size)
+        ends = np.sort(np.stack([name[:, i], name[:, j]], axis=-1), axis=-1)
+        pairs.append(ends.reshape(-1, 2))
+        values.append(part[:, i, j].ravel())
+    joined = np.concatenate(pairs)
+    key = joined[:, 0] * basis.shape[0] + joined[:, 1]
+    distinct, place = np.unique(key, return_inverse=True)
+    value = np.bincount(place, weights=np.concatenate(values))
+    first, second = np.divmod(distinct, basis.shape[0])
+    order = np.argsort(first != second, kind="stable")
+    first, second = first[order].astype(np.int64), second[order].astype(np.int64)
+    return basis, first, second, value[order].astype(float)
+
+
+def estimate(gram: ExactGram, objective: Polynomial) -> float:
+    """Estimate in floating point the bound that a semidefinite Gram matrix would prove."""
+    n, size = objective.dimension, gram.basis.shape[0]
+    product = monomials.multiply(gram.basis[gram.first], gram.basis[gram.second])
+    distinct, number = monomials.collect(product, n)
+    at = monomials.lookup(distinct, objective.words, n)
+    asked = np.where(at >= 0, objective.coefficients[at], 0.0)
+    times = np.where(gram.first == gram.second, 1.0, 2.0)
+    _, taker = np.unique(number, return_index=True)
+    value = gram.value.copy()
+    value[taker] = 0.0
+    value[taker] = (asked - np.bincount(number, times * value, asked.size)) / times[taker]
+    upper = sps.csc_array((value, (gram.first, gram.second)), shape=(size, size))
+    matrix = sps.csc_array(upper + sps.triu(upper, 1).T)
+    inner, row = matrix[1:][:, 1:], matrix[[0]].toarray().ravel()[1:]
+    shift = BOUNDING.shift * np.maximum(1.0, np.abs(inner.diagonal()))
+    hidden = row @ spsolve(sps.csc_array(inner + sps.diags_array(shift)), row)
+    return float(objective.constant_term - hidden)

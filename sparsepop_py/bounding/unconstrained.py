@@ -1,0 +1,113 @@
+"""Bounds of the objective on the whole space, without any box.
+
+They hold on every feasible set, and close the gap where nothing is constrained or bounded.
+Gram matrices from the interior of the cone are moved onto the objective less a constant, and a
+multiple of the identity is split off that pays for rounding. The earlier a solver stops, the
+larger that multiple can be, and the lower the bound. Forms whose Gram matrices are all
+singular, whatever the constant, get no bound here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.bounding.gram_rounding import estimate, exact_grams
+from sparsepop_py.bounding.relaxation_bound import (
+    Attempt,
+    BoxBound,
+    CertifiedBound,
+    Model,
+    better,
+    build_relaxations,
+    certified_bound,
+    closed_without_relaxation,
+    lower_bound,
+    stronger,
+)
+from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.context import SolveContext
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.assemble import assemble
+from sparsepop_py.relaxation.recover_multipliers import floored
+from sparsepop_py.solvers import solve_conic
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaled, scale_objective
+from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
+from sparsepop_py.verified.certificate.steps import BoxProof
+
+__all__ = ["unconstrained_bound", "good_enough"]
+
+
+def good_enough(context: SolveContext, bound: float) -> bool:
+    """Check whether a bound closes the gap, or nearly so with many variables."""
+    nearly = BOUNDING.small_gap * max(1.0, abs(context.upper))
+    large = context.problem.dimension > BOUNDING.many_variables
+    return context.closed(bound) or (large and bound >= context.upper - nearly)
+
+
+def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
+    """Bound the objective without constraints and bounds, None where that does not apply."""
+    problem = Problem(context.problem.objective)
+    if problem.degree == 0 or problem.degree % 2 or closed_without_relaxation(context):
+        return None
+    bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
+    outcome: CertifiedBound | None = None
+    for typical in (None, context.best.x if context.best is not None else None):
+        with context.stages.stage("relax"):
+            model = build_relaxations(problem, (problem.objective,), bare, context.options, typical)
+        if model.scaled is None or not model.relaxations:
+            return outcome
+        if outcome is None:
+            outcome = _exactly(context, model)
+            if good_enough(context, lower_bound(outcome.certificate)):
+                break
+        outcome = better(outcome, _from_the_interior(context, model, model.scaled))
+        known = outcome.certificate is not None or context.deadline.over
+        if known or context.best is None or np.all(np.abs(context.best.x) <= 1.0):
+            break  # the scale would be the same
+    return outcome
+
+
+def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
+    """Certify the first exact Gram matrix that is found, however singular."""
+    relaxation = model.relaxations[-1]
+    replay, f = context.replay(), context.problem.objective
+    box_bound = BoxBound(prove(replay, model.box, None, False), Node())
+    with context.stages.stage("certify"):
+        for gram in exact_grams(f, relaxation, context.deadline.left):
+            slow = gram.basis.shape[0] > BOUNDING.few_monomials and context.best is not None
+            if slow and not good_enough(context, estimate(gram, f)):
+                continue  # rationals would take long to prove little
+            proved = prove(replay, model.box, gram, False)
+            if proved.bound > box_bound.proved.bound:
+                box_bound = BoxBound(proved, Node(argument=gram))
+                break
+    return certified_bound(replay, model, box_bound, relaxation)
+
+
+def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
+    """Solve the relaxation without a box and certify Gram matrices of its interior."""
+    relaxation = model.relaxations[-1]
+    replay, box_bound = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
+    minimised, size = scale_objective(context.problem.objective, scaled.scaling)
+    solver = "cliquetree" if context.options.solver == "auto" else context.options.solver
+    with context.stages.stage("assemble"):
+        program = assemble(relaxation, minimised)
+    sharp: NDArray[np.float64] | None = None
+    for accuracy in BOUNDING.accuracies:
+        with context.stages.stage("solve"):
+            solution = solve_conic(program, solver, context.deadline.left, accuracy)
+        if solution.status not in ("solved", "almost") or context.deadline.over:
+            break
+        sharp = solution.z if sharp is None else sharp
+        with context.stages.stage("certify"):
+            for share in BOUNDING.interior_steps:
+                z, floor = floored(relaxation, program, sharp + share * (solution.z - sharp))
+                if floor:
+                    break
+            attempt = Attempt(replay, model.box, scaled, relaxation, program, solution, size, floor)
+            box_bound = stronger(box_bound, attempt.box_bound(z))
+        if box_bound.proved.bound > -np.inf:
+            break
+    return certified_bound(replay, model, box_bound, relaxation)

@@ -1,0 +1,1 @@
+"""Branch and bound: the tree and the processing of one node."""

@@ -1,1 +1,0 @@
-"""What is proved, and how anyone re-checks it without a solver."""

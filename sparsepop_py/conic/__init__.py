@@ -1,0 +1,1 @@
+"""Conic programs and their solutions, as solvers see them."""

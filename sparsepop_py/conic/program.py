@@ -1,0 +1,226 @@
+"""Conic programs in one convention, always in moment form.
+
+    minimise  q'y + offset   subject to   A y + s = b,   s in K,
+
+y being the moments without the constant, K a product of zero cones, non-negative rows
+and positive semidefinite cones (upper triangle column by column, off-diagonal entries
+times sqrt 2). A solution carries (y, s, z) with z in K* (free on zero rows),
+stationarity q + A'z = 0 and dual value offset - b'z. Solvers may be fed another form;
+what comes back is translated into this one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from sparsepop_py.errors import FormatError
+
+__all__ = ["Cones", "ConicProgram", "ConicSolution", "solution"]
+
+
+@dataclass(frozen=True)
+class Cones:
+    """The cone K, in the order of the rows.
+
+    Parameters
+    ----------
+    zero : int
+        Rows that must vanish.
+    nonnegative : int
+        Rows that must not be negative.
+    psd : tuple of int
+        Sizes of the semidefinite blocks, each with s (s + 1) / 2 rows.
+    """
+
+    zero: int
+    nonnegative: int
+    psd: tuple[int, ...]
+
+    @property
+    def rows(self) -> int:
+        """Number of rows R."""
+        return self.zero + self.nonnegative + sum(s * (s + 1) // 2 for s in self.psd)
+
+
+@dataclass(frozen=True, eq=False)
+class ConicProgram:
+    """Conic program: minimise q'y + offset subject to s in K.
+
+    With s = b - A y, in the convention of this module.
+
+    Parameters
+    ----------
+    q : (M,) float
+    A : csc (R, M)
+    b : (R,) float
+    cones : Cones
+        The cone K.
+    offset : float
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> print(sp.assemble(sp.relax(problem), problem.objective))
+    conic program: 5 moments, 7 rows (0 zero, 1 linear, 1 semidefinite blocks up to 3)
+    """
+
+    q: NDArray[np.float64]
+    A: sps.csc_array
+    b: NDArray[np.float64]
+    cones: Cones
+    offset: float = 0.0
+
+    def save(self, path: str | Path) -> None:
+        """Write the program as a NumPy ``npz`` archive, for :meth:`load`.
+
+        Parameters
+        ----------
+        path : str or Path
+            Used as it is; no suffix is added.
+        """
+        with open(path, "wb") as file:
+            np.savez_compressed(
+                file,
+                q=self.q,
+                b=self.b,
+                offset=self.offset,
+                data=self.A.data,
+                indices=self.A.indices,
+                indptr=self.A.indptr,
+                zero=self.cones.zero,
+                nonnegative=self.cones.nonnegative,
+                psd=np.array(self.cones.psd, int),
+            )
+
+    @staticmethod
+    def load(path: str | Path) -> ConicProgram:
+        """Read a program that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        ConicProgram
+
+        Raises
+        ------
+        FormatError
+            If the file is missing or is no such archive.
+        """
+        try:
+            with open(path, "rb") as stream, np.load(stream) as file:
+                shape = (file["b"].size, file["q"].size)
+                matrix = sps.csc_array((file["data"], file["indices"], file["indptr"]), shape=shape)
+                sizes = tuple(int(s) for s in file["psd"])
+                cones = Cones(int(file["zero"]), int(file["nonnegative"]), sizes)
+                return ConicProgram(file["q"], matrix, file["b"], cones, float(file["offset"]))
+        except (OSError, EOFError, KeyError, TypeError, ValueError, BadZipFile) as error:
+            raise FormatError(f"{path}: expected a saved conic program: {error}") from error
+
+    def __str__(self) -> str:
+        return (
+            f"conic program: {self.q.size} moments, {self.b.size} rows "
+            f"({self.cones.zero} zero, {self.cones.nonnegative} linear, "
+            f"{len(self.cones.psd)} semidefinite blocks up to {max(self.cones.psd, default=0)})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ConicSolution:
+    """Output of a conic solver. No value in it is a bound.
+
+    Parameters
+    ----------
+    status : {"solved", "almost", "infeasible", "unbounded", "failed"}
+        Of the moment form; ``detail`` holds the solver's own words.
+    y, s, z : arrays (M,), (R,), (R,)
+        In the convention of this module.
+    primal, dual : float
+        q'y + offset and offset - b'z, recomputed here.
+    residual : float
+        Largest entry of |q + A'z|, recomputed here.
+    iterations : int
+    seconds : float
+        CPU seconds spent in the solver.
+    solver : str
+    detail : str
+    wall : float
+        Seconds of wall time spent in the solver.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> solution = sp.solve_conic(sp.assemble(sp.relax(problem), problem.objective))
+    >>> solution.status, round(solution.primal, 6)
+    ('solved', -0.5)
+    """
+
+    status: str
+    y: NDArray[np.float64]
+    s: NDArray[np.float64]
+    z: NDArray[np.float64]
+    primal: float
+    dual: float
+    residual: float
+    iterations: int
+    seconds: float
+    solver: str
+    detail: str = ""
+    wall: float = 0.0
+
+
+def solution(
+    program: ConicProgram,
+    status: str,
+    y: NDArray[np.float64],
+    z: NDArray[np.float64],
+    iterations: int,
+    seconds: float,
+    solver: str,
+    detail: str,
+) -> ConicSolution:
+    """Recompute slack, values and residual of a solver's solution from the program.
+
+    Parameters
+    ----------
+    program : ConicProgram
+    status : str
+    y : (M,) float
+    z : (R,) float
+    iterations : int
+    seconds : float
+    solver : str
+    detail : str
+
+    Returns
+    -------
+    ConicSolution
+    """
+    y = np.where(np.isfinite(y), y, 0.0)
+    z = np.where(np.isfinite(z), z, 0.0)
+    residual = program.q + program.A.T @ z
+    return ConicSolution(
+        status=status,
+        y=y,
+        s=program.b - program.A @ y,
+        z=z,
+        primal=float(program.q @ y + program.offset),
+        dual=float(program.offset - program.b @ z),
+        residual=float(np.abs(residual).max(initial=0.0)),
+        iterations=iterations,
+        seconds=seconds,
+        solver=solver,
+        detail=detail,
+    )

@@ -1,0 +1,140 @@
+"""Read and write problems in any registered file format, by file ending.
+
+To add a format, write a file with a :class:`Format` and enter it in ``FORMATS`` by its ending.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sparsepop_py.compat.mat import read_mat, write_mat
+from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.io.gams import read_gms, write_gms
+from sparsepop_py.io.json_ import read_json, write_json
+from sparsepop_py.io.text import parse
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.registry import Registry
+
+__all__ = ["FORMATS", "Format", "read", "write"]
+
+PathLike = str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format of problems.
+
+    Parameters
+    ----------
+    read : callable
+        From a path to a :class:`~sparsepop_py.Problem` (or to what holds one as ``problem``). It
+        raises FormatError with file, line, what was found and what was expected.
+    write : callable or None
+        From a problem and a path to a file; None where the format is only read.
+    """
+
+    read: Callable[[Any], Any]
+    write: Callable[[Problem, Any], None] | None = None
+
+
+def _read_text(path: PathLike) -> Problem:
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FormatError(f"{path}: {error}") from error
+    try:
+        return parse(text)
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from error
+
+
+FORMATS: Registry[Format] = Registry(
+    "file ending",
+    {
+        ".gms": Format(read_gms, write_gms),
+        ".json": Format(read_json, write_json),
+        ".mat": Format(read_mat, write_mat),
+        ".txt": Format(_read_text),
+    },
+    FormatError,
+)
+
+
+def read(path: PathLike) -> Problem:
+    """Read a problem from a file, in the format of its ending.
+
+    Parameters
+    ----------
+    path : str or PathLike
+        ``.gms`` (GAMS scalar format), ``.json``, ``.mat`` (SparsePOP's structs), ``.txt`` (the
+        text that :func:`~sparsepop_py.parse` reads), or an ending that was registered.
+
+    Returns
+    -------
+    Problem
+        Of a file that holds a result, the problem in it.
+
+    Raises
+    ------
+    FormatError
+        If the ending is unknown, the file cannot be read or holds no problem.
+
+    Examples
+    --------
+    >>> import pathlib, sparsepop_py as sp
+    >>> _ = pathlib.Path("square.txt").write_text("min x1^2 - x1; s.t. x1 >= 0")
+    >>> sp.read("square.txt").dimension
+    1
+    """
+    found = _format(path).read(path)
+    problem = found if isinstance(found, Problem) else getattr(found, "problem", None)
+    if not isinstance(problem, Problem):
+        raise FormatError(f"{path}: found a {type(found).__name__}, expected a problem")
+    return problem
+
+
+def write(problem: Problem, path: PathLike) -> None:
+    """Write a problem to a file, in the format of its ending.
+
+    Parameters
+    ----------
+    problem : Problem
+    path : str or PathLike
+        See :func:`read`; ``.txt`` is only read.
+
+    Raises
+    ------
+    FormatError
+        If the ending is unknown or the format is only read.
+    ProblemError
+        If the first argument is no problem, or the format cannot hold it.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> sp.write(sp.Problem(x * y, [x**2 + y**2 <= 1]), "disc.gms")
+    >>> sp.read("disc.gms").degree
+    2
+    """
+    if not isinstance(problem, Problem):
+        raise ProblemError(f"write: found {type(problem).__name__}, expected a Problem")
+    found = _format(path)
+    if found.write is None:
+        raise FormatError(f"{path}: this format is only read")
+    found.write(problem, path)
+
+
+def _format(path: PathLike) -> Format:
+    try:
+        ending = Path(path).suffix.lower()
+    except TypeError as error:
+        raise FormatError(f"path: found {path!r}, expected a file name") from error
+    if ending not in FORMATS:
+        known = ", ".join(FORMATS)
+        raise FormatError(f"{path}: found the ending {ending!r}, expected one of {known}")
+    return FORMATS[ending]

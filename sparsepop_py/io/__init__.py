@@ -1,0 +1,1 @@
+"""Read and write problems, certificates and results: GAMS, text, JSON, SDPA."""

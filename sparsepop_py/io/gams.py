@@ -1,0 +1,515 @@
+"""Problem files in the GAMS scalar format, as SparsePOP and GAMS Convert write them.
+
+``read_gms`` collects declarations, equations and bounds statement by statement, then
+makes the problem: the equation that holds the objective variable gives the objective.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from sparsepop_py.algebra.monomials import degrees
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import FormatError
+from sparsepop_py.io.expressions import (
+    ExpressionError,
+    Vocabulary,
+    excerpt,
+    parse_expression,
+    parse_number,
+)
+from sparsepop_py.io.gams_writer import write_gms
+from sparsepop_py.problem.problem import Problem
+
+__all__ = ["Statement", "read_gms", "read_statements", "write_gms"]
+
+_SOLVE_COMMENT = re.compile(
+    r"\*\s*(solve\b.*\busing\b.*\b(?:mini|maxi)mi[sz]ing\s+[a-z]\w*)", re.IGNORECASE
+)
+_INCLUDE = re.compile(r"\$(?:bat|lib|sys)?include\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One statement without its semicolon.
+
+    Parameters
+    ----------
+    path : str
+        The file, used in messages.
+    text : str
+    line : int
+        Line of the first character, from 1.
+    """
+
+    path: str
+    text: str
+    line: int
+
+    def error(self, found: str, expected: str, position: int = 0) -> FormatError:
+        """Exception that names file, line and statement; raise it."""
+        line = self.line + self.text.count("\n", 0, position)
+        shown = excerpt(self.text, position)
+        return FormatError(
+            f"{self.path}:{line}: statement {shown}: found {found}, expected {expected}"
+        )
+
+
+def read_statements(path: str | os.PathLike[str]) -> tuple[list[Statement], list[Statement]]:
+    """Read a file.
+
+    Returns
+    -------
+    statements : list of Statement
+        In the order of the file; at least one.
+    directions : list of Statement
+        Comments such as ``Solve m using NLP maximizing objvar``: files made for
+        SparsePOP may say only there whether they minimise.
+
+    Raises
+    ------
+    FormatError
+        If there is no such file, if it is empty, or if its last statement does not end.
+    """
+    text = _read(path)
+    lines, comments = _without_comments(str(path), text)
+    directions = [
+        Statement(str(path), match.group(1), number)
+        for number, comment in comments
+        if (match := _SOLVE_COMMENT.match(comment))
+    ]
+    statements = list(_split(str(path), "\n".join(lines)))
+    if not statements:
+        raise Statement(str(path), "", 1).error("no statement", "'Variables ...;'")
+    return statements, directions
+
+
+def _read(path: str | os.PathLike[str]) -> str:
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise FormatError(f"{path}: no such file") from error
+    except OSError as error:
+        raise FormatError(f"{path}: {error.strerror or error}") from error
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # accents in old comments
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _without_comments(path: str, text: str) -> tuple[list[str], list[tuple[int, str]]]:
+    """Lines with comments blanked, and the comments with their line numbers."""
+    lines: list[str] = []
+    comments: list[tuple[int, str]] = []
+    block = 0  # line of the $ontext that is open
+    for number, line in enumerate(text.split("\n"), 1):
+        control = line[:8].lower() if line.startswith("$") else ""
+        if control == "$ontext":
+            block = number
+        elif control == "$offtext":
+            block = 0
+        elif _INCLUDE.match(line) and not block:
+            raise Statement(path, line, number).error(
+                "an included file", "one file that holds the whole problem"
+            )
+        elif line.startswith("*") and not block:
+            comments.append((number, line))
+        blank = block or line.startswith(("*", "$"))
+        lines.append("" if blank else line)
+    if block:
+        raise Statement(path, "$ontext", block).error("no $offtext", "one after $ontext")
+    return lines, comments
+
+
+def _split(path: str, text: str) -> Iterator[Statement]:
+    line, start = 1, 0
+    for end in [*(match.start() for match in re.finditer(";", text)), len(text)]:
+        piece = text[start:end]
+        stripped = piece.lstrip()
+        begin = line + piece[: len(piece) - len(stripped)].count("\n")
+        if stripped:
+            statement = Statement(path, stripped.rstrip(), begin)
+            if end == len(text):
+                raise statement.error("the end of the file", "';' after the last statement")
+            yield statement
+        line += piece.count("\n")
+        start = end + 1
+
+
+INFINITE = 1e10  # bounds of this magnitude stand for none
+
+_NAME = r"[A-Za-z]\w*"
+_NAMED = re.compile(rf"\s*({_NAME})\s*(?:'[^']*'|\"[^\"]*\")?\s*")
+_RELATION = re.compile(r"=\s*([A-Za-z])\s*=")
+_DIRECTION = re.compile(rf"\b(mini|maxi)mi[sz]ing\s+({_NAME})", re.IGNORECASE)
+_KINDS = ("free", "positive", "negative", "binary", "integer")
+_BOUNDS = {"lo": ("lower",), "up": ("upper",), "fx": ("lower", "upper")}
+_IGNORED = ("l", "m", "scale", "prior", "stage")
+
+
+@dataclass(slots=True)
+class _Variable:
+    name: str
+    statement: Statement
+    kind: str = "free"
+    listed: bool = False  # in a plain list, not only in one such as Positive Variables
+    lower: float | None = None  # given by .lo or .fx
+    upper: float | None = None
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Bounds given, or else those that the kind implies."""
+        least = 0.0 if self.kind in ("positive", "binary", "integer") else -np.inf
+        most = {"negative": 0.0, "binary": 1.0}.get(self.kind, np.inf)
+        low = least if self.lower is None else self.lower
+        high = most if self.upper is None else self.upper
+        return (-np.inf if low <= -INFINITE else low, np.inf if high >= INFINITE else high)
+
+
+@dataclass(slots=True)
+class _Definition:
+    statement: Statement
+    left: tuple[int, int]  # where in the statement the two sides stand
+    relation: str
+    right: tuple[int, int]
+
+
+def read_gms(path: str | os.PathLike[str]) -> Problem:
+    """Read a problem from a GAMS file in scalar format.
+
+    Parameters
+    ----------
+    path : path-like
+        A file with ``Variables`` lists (plain, ``Positive``, ``Negative``, ``Binary``,
+        ``Free``), an ``Equations`` list, equations ``name.. left =E= right;`` (also
+        ``=G=``, ``=L=``), bounds ``.lo .up .fx`` and possibly ``Model`` and ``Solve``.
+        Case does not matter; a line with ``*`` in column one is a comment everywhere.
+
+    Returns
+    -------
+    Problem
+        Without the objective variable: the one that Solve names, or ``objvar``. The
+        relation of its equation is ignored; its bounds become constraints. Bounds of
+        magnitude 1e10 or more are infinite. A binary variable b adds ``b^2 - b == 0``.
+        A maximisation is stored negated, with ``sense="max"``; without a Solve statement
+        a comment such as ``* Solve m using NLP maximizing objvar;`` counts.
+
+    Raises
+    ------
+    FormatError
+        ``FILE:LINE: statement '...': found ..., expected ...``, whenever the file says
+        something that would otherwise be lost or guessed.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> text = "Variables x,objvar; Equations e; e.. x^2 - objvar =E= 1; x.lo = 2;"
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "small.gms")
+    ...     _ = path.write_text(text)
+    ...     print(read_gms(path))
+    min -1 + x^2
+      2 <= x <= inf
+    """
+    statements, directions = read_statements(path)
+    reader = _Reader(statements[-1])
+    for statement in statements:
+        if reader.solve is None:  # what follows Solve does not change the problem solved
+            reader.read(statement)
+    reader.check()
+    return reader.problem(directions)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Content of the statements read so far; keys are names in lower case. Mutable."""
+
+    last: Statement
+    variables: dict[str, _Variable] = field(default_factory=dict)
+    equations: dict[str, tuple[str, Statement]] = field(default_factory=dict)
+    definitions: dict[str, _Definition] = field(default_factory=dict)
+    models: dict[str, Statement] = field(default_factory=dict)
+    solve: Statement | None = None
+
+    # ---- statements ---------------------------------------------------------------------
+
+    def read(self, statement: Statement) -> None:
+        for pattern, action in _ACTIONS:
+            match = pattern.match(statement.text)
+            if match:
+                action(self, statement, match)
+                return
+        raise statement.error(
+            "an unknown statement",
+            "Variables, Equations, 'name.. left =E= right', a bound such as 'x.lo = 0', "
+            "Model or Solve",
+        )
+
+    def declare(self, statement: Statement, match: re.Match[str]) -> None:
+        binaries = match.group("binaries") is not None
+        kind = "binary" if binaries else (match.group("kind") or "").lower()
+        if kind and kind not in _KINDS:
+            raise statement.error(
+                f"{match.group('kind')!r} variables", f"one of {', '.join(_KINDS)}"
+            )
+        for name, position in _names(statement, match.end()):
+            known = self.variables.get(name.lower())
+            variable = known or _Variable(name, statement)
+            self.variables[name.lower()] = variable
+            if kind:
+                if variable.kind not in ("free", kind):
+                    raise statement.error(
+                        f"{name!r}, which is {variable.kind} already", "one kind", position
+                    )
+                variable.kind = kind
+            elif variable.listed:
+                raise statement.error(f"{name!r} twice", "distinct names", position)
+            variable.listed |= not kind
+
+    def declare_equations(self, statement: Statement, match: re.Match[str]) -> None:
+        for name, position in _names(statement, match.end()):
+            if name.lower() in self.equations:
+                raise statement.error(f"{name!r} twice", "distinct names", position)
+            self.equations[name.lower()] = (name, statement)
+
+    def define(self, statement: Statement, match: re.Match[str]) -> None:
+        name = match.group(1)
+        if name.lower() not in self.equations:
+            raise statement.error(f"the undeclared equation {name!r}", "a name from Equations")
+        if name.lower() in self.definitions:
+            raise statement.error(f"a second definition of {name!r}", "only one")
+        relations = list(_RELATION.finditer(statement.text, match.end()))
+        if len(relations) != 1:
+            raise statement.error(
+                f"{len(relations)} relations", "one of =E=, =G=, =L=", match.end()
+            )
+        middle = relations[0]
+        if middle.group(1).lower() not in "egl":
+            raise statement.error(f"{middle.group()!r}", "one of =E=, =G=, =L=", middle.start())
+        self.definitions[name.lower()] = _Definition(
+            statement,
+            (match.end(), middle.start()),
+            middle.group(1).lower(),
+            (middle.end(), len(statement.text)),
+        )
+
+    def assign(self, statement: Statement, match: re.Match[str]) -> None:
+        name, suffix = match.group(1), match.group(2).lower()
+        variable = self.variables.get(name.lower())
+        if variable is None:
+            if name.lower() in self.models or (
+                name.lower() in self.equations and suffix in _IGNORED
+            ):
+                return
+            raise statement.error(f"the undeclared variable {name!r}", "a declared one")
+        if suffix in _IGNORED:
+            return
+        if suffix not in _BOUNDS:
+            raise statement.error(f"'.{suffix}'", ".lo, .up, .fx (or .l, .m, which are ignored)")
+        try:
+            value = parse_number(statement.text[match.end() :])
+        except ExpressionError as error:
+            raise statement.error(
+                error.found, "a finite number (1e10 for no bound)", match.end() + error.position
+            ) from None
+        for side in _BOUNDS[suffix]:
+            setattr(variable, side, value)
+
+    def declare_model(self, statement: Statement, match: re.Match[str]) -> None:
+        self.models[match.group(1).lower()] = statement
+
+    def record_solve(self, statement: Statement, _: re.Match[str]) -> None:
+        if not _DIRECTION.search(statement.text):
+            raise statement.error("no direction", "minimizing or maximizing and a variable")
+        self.solve = statement
+
+    def ignore(self, statement: Statement, match: re.Match[str]) -> None:
+        """Options and displays say nothing about the problem."""
+
+    # ---- checks -------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """Check conditions that need the whole file."""
+        for key, (name, statement) in self.equations.items():
+            if key not in self.definitions:
+                raise statement.error(
+                    f"the equation {name!r} without a definition", f"'{name}.. ...;'"
+                )
+        for statement in self.models.values():
+            chosen = re.search(r"/(.*)/", statement.text, re.DOTALL)
+            listed = set(re.findall(r"\w+", chosen.group(1).lower())) if chosen else {"all"}
+            if listed not in ({"all"}, set(self.equations)):
+                raise statement.error("a part of the equations", "'/ all /'")
+        for variable in self.variables.values():
+            low, high = variable.bounds
+            if variable.kind == "integer" and (low, high) != (0.0, 1.0):
+                raise variable.statement.error(
+                    f"the integer variable {variable.name!r}",
+                    "continuous or binary variables: integers are not polynomial data; bound "
+                    "the variable by 0 and 1, or write it as a weighted sum of binaries",
+                )
+            if low > high or low >= INFINITE or high <= -INFINITE:
+                raise variable.statement.error(
+                    f"bounds [{low:g}, {high:g}] of {variable.name!r}", "lower <= upper"
+                )
+
+    def direction(self, comments: list[Statement]) -> tuple[str, str, Statement]:
+        """Direction, objective variable, and the statement that says so."""
+        sources = [self.solve] if self.solve else comments
+        found: set[tuple[str, str]] = set()
+        for statement in sources:
+            for word, name in _DIRECTION.findall(statement.text):
+                found.add((word.lower(), name.lower()))
+            if len(found) > 1:
+                raise statement.error("a second direction", "only one")
+        word, name = found.pop() if found else ("mini", "objvar")
+        return word, name, sources[0] if sources else self.last
+
+    # ---- the problem --------------------------------------------------------------------
+
+    def problem(self, comments: list[Statement]) -> Problem:
+        word, target, source = self.direction(comments)
+        if target not in self.variables:
+            raise source.error(f"no variable {target!r}", "the objective variable in Variables")
+        objvar = self.variables[target]
+        others = [v for key, v in self.variables.items() if key != target]
+        if not others:
+            raise objvar.statement.error("no variable but the objective", "at least one")
+        names = tuple(variable.name for variable in others)
+        rows = self.rows(Vocabulary([*names, objvar.name], ignore_case=True))
+        self.check_typed(others, rows)
+        key = self.objective_row(rows, objvar)
+        objective = self.solved(rows.pop(key), key, objvar, names)
+        constraints = [
+            Constraint(_shrunk(row, names), kind, self.equations[key][0])
+            for key, (row, kind) in rows.items()
+        ]
+        constraints += _objective_bounds(objective, objvar)
+        constraints += _binaries(others, names)
+        bounds = np.array([variable.bounds for variable in others])
+        sense: Literal["min", "max"] = "max" if word == "maxi" else "min"
+        return Problem(
+            -objective if sense == "max" else objective,
+            constraints,
+            bounds[:, 0],
+            bounds[:, 1],
+            names,
+            sense=sense,
+        )
+
+    def rows(self, vocabulary: Vocabulary) -> dict[str, tuple[Polynomial, Kind]]:
+        rows = {}
+        for key, definition in self.definitions.items():
+            left = _side(definition.statement, definition.left, vocabulary)
+            right = _side(definition.statement, definition.right, vocabulary)
+            row = right - left if definition.relation == "l" else left - right
+            rows[key] = (row, Kind.ZERO if definition.relation == "e" else Kind.NONNEGATIVE)
+        return rows
+
+    def check_typed(
+        self, variables: list[_Variable], rows: dict[str, tuple[Polynomial, Kind]]
+    ) -> None:
+        """Refuse names in, say, Positive Variables that no equation uses: likely misspelled."""
+        used = {int(v) for row, _ in rows.values() for v in row.support}
+        for index, variable in enumerate(variables):
+            if not variable.listed and index not in used:
+                raise variable.statement.error(
+                    f"{variable.name!r}, which no Variables list and no equation holds",
+                    "a declared variable",
+                )
+
+    def objective_row(self, rows: dict[str, tuple[Polynomial, Kind]], objvar: _Variable) -> str:
+        holding = [key for key, (row, _) in rows.items() if (row.words == row.dimension).any()]
+        if not holding:
+            raise objvar.statement.error(f"{objvar.name!r} in no equation", "it in one")
+        if len(holding) > 1:
+            raise self.definitions[holding[1]].statement.error(
+                f"{objvar.name!r} in a second equation", "it in one"
+            )
+        if objvar.kind in ("binary", "integer"):
+            raise objvar.statement.error(
+                f"the {objvar.kind} variable {objvar.name!r} as objective", "a continuous one"
+            )
+        return holding[0]
+
+    def solved(
+        self, row: tuple[Polynomial, Kind], key: str, objvar: _Variable, names: tuple[str, ...]
+    ) -> Polynomial:
+        """Solve the row for the objective variable."""
+        words, values = row[0].words, row[0].coefficients
+        holds = (words == row[0].dimension).any(axis=1)
+        if np.any(degrees(words)[holds] > 1):
+            raise self.definitions[key].statement.error(
+                f"{objvar.name!r} in a product or a power", "it times a number"
+            )
+        rest = Polynomial.from_words(words[~holds], values[~holds], len(names), names)
+        return rest / -float(values[holds][0])
+
+
+def _names(statement: Statement, start: int) -> Iterator[tuple[str, int]]:
+    """Names of a list, between commas or ends of lines, with their positions."""
+    found = False
+    for piece in re.finditer(r"[^,\n]+", statement.text[start:]):
+        if not piece.group().strip():
+            continue
+        position = start + piece.start()
+        match = _NAMED.fullmatch(piece.group())
+        if not match:
+            raise statement.error(f"{piece.group().strip()!r}", "a name", position)
+        found = True
+        yield match.group(1), position
+    if not found:
+        raise statement.error("an empty list", "names")
+
+
+def _side(statement: Statement, span: tuple[int, int], vocabulary: Vocabulary) -> Polynomial:
+    try:
+        return parse_expression(statement.text[span[0] : span[1]], vocabulary)
+    except ExpressionError as error:
+        raise statement.error(error.found, error.expected, span[0] + error.position) from None
+
+
+def _shrunk(row: Polynomial, names: tuple[str, ...]) -> Polynomial:
+    """Drop the last variable from a row that does not hold it."""
+    return Polynomial(row.words, row.coefficients, len(names), names)
+
+
+def _objective_bounds(objective: Polynomial, objvar: _Variable) -> Iterator[Constraint]:
+    low, high = objvar.bounds
+    if low == high:
+        yield Constraint(objective - low, Kind.ZERO, f"{objvar.name}_fx")
+        return
+    if np.isfinite(low):
+        yield Constraint(objective - low, Kind.NONNEGATIVE, f"{objvar.name}_lo")
+    if np.isfinite(high):
+        yield Constraint(high - objective, Kind.NONNEGATIVE, f"{objvar.name}_up")
+
+
+def _binaries(variables: list[_Variable], names: tuple[str, ...]) -> Iterator[Constraint]:
+    for letter, variable in enumerate(variables, 1):
+        if variable.kind in ("binary", "integer"):
+            words = np.array([[0, letter], [letter, letter]], np.int32)
+            row = Polynomial.from_words(words, np.array([-1.0, 1.0]), len(names), names)
+            yield Constraint(row, Kind.ZERO, f"binary {variable.name}")
+
+
+_ACTIONS = [
+    (re.compile(pattern, re.IGNORECASE | re.DOTALL), action)
+    for pattern, action in (
+        (rf"({_NAME})\s*\.\.", _Reader.define),
+        (rf"({_NAME})\s*\.\s*({_NAME})\s*=", _Reader.assign),
+        (r"(?:(?P<kind>[a-z]\w*)\s+)?variables?\b|(?P<binaries>binaries\b)", _Reader.declare),
+        (r"equations?\b", _Reader.declare_equations),
+        (rf"model\s+({_NAME})", _Reader.declare_model),
+        (r"solve\b", _Reader.record_solve),
+        (r"(?:options?|display)\b", _Reader.ignore),
+    )
+]

@@ -1,0 +1,218 @@
+"""Pairs of functions that turn values into JSON and back, checking what they read.
+
+Floats keep every bit: finite ones as the shortest decimal that reads back the same, others as
+strings. Arrays carry their type and shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.errors import ProblemError
+
+__all__ = [
+    "Codec",
+    "array",
+    "field_of",
+    "flag",
+    "mapping",
+    "number",
+    "optional",
+    "record",
+    "sequence",
+    "tagged",
+    "text",
+    "whole",
+]
+
+_TYPES = {"f8": np.float64, "f4": np.float32, "i8": np.int64, "i4": np.int32, "b1": np.bool_}
+_NAMES = {np.dtype(kind): name for name, kind in _TYPES.items()}
+_SPECIAL = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
+
+
+@dataclass(frozen=True)
+class Codec:
+    """Pair of functions that write and read values of one kind.
+
+    ``read`` names the place of errors.
+    """
+
+    write: Callable[[Any], Any]
+    read: Callable[[Any, str], Any]
+
+
+def wrong(place: str, found: Any, expected: str) -> ProblemError:
+    """Build the error for a value at a place of a JSON text."""
+    shown = repr(found)
+    shown = shown if len(shown) < 60 else shown[:57] + "..."
+    return ProblemError(f"{place}: found {shown}, expected {expected}")
+
+
+def field_of(found: Any, name: str, place: str) -> Any:
+    """Return a field of a JSON object."""
+    if not isinstance(found, dict):
+        raise wrong(place, found, "an object")
+    if name not in found:
+        raise ProblemError(f"{place}.{name}: found nothing, expected a value")
+    return found[name]
+
+
+def fields_of(found: Any, place: str) -> dict[str, Any]:
+    """Return the fields of a JSON object.
+
+    Raises
+    ------
+    ProblemError
+        If it is no object.
+    """
+    if not isinstance(found, dict):
+        raise wrong(place, found, "an object")
+    return found
+
+
+def _write_number(value: Any) -> Any:
+    value = float(value)
+    return value if np.isfinite(value) else str(value)
+
+
+def _read_number(found: Any, place: str) -> float:
+    if isinstance(found, str) and found in _SPECIAL:
+        return float(_SPECIAL[found])
+    if isinstance(found, bool) or not isinstance(found, (int, float)):
+        raise wrong(place, found, "a number")
+    try:
+        return float(found)
+    except OverflowError:
+        raise wrong(place, found, "a double") from None
+
+
+def _read_whole(found: Any, place: str) -> int:
+    if isinstance(found, bool) or not isinstance(found, int) or abs(found) >= 2**63:
+        raise wrong(place, found, "an integer")
+    return found
+
+
+def _read_text(found: Any, place: str) -> str:
+    if not isinstance(found, str):
+        raise wrong(place, found, "a string")
+    return found
+
+
+def _read_flag(found: Any, place: str) -> bool:
+    if not isinstance(found, bool):
+        raise wrong(place, found, "true or false")
+    return found
+
+
+number = Codec(_write_number, _read_number)
+whole = Codec(int, _read_whole)
+text = Codec(str, _read_text)
+flag = Codec(bool, _read_flag)
+
+
+def _write_array(values: Any) -> Any:
+    values = np.asarray(values)
+    name = _NAMES[values.dtype] if values.dtype in _NAMES else "f8"
+    flat = values.ravel().tolist()
+    if values.dtype.kind == "f" and not np.all(np.isfinite(values)):
+        flat = [_write_number(v) for v in flat]
+    return {"type": name, "shape": list(values.shape), "data": flat}
+
+
+def _read_array(found: Any, place: str) -> NDArray:
+    name, shape, data = (field_of(found, key, place) for key in ("type", "shape", "data"))
+    if name not in _TYPES:
+        raise wrong(f"{place}.type", name, "one of " + ", ".join(_TYPES))
+    lengths = sequence(whole).read(shape, f"{place}.shape")
+    if not isinstance(data, list) or any(length < 0 for length in lengths):
+        raise wrong(f"{place}.data", data, "a list of numbers")
+    size = 1
+    for length in lengths:
+        size *= length
+    if size != len(data):
+        raise wrong(f"{place}.data", f"{len(data)} numbers", f"{size}, as the shape says")
+    each = number if name[0] == "f" else whole if name[0] == "i" else flag
+    if name[0] == "f" and not all(type(v) is float for v in data):
+        data = [each.read(v, f"{place}.data") for v in data]
+    elif name[0] != "f":
+        data = [each.read(v, f"{place}.data") for v in data]
+    with np.errstate(over="ignore"):
+        values = np.array(data, np.float64 if name[0] == "f" else None)
+    try:
+        values = values.reshape(lengths).astype(_TYPES[name])
+    except (OverflowError, ValueError, TypeError):
+        raise wrong(f"{place}.data", data, f"numbers of type {name}") from None
+    limit = np.iinfo(np.int32)
+    if name == "i4" and any(not limit.min <= v <= limit.max for v in data):
+        raise wrong(f"{place}.data", data, "32-bit integers")
+    values.flags.writeable = False
+    return values
+
+
+array = Codec(_write_array, _read_array)
+
+
+def optional(codec: Codec) -> Codec:
+    """Null for None."""
+    return Codec(
+        lambda value: None if value is None else codec.write(value),
+        lambda found, place: None if found is None else codec.read(found, place),
+    )
+
+
+def sequence(codec: Codec) -> Codec:
+    """Build the codec of a tuple of values of one kind."""
+
+    def read(found: Any, place: str) -> tuple[Any, ...]:
+        if not isinstance(found, list):
+            raise wrong(place, found, "a list")
+        return tuple(codec.read(item, f"{place}[{k}]") for k, item in enumerate(found))
+
+    return Codec(lambda values: [codec.write(value) for value in values], read)
+
+
+def mapping(codec: Codec) -> Codec:
+    """Build the codec of a dict with names as keys."""
+
+    def read(found: Any, place: str) -> dict[str, Any]:
+        if not isinstance(found, dict):
+            raise wrong(place, found, "an object")
+        return {key: codec.read(value, f"{place}.{key}") for key, value in found.items()}
+
+    return Codec(lambda values: {k: codec.write(v) for k, v in values.items()}, read)
+
+
+def record(make: Callable[..., Any], /, **fields: Codec) -> Codec:
+    """Build the codec of an object, fields in the order of the maker's arguments."""
+
+    def write(value: Any) -> dict[str, Any]:
+        return {name: codec.write(getattr(value, name)) for name, codec in fields.items()}
+
+    def read(found: Any, place: str) -> Any:
+        parts = {
+            name: codec.read(field_of(found, name, place), f"{place}.{name}")
+            for name, codec in fields.items()
+        }
+        return make(**parts)
+
+    return Codec(write, read)
+
+
+def tagged(codecs: Mapping[type, Codec]) -> Codec:
+    """Build the codec of several classes, tagged by the name of the class."""
+    by_name = {kind.__name__: codec for kind, codec in codecs.items()}
+
+    def read(found: Any, place: str) -> Any:
+        name = field_of(found, "is", place)
+        if name not in by_name:
+            raise wrong(f"{place}.is", name, "one of " + ", ".join(by_name))
+        return by_name[name].read(found, place)
+
+    return Codec(
+        lambda value: {"is": type(value).__name__, **codecs[type(value)].write(value)}, read
+    )

@@ -1,0 +1,1 @@
+"""Search for good feasible points in floating point. Nothing here is proved."""

@@ -1,0 +1,300 @@
+"""Extraction of candidate minimisers from moments.
+
+Nothing here is proved: the points are starts for local search and for the proof that a
+point is attained.
+
+References
+----------
+D. Henrion, J. B. Lasserre, Detecting global optimality and extracting solutions in
+GloptiPoly, in: Positive Polynomials in Control, Springer (2005) 293-310.
+R. M. Corless, P. M. Gianni, B. M. Trager, A reordered Schur factorization method for
+zero-dimensional polynomial systems with multiple roots, ISSAC (1997) 133-140.
+R. E. Curto, L. A. Fialkow, Trans. Amer. Math. Soc. 352 (2000) 2825-2855 (flat extension).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.relaxation.moment import Relaxation
+
+__all__ = ["candidates", "combine", "extract_clique", "means"]
+
+_SEED = 20050  # any fixed number: extraction is deterministic
+Points = list[NDArray[np.float64]]
+
+
+def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
+    """Extract candidate minimisers from the moments of a relaxation.
+
+    Moment blocks without the constant say nothing of signs and are left out; a block with
+    the constant determines the variables that are among its monomials.
+
+    Parameters
+    ----------
+    relaxation : Relaxation
+    y : (M,) float
+        Its moments.
+
+    Returns
+    -------
+    list of (n,) float
+        In the relaxation's variables.
+    """
+    moments = np.append(1.0, y)
+    found: list[tuple[int, NDArray[np.int64], Points]] = []
+    for group in relaxation.groups:
+        if group.free:
+            continue
+        for block in np.flatnonzero(group.generator == 0):
+            basis, members = _readable(group.basis[block])
+            if not members.size:
+                continue
+            i, j = np.triu_indices(basis.shape[0])
+            number = relaxation.moment_numbers(monomials.multiply(basis[i], basis[j]))
+            matrix = np.zeros((basis.shape[0],) * 2)
+            matrix[i, j] = matrix[j, i] = moments[number]
+            points = extract_clique(matrix, basis, members)
+            found.append((int(group.clique[block]), members, points))
+    found.sort(key=lambda entry: entry[0])
+    dimension = relaxation.problem.dimension
+    return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
+
+
+def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the first moments, shape (n,), with 0 for a variable that is no moment."""
+    letters = np.arange(1, relaxation.problem.dimension + 1, dtype=np.int32)[:, None]
+    number = relaxation.moment_numbers(letters)
+    return np.where(number > 0, np.append(1.0, y)[np.maximum(number, 0)], 0.0)
+
+
+def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
+    """Select the words of a moment block in the variables that it determines."""
+    degree = monomials.degrees(basis)
+    letters = np.unique(basis[degree == 1][:, -1])
+    if not np.any(degree == 0):
+        letters = letters[:0]
+    inside = np.isin(basis, np.append(letters, 0)).all(axis=1)
+    return basis[inside], letters.astype(np.int64) - 1
+
+
+def extract_clique(
+    matrix: NDArray, basis: Words, members: Sequence[int] | NDArray, tolerance: float = 1e-4
+) -> Points:
+    """Extract the atoms of the measure behind the moment matrix of one clique.
+
+    The atoms are found if the matrix is flat: its rank is that of the rows whose products
+    with every variable are rows again (in a full basis of degree d, those of degree d-1).
+    Otherwise, and if a reduced basis lacks too many monomials, the first moments are given.
+
+    Parameters
+    ----------
+    matrix : (s, s) float
+        Moment matrix.
+    basis : (s, D) int32
+        Its monomials, in global variables 1..n; the first is the constant.
+    members : (k,) int
+        The variables of the clique, from 0, ascending.
+    tolerance : float
+        Rank threshold relative to the largest eigenvalue.
+
+    Returns
+    -------
+    list of (k,) float
+        The atoms by falling weight, or one point, the first moments; NaN for a variable
+        that is no row of the basis.
+
+    Raises
+    ------
+    ProblemError
+        If shapes do not fit or the first row is not that of the constant.
+
+    References
+    ----------
+    Henrion, Lasserre (2005), section 2; Curto, Fialkow (2000).
+
+    Examples
+    --------
+    The measure with half its mass at -1 and half at 2:
+
+    >>> basis = monomials.full_basis(1, 2)
+    >>> rows = monomials.evaluate(basis, np.array([[-1.0], [2.0]]))
+    >>> points = extract_clique(rows.T @ rows / 2, basis, [0])
+    >>> sorted(round(float(point[0]), 6) for point in points)
+    [-1.0, 2.0]
+    """
+    matrix, members = np.asarray(matrix, float), np.asarray(members, np.int64)
+    size = basis.shape[0]
+    if matrix.shape != (size, size):
+        raise ProblemError(f"matrix: found shape {matrix.shape}, expected ({size}, {size})")
+    if size == 0 or basis[0].any():
+        raise ProblemError("basis: expected the constant as its first row")
+    if not np.all(np.isfinite(matrix)) or matrix[0, 0] <= 0:
+        return [np.full(members.size, np.nan)]
+    matrix = (matrix + matrix.T) / (2 * matrix[0, 0])
+    shifted = _shifts(basis, members)
+    found = _atoms(matrix, shifted, tolerance)
+    if found is not None:
+        return _by_weight(found, matrix[0], basis, members)
+    first = shifted[:, 0]  # the row of 1 * x_v
+    return [np.where(first >= 0, matrix[0, first], np.nan)]
+
+
+def combine(
+    points_per_clique: Sequence[Points],
+    members_list: Sequence[Sequence[int]],
+    dimension: int,
+    limit: int = 16,
+    tolerance: float = 1e-3,
+) -> Points:
+    """Join the candidates of cliques to points of all variables.
+
+    Cliques are added in the given order. A candidate continues each partial point that it
+    agrees with on the variables already set; where none agrees, the nearest one is taken
+    and the shared variables become averages. This is greedy and at most ``limit`` partial
+    points are kept.
+
+    Parameters
+    ----------
+    points_per_clique : sequence of lists of (k,) float
+        As :func:`extract_clique` returns them; NaN where unknown.
+    members_list : sequence of sequences of int
+        The variables of each clique, from 0.
+    dimension : int
+        Number of variables n.
+    limit : int
+        Largest number of points, at least 1.
+    tolerance : float
+        Agreement, relative to max(1, abs(value)).
+
+    Returns
+    -------
+    list of (n,) float
+        At least one point; variables that no clique knows are 0.
+
+    Raises
+    ------
+    ProblemError
+        If ``limit`` is below 1.
+
+    Examples
+    --------
+    >>> first = [np.array([1.0, 2.0]), np.array([5.0, 6.0])]
+    >>> second = [np.array([6.0, 7.0]), np.array([2.0, 3.0])]
+    >>> [point.tolist() for point in combine([first, second], [(0, 1), (1, 2)], 3)]
+    [[1.0, 2.0, 3.0], [5.0, 6.0, 7.0]]
+    """
+    if limit < 1:
+        raise ProblemError(f"limit: found {limit}, expected at least 1")
+    rng = np.random.default_rng(_SEED)
+    partial = np.full((1, dimension), np.nan)
+    count = np.zeros(dimension)
+    for points, members in zip(points_per_clique, members_list, strict=True):
+        if not points:
+            continue
+        columns = np.asarray(members, np.int64)
+        candidates = np.array(points, float)
+        known = partial[:, columns]
+        rows, picks = _pairs(_agreement(known, candidates), tolerance, limit, rng)
+        if rows.size > partial.shape[0]:  # each partial point is continued at least once
+            partial, known = partial[rows], known[rows]
+        new = candidates[picks]
+        mean = known + (new - known) / (count[columns] + 1)
+        partial[:, columns] = np.where(np.isnan(known), new, np.where(np.isnan(new), known, mean))
+        count[columns] += 1
+    return list(np.nan_to_num(partial, nan=0.0))
+
+
+# ---- one clique -------------------------------------------------------------------------
+
+
+def _shifts(basis: Words, members: NDArray) -> NDArray[np.int64]:
+    """Find the row of x_v times word j, shape (k, s), -1 for none."""
+    width = basis.shape[1] + 1
+    letters = (members + 1).astype(np.int32)[:, None, None]
+    products = monomials.multiply(basis[None], letters).reshape(-1, width)
+    largest = int(max(basis.max(initial=1), letters.max(initial=1)))
+    keys = monomials.pack(monomials.widen(basis, width), largest)
+    wanted = monomials.pack(products, largest)
+    order = np.argsort(keys)
+    slot = np.minimum(np.searchsorted(keys[order], wanted), keys.size - 1)
+    row = order[slot]
+    return np.where(keys[row] == wanted, row, -1).reshape(members.size, -1)
+
+
+def _atoms(matrix: NDArray, shifted: NDArray, tolerance: float) -> NDArray | None:
+    """Compute the atoms (rank, k), or None if the matrix is not flat."""
+    values, vectors = np.linalg.eigh(matrix)
+    kept = values > tolerance * values[-1]
+    factor = vectors[:, kept] * np.sqrt(values[kept])  # matrix = factor factor'
+    rank = factor.shape[1]
+    inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
+    if inner.size < rank:
+        return None
+    # Rows of `factor` that span the others serve as the pivots of the column
+    # echelon form; pivoted QR chooses them, which amplifies noise least.
+    _, triangle, pivot = linalg.qr(factor[inner].T, mode="economic", pivoting=True)
+    if abs(triangle[rank - 1, rank - 1]) <= np.sqrt(tolerance) * abs(triangle[0, 0]):
+        return None
+    pivots = inner[pivot[:rank]]
+    echelon = linalg.solve(factor[pivots].T, factor.T).T  # words = echelon @ words[pivots]
+    return _joint_eigenvalues(echelon[shifted[:, pivots]])
+
+
+def _joint_eigenvalues(multiplications: NDArray) -> NDArray[np.float64]:
+    """Compute the eigenvalues (rank, k) of commuting matrices (k, rank, rank).
+
+    A random combination separates the atoms, so that its Schur vectors are those of every
+    matrix; the Schur form is orthogonal and hence stable (Corless, Gianni, Trager 1997).
+    """
+    share: NDArray = np.random.default_rng(_SEED).random((multiplications.shape[0],))
+    mixture = np.tensordot(share / share.sum(), multiplications, axes=1)
+    _, schur = linalg.schur(mixture, output="real")
+    return np.einsum("rj,vrs,sj->jv", schur, multiplications, schur)
+
+
+def _by_weight(points: NDArray, moments: NDArray, basis: Words, members: NDArray) -> Points:
+    """Sort points by falling weight in the measure, from the moments of the basis words."""
+    local = (np.searchsorted(members + 1, basis) + 1).astype(np.int32)
+    words = np.where(basis > 0, local, 0).astype(np.int32)
+    weights = np.linalg.lstsq(monomials.evaluate(words, points).T, moments, rcond=None)[0]
+    return [points[j] for j in np.argsort(-weights, kind="stable")]
+
+
+# ---- many cliques -----------------------------------------------------------------------
+
+
+def _agreement(known: NDArray, candidates: NDArray) -> NDArray[np.float64]:
+    """Compute the largest relative difference of points (P, k) and candidates (C, k), (P, C)."""
+    gap = np.abs(known[:, None, :] - candidates[None, :, :])
+    scale = np.maximum(1.0, np.nan_to_num(np.abs(candidates), nan=1.0))
+    return np.nan_to_num(gap / scale, nan=0.0).max(axis=-1, initial=0.0)
+
+
+def _pairs(
+    distance: NDArray, tolerance: float, limit: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Match partial points with candidates: (row, pick), rows ascending.
+
+    Every row gets its nearest candidate if none agrees, one of the agreeing ones at
+    random, and more of them while the limit allows. Without chance, the candidates listed
+    first would be the only ones left once the limit is reached.
+    """
+    agree = distance <= tolerance
+    lonely = ~agree.any(axis=1)
+    agree[lonely, distance[lonely].argmin(axis=1)] = True
+    row, pick = np.nonzero(agree)
+    if row.size <= limit:
+        return row, pick
+    shuffled = rng.permutation(row.size)
+    _, first = np.unique(row[shuffled], return_index=True)
+    others = np.setdiff1d(np.arange(row.size), first)
+    chosen = np.sort(shuffled[np.concatenate([first, others[: limit - first.size]])])
+    return row[chosen], pick[chosen]

@@ -1,0 +1,189 @@
+"""Incumbents: local searches from starts, and points shared between objectives.
+
+Every attained point carries a proof of existence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.conic.program import ConicSolution
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.extraction import candidates, means
+from sparsepop_py.local_search.multistart import Aim, best_attained, starting_points
+from sparsepop_py.options import Options
+from sparsepop_py.presolve.initial_box import find_box
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+__all__ = [
+    "adopt_points",
+    "candidates_from_moments",
+    "first_incumbent",
+    "random_starts",
+    "search_incumbent",
+    "update_incumbent",
+]
+
+_MANY = 2000  # variables from which no atoms are extracted: first moments start a search, too
+_GAIN = 0.01  # of the allowed gap: a point that gains less is not proved while the gap is open
+
+
+def search_incumbent(
+    problem: Problem, starts: list[NDArray], context: SolveContext, proved: float = -np.inf
+) -> tuple[ProvedPoint | None, list[NDArray]]:
+    """Search from several starts for a better incumbent.
+
+    The search ends early at a point that closes the gap to the ``proved`` bound.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : list of (n,) float
+    context : SolveContext
+        Options, deadline, allowed gap and incumbent.
+    proved : float
+        A lower bound, -inf without one.
+
+    Returns
+    -------
+    point : ProvedPoint or None
+        The best point that was proved.
+    vectors : list of (n,) float
+        All nearly feasible vectors seen, by value.
+    """
+    options = context.options
+    if options.refine == "none" or not starts:
+        return None, []
+    rough = options.effort == "auto" and options.gap_kind != "width" and not context.closed(proved)
+    gain = _GAIN * context.allowed if rough else 0.0  # more points follow while the bound improves
+    aim = Aim(options.tolerance, _enough(problem, context, proved), False, context.upper, gain)
+    return best_attained(
+        problem, _with_repaired(context, starts), aim, _method(context), context.deadline.end
+    )
+
+
+def _method(context: SolveContext) -> str | None:
+    return "ipopt" if context.options.refine == "ipopt" else None
+
+
+def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
+    """Return a value that leaves half of the allowed gap to the known lower bound."""
+    if context.options.gap_kind == "width":
+        return -np.inf
+    constant = problem.squares_constant
+    known = proved if constant is None else max(proved, constant)
+    relative = context.options.gap_kind == "relative" and np.isfinite(proved)
+    return known + 0.5 * context.options.gap * (max(1.0, abs(known)) if relative else 1.0)
+
+
+def first_incumbent(
+    context: SolveContext, starts: Iterator[NDArray]
+) -> tuple[SolveContext, list[NDArray]]:
+    """Search until the first proved point.
+
+    A relaxation comes next, and its moments are the best start. Starts are taken from the iterator
+    only as far as needed.
+
+    Parameters
+    ----------
+    context : SolveContext
+    starts : iterator of (n,) float
+
+    Returns
+    -------
+    context : SolveContext
+        With the incumbent, if one was found.
+    vectors : list of (n,) float
+        All nearly feasible vectors seen.
+    """
+    if context.options.refine == "none":
+        return context, []
+    if context.repair is not None:
+        starts = (x for start in starts for x in _with_repaired(context, [start]))
+    enough = _enough(context.problem, context, -np.inf)
+    aim = Aim(context.options.tolerance, enough, any=enough == -np.inf)
+    found, vectors = best_attained(
+        context.problem, starts, aim, _method(context), context.deadline.end
+    )
+    return (context if found is None else replace(context, best=found)), vectors
+
+
+def _with_repaired(context: SolveContext, starts: list[NDArray]) -> list[NDArray]:
+    """Put the repaired forms of starts before them, as far as these differ."""
+    if context.repair is None:
+        return starts
+    better = [np.asarray(context.repair(x), float) for x in starts]
+    return [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)] + starts
+
+
+def update_incumbent(
+    context: SolveContext, starts: list[NDArray], proved: float = -np.inf
+) -> tuple[SolveContext, list[NDArray]]:
+    """Search from starts and keep the better incumbent.
+
+    Parameters
+    ----------
+    context : SolveContext
+    starts : list of (n,) float
+    proved : float
+        A lower bound, -inf without one.
+
+    Returns
+    -------
+    context : SolveContext
+        With the better incumbent.
+    vectors : list of (n,) float
+        All nearly feasible vectors seen.
+    """
+    with context.stages.stage("refine"):
+        found, vectors = search_incumbent(context.problem, starts, context, proved)
+    if found is not None and found.value < context.upper:
+        context = replace(context, best=found)
+    return context, vectors
+
+
+def adopt_points(context: SolveContext, points: list[ProvedPoint]) -> SolveContext:
+    """Keep the best of the points that were proved for other objectives."""
+    row = context.problem.objective_row
+    for point in points:
+        reach = np.full(point.x.size, point.radius)
+        ball = Interval.point(point.x) + Interval(-reach, reach)
+        value = float(range_over(row, ball).hi[0])
+        if value < context.upper:
+            context = replace(context, best=replace(point, value=value))
+    return context
+
+
+def candidates_from_moments(
+    relaxation: Relaxation, solution: ConicSolution | None, scaling: Scaling
+) -> list[NDArray[np.float64]]:
+    """Compute candidate minimisers from the moments of a solution."""
+    if solution is None or solution.status not in ("solved", "almost"):
+        return []
+    found = [means(relaxation, solution.y)]
+    if relaxation.problem.dimension <= _MANY:
+        found = candidates(relaxation, solution.y)
+    return [scaling.point(t) for t in found]
+
+
+def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+    """Choose starting points in a box: many in few variables, none in very many."""
+    n = problem.dimension
+    count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
+    if options.effort == "auto":  # relaxations bring better ones
+        count = 0 if Products.of(problem).has_star else count // 3
+    if options.effort != "plain":
+        _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
+        box = box if is_empty(tighter) else tighter
+    return starting_points(problem, box, count, options.seed)

@@ -1,0 +1,205 @@
+"""Linear programs, solved by HiGHS. What they return guides; nothing proved rests on it.
+
+A :class:`LinearModel` keeps one program and its simplex basis while objectives, bounds
+and numbers are swapped, so that the next program of a series starts where the last ended.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import highspy
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from sparsepop_py.budget import spend
+
+__all__ = ["LinearModel", "LinearSolution", "solve_lp"]
+
+_PROGRAM_WORK, _PIVOT_WORK = 2e-4, 2e-8  # a program, and a pivot for each row and column
+_OPTIONS: dict[str, bool | int | float | str] = {
+    "output_flag": False,
+    "threads": 1,
+    "presolve": "off",
+    "solver": "simplex",
+    "primal_feasibility_tolerance": 1e-9,
+    "dual_feasibility_tolerance": 1e-9,
+}
+_PRIMAL: dict[str, int | float] = {
+    "simplex_strategy": 4,
+    "primal_simplex_bound_perturbation_multiplier": 0.0,  # it cannot cycle for ever:
+    "simplex_iteration_limit": 20_000,
+}
+_STATUS = {
+    highspy.HighsModelStatus.kOptimal: "solved",
+    highspy.HighsModelStatus.kInfeasible: "infeasible",
+    highspy.HighsModelStatus.kUnbounded: "unbounded",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class LinearSolution:
+    """Output of HiGHS for a linear program.
+
+    Parameters
+    ----------
+    status : {"solved", "infeasible", "unbounded", "failed"}
+    x : (n,) float
+    dual : (m,) float
+        Row prices: cost - A' dual are the reduced costs. A ray where infeasible.
+    value : float
+    """
+
+    status: str
+    x: NDArray[np.float64]
+    dual: NDArray[np.float64]
+    value: float
+
+
+class LinearModel:
+    """min cost'x subject to row_lower <= A x <= row_upper, lower <= x <= upper.
+
+    Parameters
+    ----------
+    matrix : csr (m, n)
+    rows : (row_lower, row_upper), each (m,)
+    columns : (lower, upper), each (n,)
+    """
+
+    def __init__(
+        self,
+        matrix: sps.csr_array,
+        rows: tuple[NDArray, NDArray],
+        columns: tuple[NDArray, NDArray],
+    ) -> None:
+        self._highs = highspy.Highs()
+        for name, value in _OPTIONS.items():
+            self._highs.setOptionValue(name, value)
+        self._usual = {name: self._highs.getOptionValue(name)[1] for name in _PRIMAL}
+        self._shape: tuple[int, int] | None = None
+        self._basis: Any = None
+        self._feasible = False
+        self.load(matrix, rows, columns)
+
+    def load(
+        self,
+        matrix: sps.csr_array,
+        rows: tuple[NDArray, NDArray],
+        columns: tuple[NDArray, NDArray],
+    ) -> None:
+        """Another program; the basis is kept where the shape is the same."""
+        m, n = matrix.shape
+        program = highspy.HighsLp()
+        program.num_row_, program.num_col_ = m, n
+        program.col_cost_ = np.zeros(n)
+        program.col_lower_, program.col_upper_ = columns
+        program.row_lower_, program.row_upper_ = rows
+        program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+        program.a_matrix_.start_ = matrix.indptr
+        program.a_matrix_.index_ = matrix.indices
+        program.a_matrix_.value_ = matrix.data
+        self._highs.passModel(program)
+        if self._basis is not None and self._shape == (m, n):
+            self._highs.setBasis(self._basis)
+        self._shape = (m, n)
+        self._feasible = False
+
+    def bound(self, columns: NDArray, lower: NDArray, upper: NDArray) -> None:
+        """Other bounds for some columns."""
+        self._feasible = False
+        self._highs.changeColsBounds(columns.size, columns.astype(np.int32), lower, upper)
+
+    def solve(self, cost: NDArray[np.float64], time_limit: float | None = None) -> LinearSolution:
+        """Minimise another cost (n,), starting from the last basis.
+
+        Where nothing but the cost has changed that basis is feasible, and the primal simplex
+        method is faster; otherwise the dual one, whose rays are clean.
+        """
+        if self._feasible:
+            for name, value in _PRIMAL.items():
+                self._highs.setOptionValue(name, value)
+            found = self._solve(cost, time_limit)
+            for name in _PRIMAL:
+                self._highs.setOptionValue(name, self._usual[name])
+            if found.status != "failed":
+                return found
+        return self._solve(cost, time_limit)
+
+    def _solve(self, cost: NDArray[np.float64], time_limit: float | None) -> LinearSolution:
+        assert self._shape is not None
+        m, n = self._shape
+        highs = self._highs
+        highs.changeColsCost(n, np.arange(n, dtype=np.int32), np.asarray(cost, float))
+        end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
+        highs.setOptionValue("time_limit", end)
+        highs.run()
+        pivots = max(0, highs.getInfo().simplex_iteration_count)
+        spend(_PROGRAM_WORK + (1 + pivots) * _PIVOT_WORK * (m + n))
+        status = _STATUS.get(highs.getModelStatus(), "failed")
+        self._feasible = status == "solved"
+        if status == "solved":
+            found = highs.getSolution()
+            self._basis = highs.getBasis()
+            value = highs.getInfo().objective_function_value
+            return LinearSolution(
+                status, np.array(found.col_value), np.array(found.row_dual), value
+            )
+        dual = np.zeros(m)
+        if status == "infeasible":
+            answer: Any = highs.getDualRay()  # type: ignore[attr-defined]
+            dual = np.array(answer[2]) if answer[1] else dual
+        self._basis = None
+        return LinearSolution(
+            status, np.zeros(n), dual, np.inf if status == "infeasible" else np.nan
+        )
+
+    def active(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns on which the last basis rests: those that are not basic.
+
+        Returns
+        -------
+        rows, columns : int arrays
+            Together n where the basis is regular; empty where the solver kept none.
+        """
+        basis, basic = self._highs.getBasis(), highspy.HighsBasisStatus.kBasic
+        rows = [i for i, status in enumerate(basis.row_status) if status != basic]
+        columns = [j for j, status in enumerate(basis.col_status) if status != basic]
+        return np.array(rows, np.int64), np.array(columns, np.int64)
+
+
+def solve_lp(
+    cost: NDArray[np.float64],
+    margins: tuple[sps.csr_array, NDArray[np.float64], NDArray[np.float64]],
+    equalities: tuple[sps.csr_array, NDArray[np.float64]],
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.float64] | None:
+    """Minimise cost'(d, t) for G d - w t >= -g, H d = r.
+
+    Parameters
+    ----------
+    cost : (n + 1,) float
+    margins : (G, w, g)
+        Rows that ask for a margin t, weighted by w.
+    equalities : (H, r)
+    bounds : (lower, upper), each (n + 1,)
+
+    Returns
+    -------
+    (n + 1,) float or None
+        The solution, None if there is none.
+    """
+    matrix, weight, value = margins
+    equal, right = equalities
+    stacked = sps.csr_array(
+        sps.vstack(
+            [
+                sps.hstack([matrix, sps.csr_array(-weight[:, None])]),
+                sps.hstack([equal, sps.csr_array((right.size, 1))]),
+            ]
+        )
+    )
+    rows = np.append(-value, right), np.append(np.full(weight.size, np.inf), right)
+    found = LinearModel(stacked, rows, bounds).solve(cost)
+    return found.x if found.status == "solved" else None

@@ -1,0 +1,166 @@
+"""Relaxations that fit into memory and time.
+
+An interior-point step costs about sum r^3 / 3 + sum c^3 / 3 operations and 8 sum r^2 bytes,
+r being the number s (s + 1) / 2 of entries of each semidefinite block and c the number of
+moments of each clique. The lean form of a relaxation often gives the same bound at a tenth of
+that, so it goes first, and stays alone where the full form is too large. Where even it does
+not fit, the order is lowered. Each change is noted; every bound stays proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import comb
+
+import numpy as np
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.options import Options
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
+from sparsepop_py.relaxation.sparsepop.relaxation import plain_relaxation
+from sparsepop_py.sparsity.correlative import Cliques
+
+__all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
+
+_OPERATIONS = 4e10  # a step; above, a relaxation is not tried
+_TINY = 1e5  # a step; below, the full form takes no time
+_BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
+
+
+Fitting = tuple[tuple[Relaxation, ...], tuple[str, ...]]  # what is to be tried, and notes
+_NOTHING: Fitting = ((), ())
+
+
+def solver_bytes(relaxation: Relaxation) -> float:
+    """Estimate the memory in bytes that an interior-point solver needs for the blocks."""
+    return float(sum(12.0 * _entries(s) ** 2 * k for s, k in relaxation.block_sizes.items()))
+
+
+def worth_building(cliques: Cliques, order: int) -> bool:
+    """Check that the basis of the largest clique is small enough to build the relaxation."""
+    return comb(max(len(c) for c in cliques.members) + order, order) <= _BASIS
+
+
+def affordable(relaxation: Relaxation, memory: float) -> bool:
+    """Check that a solver has memory for a relaxation and time for a step."""
+    return _operations(relaxation) <= _OPERATIONS and solver_bytes(relaxation) <= memory
+
+
+def _entries(size: int) -> float:
+    return size * (size + 1) / 2.0
+
+
+def _operations(relaxation: Relaxation) -> float:
+    """Count operations of one interior-point step, for blocks and moments of each clique."""
+    blocks = sum(_entries(s) ** 3 * k / 3.0 for s, k in relaxation.block_sizes.items())
+    clique = np.concatenate([np.repeat(g.clique, g.rows_each) for g in relaxation.groups])
+    columns = relaxation.entries.indices.astype(np.int64)
+    row = np.repeat(np.arange(relaxation.rows), np.diff(relaxation.entries.indptr))
+    pairs = np.unique(clique[row] * (relaxation.moments.shape[0] + 1) + columns)
+    moments = np.bincount(pairs // (relaxation.moments.shape[0] + 1))
+    return float(blocks + np.sum(moments.astype(float) ** 3) / 3.0)
+
+
+def fitting_relaxations(
+    problem: Problem,
+    cliques: Cliques,
+    objectives: Sequence[Polynomial],
+    options: Options,
+    *,
+    constrained: bool,
+) -> tuple[tuple[Relaxation, ...], tuple[str, ...]]:
+    """Build the relaxation asked for behind its lean form, as far as they fit.
+
+    Parameters
+    ----------
+    problem : Problem
+        Scaled.
+    cliques : Cliques
+    objectives : sequence of Polynomial
+    options : Options
+        With effort ``"plain"`` nothing is changed: the relaxation fits or there is none.
+    constrained : bool
+        Whether products of constraints and bounds are worth adding: not where the only
+        bounds come from a cutoff.
+
+    Returns
+    -------
+    relaxations : tuple of Relaxation
+        To be tried in this order, the cheaper one first; empty if nothing fits.
+    notes : tuple of str
+    """
+    least = least_order(problem, objectives)
+    asked, memory = options.order or least, options.memory_limit
+    if options.switches is not None:
+        whole = plain_relaxation(problem, cliques, objectives, options.switches)
+        fits = solver_bytes(whole) <= memory
+        return ((whole,), whole.notes) if fits else ((), _too_large(whole.order, memory))
+    notes: tuple[str, ...] = ()
+    if asked < least:
+        notes = (f"order {asked} raised to {least}, the least for these degrees",)
+    plain = options.effort == "plain"
+    build = partial(
+        relax,
+        problem,
+        cliques=cliques,
+        objectives=objectives,
+        products=constrained and not plain,
+        terms="none" if constrained or plain else "sign",
+    )
+    largest, top = max(len(c) for c in cliques.members), max(asked, least)
+    if plain:
+        if comb(largest + top, top) > _BASIS or solver_bytes(full := build(top)) > memory:
+            return (), _too_large(asked, memory)
+        return (full,), notes
+    fitting, order = _fitting(build, largest, memory, top), top
+    if not fitting[0] and options.effort != "auto":  # "auto" has solved lower orders before
+        fitting, order = _largest_that_fits(partial(_fitting, build, largest, memory), least, top)
+    if not fitting[0]:
+        return (), _too_large(asked, memory)
+    if order < top:
+        notes += (f"order {asked} lowered to {order}: it would be too large",)
+    return fitting[0], notes + fitting[1]
+
+
+def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, order: int) -> Fitting:
+    """Build the forms of an order that fit; its largest clique may exclude all before."""
+    basis = comb(largest + order, order)
+    blocks = 2**largest  # as many as sign symmetry makes of a basis, at most
+    least = blocks * _entries(basis // blocks) ** 3 / 3.0
+    if basis > _BASIS or least > _OPERATIONS:
+        return _NOTHING
+    return _worthwhile(build(order), build(order, lean=True), memory)
+
+
+def _largest_that_fits(
+    fitting_of: Callable[[int], Fitting], least: int, too_large: int
+) -> tuple[Fitting, int]:
+    """Bisect for the largest order that fits: where one fits, all below do."""
+    fitting, low, high = _NOTHING, least - 1, too_large
+    while high - low > 1:
+        middle = (low + high) // 2
+        found = fitting_of(middle)
+        if found[0]:
+            fitting, low = found, middle
+        else:
+            high = middle
+    return fitting, low
+
+
+def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
+    """Choose the lean form where much cheaper, the full one where affordable."""
+    cheap, costly = _operations(lean), _operations(full)
+    if affordable(full, memory):
+        return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()
+    if not affordable(lean, memory):
+        return _NOTHING
+    return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
+
+
+def _too_large(order: int, memory: float) -> tuple[str, ...]:
+    return (
+        f"the relaxation of order {order} needs more than {memory / 1e9:.3g} GB; "
+        "lower the order or exploit more sparsity",
+    )

@@ -1,0 +1,409 @@
+"""The polynomial optimization problem: what is asked.
+
+minimise  f(x)   subject to   g_i(x) >= 0,   h_j(x) == 0,   lower <= x <= upper
+
+and to matrices of polynomials being positive semidefinite.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import numbers
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sparsepop_py.algebra import sympy_ as symbolic
+from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.verified.arithmetic.sum_of_squares import Weighted, constant_above, expanded
+
+__all__ = ["Problem", "encoding", "fingerprint_v1"]
+
+Sense = Literal["min", "max"]
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Problem:
+    """A polynomial optimization problem, always stored as a minimisation.
+
+    Parameters
+    ----------
+    objective : Polynomial, number or sympy expression
+        The polynomial f to be minimised.
+    constraints : iterable of Constraint or sympy relation
+        Inequalities g >= 0 and equalities h == 0, as comparisons make them; cones and
+        matrices, as :func:`sparsepop_py.second_order` and :func:`sparsepop_py.psd` do.
+    lower, upper : float or array_like (n,), optional
+        Simple bounds, -inf and +inf where there are none.
+    names : sequence of str, optional
+        Names of the variables; those of the objective when left out.
+    squares : iterable of Polynomial or (weight, Polynomial), optional
+        The objective as a constant plus a (non-negatively weighted) sum of squares.
+        Expanding hides this form, and with it a box for the variables:
+        ``weight * r(x)^2 <= f(x) - constant``. The identity is checked exactly.
+    sense : {"min", "max"}
+        A memo for readers and writers of files: ``"max"`` says that the problem was
+        given as a maximisation, and that ``objective`` is the negative of what was
+        given. Bounds always refer to ``objective``.
+
+    Raises
+    ------
+    ProblemError
+        If dimensions, names or bounds do not fit; the message names the field.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2, ["x", "y"])
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 == 1], lower=-1, upper=1)
+    >>> problem.violation([1.0, 0.0])
+    0.0
+    """
+
+    objective: Polynomial
+    constraints: tuple[Constraint, ...]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    names: tuple[str, ...]
+    squares: tuple[Weighted, ...]
+    sense: Sense
+
+    def __init__(
+        self,
+        objective: Any,
+        constraints: Iterable[Any] = (),
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        names: Sequence[str] | None = None,
+        squares: Iterable[Any] | None = None,
+        sense: Sense = "min",
+    ) -> None:
+        single = isinstance(constraints, (Constraint, SymbolicCone))
+        rows = [constraints] if single else list(constraints)
+        objective, rows = symbolic.convert(objective, rows, names)
+        objective = _as_objective(objective, rows)
+        n = objective.dimension
+        for number, row in enumerate(rows):
+            _check_constraint(number, row, n)
+        if sense not in ("min", "max"):
+            raise ProblemError(f"sense: found {sense!r}, expected 'min' or 'max'")
+        low, high = _bounds("lower", lower, n, -np.inf), _bounds("upper", upper, n, np.inf)
+        wrong = np.flatnonzero((low > high) | (low == np.inf) | (high == -np.inf))
+        if wrong.size:
+            v = int(wrong[0])
+            raise ProblemError(
+                f"lower, upper: found [{low[v]}, {high[v]}] for variable {v + 1}, "
+                "expected lower <= upper"
+            )
+        fields = {
+            "objective": objective,
+            "constraints": tuple(rows),
+            "lower": low,
+            "upper": high,
+            "names": _names(names, objective),
+            "squares": _squares(squares, objective),
+            "sense": sense,
+        }
+        for key, value in fields.items():
+            object.__setattr__(self, key, value)
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables n."""
+        return self.objective.dimension
+
+    @cached_property
+    def degree(self) -> int:
+        """Largest degree of objective and constraints."""
+        return max([self.objective.degree, *(c.degree for c in self.constraints)])
+
+    @cached_property
+    def rows(self) -> PolynomialSystem:
+        """The constraints stacked for fast evaluation; row i is constraint i."""
+        return PolynomialSystem.stack([c.polynomial for c in self.constraints], self.dimension)
+
+    @cached_property
+    def matrices(self) -> Matrices:
+        """The matrices of those constraints that have one."""
+        return Matrices.of(self.constraints, self.dimension)
+
+    @cached_property
+    def objective_row(self) -> PolynomialSystem:
+        """The objective as a system of one row."""
+        return PolynomialSystem.stack([self.objective], self.dimension)
+
+    @cached_property
+    def equality(self) -> NDArray[np.bool_]:
+        """Equalities among the constraints, shape (m,)."""
+        return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
+
+    @cached_property
+    def squares_constant(self) -> float | None:
+        """The constant of f = constant + sum w r^2, rounded down.
+
+        None without squares, or if the identity does not hold exactly in the given doubles.
+        """
+        if not self.squares:
+            return None
+        return constant_above(self.objective, self.squares)
+
+    def violation(self, x: ArrayLike) -> float:
+        """Compute the largest violation of constraints and bounds at ``x``.
+
+        Parameters
+        ----------
+        x : array_like (n,)
+
+        Returns
+        -------
+        float
+            In the user's units; 0.0 when every constraint and bound holds as evaluated in floating
+            point. A matrix is violated by its negative eigenvalues.
+        """
+        point = np.asarray(x, float)
+        if point.shape != (self.dimension,):
+            raise ProblemError(f"x: found shape {point.shape}, expected ({self.dimension},)")
+        with np.errstate(invalid="ignore", over="ignore"):
+            values = self.rows.values(point)
+            worst = np.where(self.equality, np.abs(values), -values)
+            worst[self.matrices.constraints] = 0.0  # what follows from a matrix is not asked twice
+            least = -self.matrices.least_eigenvalue(point[None])
+            parts = [worst, self.lower - point, point - self.upper, np.zeros(1), least]
+            largest = np.concatenate(parts)
+        return float("inf") if np.any(np.isnan(largest)) else float(np.max(largest))
+
+    @cached_property
+    def bound_rows(self) -> NDArray[np.bool_]:
+        """Constraints that are linear in one variable, that is, bounds, shape (m,)."""
+        return np.array(
+            [c.polynomial.degree == 1 and c.polynomial.support.size == 1 for c in self.constraints],
+            bool,
+        )
+
+    @cached_property
+    def sharpened(self) -> Problem:
+        """The same problem with the bounds that :attr:`bound_rows` hide, rounded inwards.
+
+        A point that is feasible here is feasible in the original problem.
+        """
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for number in np.flatnonzero(self.bound_rows):
+            p = self.constraints[number].polynomial
+            slope, variable = float(p.coefficients[-1]), int(p.support[0])
+            edge = -p.constant_term / slope
+            if not np.isfinite(edge):
+                continue  # beyond all doubles: the row says it better
+            rounded = Fraction(edge) * Fraction(slope) != -Fraction(p.constant_term)
+            if self.equality[number] or slope > 0:
+                inner = np.nextafter(edge, np.inf) if rounded else edge
+                lower[variable] = max(lower[variable], inner)
+            if self.equality[number] or slope < 0:
+                inner = np.nextafter(edge, -np.inf) if rounded else edge
+                upper[variable] = min(upper[variable], inner)
+        if np.array_equal(lower, self.lower) and np.array_equal(upper, self.upper):
+            return self
+        if np.any(lower > upper):
+            return self
+        return Problem(self.objective, self.constraints, lower, upper, self.names)
+
+    def with_objective(self, objective: Polynomial) -> Problem:
+        """Return the same feasible set with another objective.
+
+        Parameters
+        ----------
+        objective : Polynomial
+            In as many variables.
+
+        Returns
+        -------
+        Problem
+        """
+        if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
+            raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")
+        other = copy.copy(self)
+        other.__dict__.clear()
+        kept = {name: value for name, value in self.__dict__.items() if name in _OF_THE_SET}
+        fields = {"objective": objective, "squares": (), "sense": "min"}
+        other.__dict__.update(kept | fields)
+        return other
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all that certificates rest on, ``"v2:"`` and SHA-256 of :func:`encoding`."""
+        return "v2:" + hashlib.sha256(encoding(self)).hexdigest()
+
+    def __str__(self) -> str:
+        lines = [f"min {self.objective}"]
+        lines += [f"  s.t. {constraint}" for constraint in self.constraints]
+        for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
+            if np.isfinite(low) or np.isfinite(high):
+                lines.append(f"  {low:g} <= {name} <= {high:g}")
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        equalities, matrices = int(self.equality.sum()), self.matrices.constraints.size
+        inequalities = len(self.constraints) - equalities - matrices
+        last = f", {matrices} matrices" if matrices else ""
+        return (
+            f"<Problem: {self.dimension} variables, {inequalities} inequalities, "
+            f"{equalities} equalities{last}, degree {self.degree}>"
+        )
+
+
+# What with_objective keeps: the fields but the objective's, and what is derived from them alone.
+_OF_THE_SET = frozenset(
+    ("constraints", "lower", "upper", "names", "rows", "matrices", "equality", "bound_rows")
+)
+
+
+def encoding(problem: Problem) -> bytes:
+    """Write a problem as bytes: two problems have the same bytes only if they ask the same.
+
+    Names and the memo ``sense`` do not count. The bytes are a list of parts, each after its
+    length in bytes; numbers are little-endian, lengths and counts of 8 bytes:
+
+    1. ``sparsepop-py problem 2``
+    2. n, the number m of constraints, the number of squares
+    3. the names of the m kinds, joined by commas
+    4. the number of entries of the matrix of each constraint (0 without one)
+    5. for each polynomial its number of terms and the letters of each of its words;
+       the objective comes first, then each constraint's polynomial and its entries, then
+       the squares
+    6. all words of all polynomials, 4 bytes a letter
+    7. all coefficients, as doubles
+    8. lower bounds, 9. upper bounds, 10. weights of the squares, as doubles, without -0.0
+
+    Parts 2 to 5 say how the others fall apart, so that the problem can be read back.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    bytes
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> encoding(sp.Problem(x, lower=0)) == encoding(sp.Problem(x, lower=0, names=["a", "b"]))
+    True
+    """
+    rows, squares = problem.constraints, problem.squares
+    polynomials = [problem.objective]
+    for row in rows:
+        polynomials += [row.polynomial, *row.entries]
+    polynomials += [polynomial for _, polynomial in squares]
+    parts = [
+        b"sparsepop-py problem 2",
+        np.array([problem.dimension, len(rows), len(squares)], "<i8").tobytes(),
+        ",".join(row.kind.name for row in rows).encode(),
+        np.array([len(row.entries) for row in rows], "<i8").tobytes(),
+        np.array([p.words.shape for p in polynomials], "<i8").tobytes(),
+        b"".join(p.words.astype("<i4", copy=False).tobytes() for p in polynomials),
+        b"".join(p.coefficients.astype("<f8", copy=False).tobytes() for p in polynomials),
+        (problem.lower + 0.0).astype("<f8").tobytes(),
+        (problem.upper + 0.0).astype("<f8").tobytes(),
+        (np.array([weight for weight, _ in squares], float) + 0.0).astype("<f8").tobytes(),
+    ]
+    return b"".join(len(part).to_bytes(8, "little") + part for part in parts)
+
+
+def fingerprint_v1(problem: Problem) -> str:
+    """Hash a problem as files of version 2 and before did, to read them.
+
+    Different problems may share it: nothing but the recognition of a file may rest on it.
+    """
+    digest = hashlib.sha256()
+    named = [(problem.objective, "objective")]
+    for c in problem.constraints:
+        named += [(c.polynomial, c.kind.name), *((p, "entry") for p in c.entries)]
+    for polynomial, kind in named:
+        digest.update(kind.encode())
+        digest.update(np.array(polynomial.words.shape, "<i8").tobytes())
+        digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
+        digest.update(np.ascontiguousarray(polynomial.coefficients, "<f8").tobytes())
+    for bound in (problem.lower, problem.upper):
+        digest.update((bound + 0.0).astype("<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
+    if isinstance(objective, Polynomial):
+        return objective
+    first = next((row for row in rows if isinstance(row, Constraint)), None)
+    if first is not None and isinstance(objective, numbers.Real):
+        return total([first.polynomial * 0.0, float(objective)])
+    raise ProblemError(
+        f"objective: found {type(objective).__name__}, expected a Polynomial "
+        "(see sparsepop_py.variables) or a sympy expression"
+    )
+
+
+def _check_constraint(number: int, row: Any, n: int) -> None:
+    if not isinstance(row, Constraint):
+        raise ProblemError(
+            f"constraints[{number}]: found {type(row).__name__}, expected a comparison of "
+            "polynomials such as x1 + x2 >= 1"
+        )
+    for polynomial in (row.polynomial, *row.entries):
+        if polynomial.dimension != n:
+            raise ProblemError(
+                f"constraints[{number}]: found {polynomial.dimension} variables, expected {n}"
+            )
+
+
+def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDArray[np.float64]:
+    try:
+        values = np.array(default if given is None else given, float)
+    except (TypeError, ValueError):
+        raise ProblemError(f"{field}: found {given!r}, expected numbers") from None
+    if values.ndim == 0:
+        values = np.full(n, float(values))
+    if values.shape != (n,):
+        raise ProblemError(f"{field}: found shape {values.shape}, expected ({n},)")
+    if np.any(np.isnan(values)):
+        where = int(np.flatnonzero(np.isnan(values))[0]) + 1
+        raise ProblemError(f"{field}: found NaN for variable {where}, expected a number")
+    values.flags.writeable = False
+    return values
+
+
+def _names(names: Sequence[str] | None, objective: Polynomial) -> tuple[str, ...]:
+    n = objective.dimension
+    if names is None:
+        return objective.names or tuple(f"x{v + 1}" for v in range(n))
+    labels = tuple(str(name) for name in names)
+    if len(labels) != n or len(set(labels)) != n:
+        raise ProblemError(f"names: found {len(labels)} names, expected {n} distinct ones")
+    return labels
+
+
+def _squares(squares: Iterable[Any] | None, objective: Polynomial) -> tuple[Weighted, ...]:
+    pairs = []
+    for item in squares or ():
+        weight, polynomial = item if isinstance(item, tuple) else (1.0, item)
+        if not isinstance(polynomial, Polynomial) or polynomial.dimension != objective.dimension:
+            raise ProblemError("squares: expected polynomials in the objective's variables")
+        if not float(weight) >= 0:
+            raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
+        pairs.append((float(weight), polynomial))
+    if pairs:
+        rest = objective - expanded(pairs, objective.dimension)
+        rest = rest - rest.constant_term
+        scale = max(np.abs(objective.coefficients).max(initial=1.0), 1.0)
+        if np.abs(rest.coefficients).max(initial=0.0) > 1e-9 * scale:
+            raise ProblemError(
+                f"squares: their sum differs from the objective by more than a constant: {rest!r}"
+            )
+    return tuple(pairs)

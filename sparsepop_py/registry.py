@@ -1,0 +1,115 @@
+"""Name what can be plugged in: conic solvers, file formats, shapes of relaxations.
+
+A registry maps names to objects, or to the place ``"module:attribute"`` where one is found, so
+that naming a solver loads it and nothing else. To add one, write one file and one line: an entry
+in the table that ends the module of the registry, or a call of :meth:`Registry.register`.
+
+Only producers are plugged in. The steps and arguments that the verifier accepts are a closed set
+(:mod:`sparsepop_py.verified`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
+from typing import Generic, TypeVar
+
+from sparsepop_py.errors import SparsePOPError
+
+__all__ = ["Registry"]
+
+Entry = TypeVar("Entry")
+
+
+class Registry(Generic[Entry]):
+    """Map names to plugged-in objects, which are loaded when they are first asked for.
+
+    Parameters
+    ----------
+    kind : str
+        The word for one entry in error messages, such as ``"solver"``.
+    entries : mapping from str to object or "module:attribute"
+    error : type of SparsePOPError
+        Raised for unknown names.
+
+    Examples
+    --------
+    >>> from sparsepop_py.registry import Registry
+    >>> roots = Registry("root", {"square": "math:sqrt"})
+    >>> roots["square"](9.0)
+    3.0
+    >>> roots.register("none", lambda x: x)
+    >>> sorted(roots)
+    ['none', 'square']
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        entries: Mapping[str, Entry | str],
+        error: type[SparsePOPError] = SparsePOPError,
+    ) -> None:
+        self.kind, self._entries, self._error = kind, dict(entries), error
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._entries)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._entries
+
+    def __getitem__(self, name: str) -> Entry:
+        """The object of that name.
+
+        Raises
+        ------
+        SparsePOPError
+            If nothing has the name; of the kind that the registry was made with.
+        """
+        if name not in self._entries:
+            known = ", ".join(self._entries)
+            raise self._error(f"{self.kind}: found {name!r}, expected one of {known}")
+        entry = self._entries[name]
+        if isinstance(entry, str):
+            module, _, attribute = entry.partition(":")
+            entry = self._entries[name] = getattr(import_module(module), attribute)
+        return entry
+
+    def register(self, name: str, entry: Entry | str) -> None:
+        """Add an entry.
+
+        Parameters
+        ----------
+        name : str
+        entry : object, or "module:attribute"
+
+        Raises
+        ------
+        SparsePOPError
+            If the name is taken: a registered solver never changes its meaning.
+        """
+        if name in self._entries:
+            raise self._error(f"{self.kind}: {name!r} is registered already")
+        self._entries[name] = entry
+
+    def registers(self, name: str) -> Callable[[Entry], Entry]:
+        """Decorate a function or class to add it under a name.
+
+        Parameters
+        ----------
+        name : str
+        """
+
+        def add(entry: Entry) -> Entry:
+            self.register(name, entry)
+            return entry
+
+        return add
+
+    def unregister(self, name: str) -> None:
+        """Take an entry out again, as tests do.
+
+        Parameters
+        ----------
+        name : str
+        """
+        self._entries.pop(name, None)

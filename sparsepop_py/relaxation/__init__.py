@@ -1,0 +1,1 @@
+"""Moment relaxations: bases, blocks, shapes, term sparsity, and multipliers from duals."""

@@ -1,0 +1,1 @@
+"""Relaxation of SparsePOP 3.03, switch by switch."""

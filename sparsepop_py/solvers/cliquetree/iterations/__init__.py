@@ -1,0 +1,1 @@
+"""Run the interior-point iterations of the clique-tree method."""

@@ -1,0 +1,1 @@
+"""Dense linear algebra on stacks of small matrices, in numpy and compiled."""

@@ -1,0 +1,48 @@
+"""One BLAS thread while this package solves: many small matrices are multiplied faster.
+
+Threads that OpenBLAS keeps waiting for the next product count as CPU time and take cores from
+other processes: a problem of 8 variables costs up to ten times as much with two of them. Of
+several Python threads that solve at once, threadpoolctl lets the first one set the number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+__all__ = ["one_thread"]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def one_thread(function: Callable[P, T]) -> Callable[P, T]:
+    """Limit BLAS to one thread in this process while a function runs.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    callable
+
+    Examples
+    --------
+    >>> from threadpoolctl import threadpool_info
+    >>> @one_thread
+    ... def threads() -> set[int]:
+    ...     return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+    >>> threads() <= {1}
+    True
+    """
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> T:
+        with threadpool_limits(1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited

@@ -1,0 +1,1 @@
+"""Correlative sparsity: chordal extensions and cliques with the running intersection property."""

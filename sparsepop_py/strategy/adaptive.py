@@ -1,0 +1,435 @@
+"""Adaptive bound search for one objective over a finite box (effort "auto").
+
+Each step either solves one relaxation of the hierarchy or processes a slice of the
+branch-and-bound tree. The step with the largest expected gap reduction per CPU second comes
+next, until the gap is closed, time is over or nothing is left to try. What the last slice of
+the tree gained per second is what the next one is expected to gain. A better incumbent lowers
+the cutoff, and with it the box.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.bounding.relaxation_bound import (
+    BoxBound,
+    CertifiedBound,
+    Model,
+    better,
+    bound_box,
+    certified_bound,
+    lower_bound,
+)
+from sparsepop_py.branch_and_bound.node import NodeSettings
+from sparsepop_py.branch_and_bound.tree import Search
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
+from sparsepop_py.lp.highs import LinearSolution
+from sparsepop_py.presolve.initial_box import rounding_slack, shrinks
+from sparsepop_py.relaxation.hierarchy import RelaxationSpec, expected_seconds, hashed, progress
+from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.result import HistoryEntry
+from sparsepop_py.strategy.relaxation_queue import (
+    PROGRAM,
+    TIGHTENING,
+    RelaxationQueue,
+    relaxation_for_nodes,
+)
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.tightening.mccormick import LinearRelaxation, first_moments
+from sparsepop_py.tightening.obbt_lp import apply_steps, tighten_by_lp
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaled, Scaling
+from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening, tighten
+
+__all__ = ["AdaptiveSearch"]
+
+_BRANCH = "branch"
+
+
+@dataclass(eq=False)
+class AdaptiveSearch:
+    """Adaptive bound search for one objective.
+
+    Each step solves the relaxation with the largest expected gap reduction per CPU second, or
+    processes a slice of the branch-and-bound tree. Mutable; its path depends on measured times.
+
+    Parameters
+    ----------
+    context : SolveContext
+        Problem, options, deadline and incumbent.
+    model : Model
+        The box and its proof, both with the cutoff.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen so far.
+    shared_state : SharedState
+        Structure of the problem, and what was learned on it.
+    more_starts : iterator of (n,) float
+        Starts of local searches for where the first relaxation leaves a gap.
+    least_cutoff : float
+        The least cutoff with which the box was tightened.
+    """
+
+    context: SolveContext
+    model: Model
+    candidates: list[NDArray[np.float64]]
+    shared_state: SharedState
+    history: list[HistoryEntry] = field(default_factory=list)
+    costs: list[float] = field(default_factory=list)
+    outcome: CertifiedBound = field(init=False)
+    search: Search | None = None
+    seen: int = 0
+    exhausted: bool = False
+    best: BoxBound = field(init=False)
+    rate: float | None = None
+    linear_bound: float = -np.inf
+    more_starts: Iterator[NDArray[np.float64]] = field(default_factory=lambda: iter(()))
+    solved: set[int] = field(default_factory=set)
+    last: tuple[Interval, Scaled] | None = None
+    least_cutoff: float = np.inf
+
+    def __post_init__(self) -> None:
+        replay = self.context.replay()
+        self.best = BoxBound(prove(replay, self.model.box, None, False), Node())
+        self.outcome = certified_bound(replay, self.model, self.best)
+        self.queue = RelaxationQueue(self.shared_state, self._scaled)
+        self.first_bound = self.best.proved.bound
+        self.shared_model, self.first_box = self.model, self.model.box
+        self.tried: list[tuple[RelaxationSpec, float, float]] = []  # relaxation, bound, seconds
+
+    @property
+    def bound(self) -> float:
+        """The lower bound proved so far, -inf before the first."""
+        return lower_bound(self.outcome.certificate)
+
+    @property
+    def over(self) -> bool:
+        """True if the gap is closed or time is over."""
+        return self.context.closed(self.bound) or self.context.deadline.over
+
+    def run(self, most: int | None = None) -> None:
+        """Improve the bound while the gap is open and something is left to try.
+
+        Parameters
+        ----------
+        most : int, optional
+            Largest number of steps; without limit when left out.
+        """
+        done = 0
+        try:
+            while not self.over and done != most:
+                spec = self._next()
+                self.exhausted = spec is None
+                if spec is None:
+                    break
+                self._run(spec)
+                self._search_incumbent(list(self.more_starts))  # exhausted by the first step
+                done += 1
+        finally:
+            self.least_cutoff = self.context.cutoff
+            if self.search is not None:
+                self._close_search()
+
+    def restart(self, model: Model) -> None:
+        """Continue on another box proved for all objectives, and keep what is proved.
+
+        Nothing happens where the box is the old one and the cutoff has not risen. It rises with
+        gaps relative to a width when the attained width turns out smaller than thought: the old box
+        may then have lost points that count now.
+
+        Parameters
+        ----------
+        model : Model
+            The new box and its proof, without cutoffs.
+        """
+        old = self.shared_model
+        if model is old and self.context.cutoff <= self.least_cutoff:
+            return
+        moved = old.box.hi > old.box.lo
+        width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
+        own = self.model.proof.steps[len(old.proof.steps) :]
+        self.model, self.shared_model = model, model
+        node, replay = self.best.node, self.context.replay()
+        if any(isinstance(step, Tightening) for step in own):  # costly: kept
+            self._take(apply_steps(replay, own, model.box), *own)
+        # another box than before, which need not be within it
+        proved = prove(replay, self.model.box, node.argument, node.empty)
+        self.best = replace(self.best, proved=proved)
+        if self.search is None and self.tried and width.min(initial=1.0) < STRATEGY.smaller_box:
+            # the same relaxation may prove more now
+            self.queue.again(spec for spec, _, _ in self.tried)
+            self.tried = []
+        self._shrink()
+
+    # ---- choice of the next step --------------------------------------------------------------
+
+    def _next(self) -> RelaxationSpec | str | None:
+        """Select the step with the largest expected gain per second, None if none is left."""
+        if self.search is not None and not self.search.update_context(self.context):
+            self.seen, self.search = self.search.seen, None  # another tree must be grown
+        with self.context.stages.stage("relax"):
+            best, most = self.queue.best(self.context.deadline.left)
+        branch = self._branch_rate()
+        if branch is not None and (best is None or branch > most):
+            return _BRANCH
+        return best
+
+    def _scaled(self) -> Scaled:
+        """Scale the problem to the current box; remembered until the box changes."""
+        if self.last is None or self.last[0] is not self.model.box:
+            box, problem = self.model.box, self.context.problem
+            scaling = Scaling.of_box(box, slack=self._slack)
+            self.last = box, Scaled.of(problem, scaling, (problem.objective,))
+        return self.last[1]
+
+    def _branch_rate(self) -> float | None:
+        """Estimate the share of the gap that branching closes per second, None if not allowed."""
+        limit = self.context.options.node_limit
+        if "branch" in self.context.options.skip:
+            return None
+        if self.search is not None:
+            if self.search.done or (limit is not None and self.search.seen >= limit):
+                return None
+            return self.rate
+        if not self.shared_state.variables or not self.history or limit == self.seen:
+            return None
+        seen = self.shared_state.cost_model
+        if _BRANCH in seen.progress:
+            return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
+        node = max(1e-2, min(self.costs))
+        return 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
+
+    # ---- one step -----------------------------------------------------------------------------
+
+    def _run(self, spec: RelaxationSpec | str) -> None:
+        start, before, seconds = self.context.deadline.now(), self._gap, time.process_time()
+        if isinstance(spec, str):
+            name, relaxation = spec, None
+            self._branch(start)
+        else:
+            name = spec.name
+            relaxation = self._relax(spec)
+            self.queue.state(spec)
+            if relaxation is None:
+                return
+        cost = self.context.deadline.now() - start
+        share = 1.0 if self.over else progress(before, self._gap, self.context.allowed)
+        self.shared_state.cost_model.learn(name, share, cost)
+        if name == _BRANCH:
+            self.rate = max(share, 1e-3) / max(cost, 1e-3)
+        self.costs.append(cost)
+        self.history.append(self._record(name, relaxation, time.process_time() - seconds))
+
+    @property
+    def _gap(self) -> float:
+        return self.context.upper - self.bound
+
+    def _record(self, name: str, relaxation: Relaxation | None, seconds: float) -> HistoryEntry:
+        return HistoryEntry(
+            name=name,
+            order=relaxation.order if relaxation is not None and "order" in name else 0,
+            lower_bound=self.bound,
+            upper_bound=self.context.upper,
+            seconds=seconds,
+            largest_block=max(relaxation.block_sizes, default=0) if relaxation else 0,
+            moments=relaxation.moments.shape[0] if relaxation else 0,
+            nodes=self.search.seen if self.search is not None else self.seen,
+        )
+
+    def _relax(self, spec: RelaxationSpec) -> Relaxation | None:
+        """Solve one relaxation on the root box; None if an equal one was solved before."""
+        if spec.shape == "linear":
+            return self._linear()
+        if spec.plain is not None:
+            linear = self._tighten()
+            if self.over:
+                return linear
+        with self.context.stages.stage("relax"):
+            scaled = self._scaled()
+            relaxation = spec.build(scaled, self.shared_state.cliques)
+        same = hashed(relaxation, self.model.box)
+        if same in self.solved:
+            return None
+        self.solved.add(same)
+        start = self.context.deadline.now()
+        expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        box_bound = bound_box(self.context, self.model.box, scaled, relaxation)
+        spent = self.context.deadline.now() - start
+        if spent > 0.05:
+            self.shared_state.cost_model.pace = float(np.clip(spent / expected, 0.2, 5.0))
+        self.tried.append((spec, box_bound.proved.bound, spent))
+        self._accept(box_bound, relaxation)
+        full = spec.shape == "full"
+        starts = (
+            candidates_from_moments(relaxation, box_bound.solution, scaled.scaling) if full else []
+        )
+        if box_bound.solution is not None and box_bound.solution.status in ("solved", "almost"):
+            starts.append(first_moments(scaled, relaxation, box_bound.solution.y))
+        poor = self.context.upper - STRATEGY.poor_cutoff * self._gap
+        self._search_incumbent(starts)
+        if spec.plain is not None and self.context.upper < poor:
+            self.queue.again([spec])  # the cutoff was far from what it can be
+        return relaxation
+
+    def _accept(self, box_bound: BoxBound, relaxation: Relaxation | None) -> None:
+        """Keep an argument on its box if its bound is better."""
+        made = certified_bound(self.context.replay(), self.model, box_bound, relaxation)
+        if box_bound.proved.bound > self.best.proved.bound:
+            self.best = box_bound
+        self.outcome = better(self.outcome, made)
+
+    def _search_incumbent(self, starts: list[NDArray]) -> None:
+        """Run local searches; a better incumbent lowers the cutoff and tightens the box."""
+        if not starts or self.over:
+            return
+        upper = self.context.upper
+        if self._search_in_tree(self.context, starts).upper < upper:
+            self._shrink()
+
+    def _search_in_tree(self, context: SolveContext, starts: list[NDArray]) -> SolveContext:
+        self.context, candidates = update_incumbent(context, starts, self.bound)
+        self.candidates = self.candidates + candidates
+        return self.context
+
+    def _shrink(self) -> None:
+        """Propagate bounds with the current cutoff."""
+        with self.context.stages.stage("presolve"):
+            box, step = tighten(self.context.replay(), self.model.box, STRATEGY.sweeps)
+            if shrinks(self.model.box, box):
+                self._take(box, step)
+
+    def _take(self, box: Interval, *steps: Step) -> None:
+        """Replace the box by a smaller one and record the steps that prove it."""
+        proof = BoxProof((*self.model.proof.steps, *steps))
+        self.model = replace(self.model, proof=proof, box=box)
+        if is_empty(box):
+            self._accept(BoxBound(Proved(np.inf, 0.0, ""), Node()), None)
+
+    def _linear(self) -> Relaxation:
+        """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
+        mccormick = self._mccormick()
+        for number in range(STRATEGY.obbt_rounds):
+            solution = self._bound_linear(mccormick)
+            if solution is None or self.over:
+                break
+            if number == 0:
+                self._search_incumbent([mccormick.point(solution)])
+            if self.over or self.queue.obbt_too_slow or not self._obbt_lp(mccormick):
+                break
+            mccormick = self._mccormick(mccormick)
+        return mccormick.relaxation
+
+    def _mccormick(self, warm: LinearRelaxation | None = None) -> LinearRelaxation:
+        """Build the linear relaxation on the current box."""
+        cliques, active = self.shared_state.cliques["constraints"], self.shared_state.active
+        with self.context.stages.stage("presolve"):
+            return LinearRelaxation.of(
+                self.context.problem, self.model.box, cliques, warm, active, self._slack
+            )
+
+    @property
+    def _slack(self) -> NDArray[np.float64]:
+        """Slack that arguments on the current box keep for the rounding of replays, shape (n,)."""
+        return rounding_slack(self.model.box, self.first_box)
+
+    def _bound_linear(self, mccormick: LinearRelaxation) -> LinearSolution | None:
+        """Accept the bound of the linear relaxation; return its solution, None without one."""
+        start = self.context.deadline.now()
+        with self.context.stages.stage("presolve"):
+            solution = mccormick.minimise(self.context.deadline.left)
+            self.shared_state.cost_model.learn(PROGRAM, 0.0, self.context.deadline.now() - start)
+            if solution.status not in ("solved", "infeasible"):
+                return None
+            empty = solution.status == "infeasible"
+            dual = mccormick.objective_dual(solution)
+            proved = prove(self.context.replay(), self.model.box, dual, empty)
+        self._accept(BoxBound(proved, Node(argument=dual, empty=empty)), mccormick.relaxation)
+        self.linear_bound = max(self.linear_bound, proved.bound)
+        return None if empty else solution
+
+    def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
+        """Tighten bounds by linear programs; return whether another round may gain."""
+        variables = self.shared_state.variables[: STRATEGY.most_tightened]
+        if not variables or not self.shared_state.obbt_lp:
+            return False
+        with self.context.stages.stage("presolve"):
+            made = tighten_by_lp(self.context, self.model, mccormick, variables)
+        if made.empty:
+            self._bound_linear(mccormick)  # the same program proves it
+        self.model = made.model
+        if is_empty(self.model.box):
+            self._accept(BoxBound(Proved(np.inf, 0.0, ""), Node()), None)
+        return made.gains
+
+    def _tighten(self) -> Relaxation:
+        """Run OBBT rounds before a relaxation, with a cutoff a little below the attained value."""
+        start = self.context.deadline.now()
+        self.context = replace(self.context, below=True)
+        self._shrink()
+        mccormick = self._mccormick()
+        for _ in range(STRATEGY.obbt_rounds):
+            if not self._obbt_lp(mccormick) or self.over:
+                break
+            mccormick = self._mccormick(mccormick)
+        self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.context.deadline.now() - start)
+        return mccormick.relaxation
+
+    # ---- branch and bound ---------------------------------------------------------------------
+
+    def _branch(self, start: float) -> None:
+        """Grow the tree for about as long as the next relaxation would take."""
+        slice_ = float(np.clip(self.queue.shortest, 0.5, STRATEGY.slice_seconds))
+        if self.search is None:
+            proof, box, known = self.model.proof, self.model.box, self.best.node
+            root, settings = (self.best.proved, known.argument, known.empty), self._plan()
+            search_incumbent, seen = self._search_in_tree, self.seen
+            self.search = Search(
+                self.context, settings, proof, box, search_incumbent, root, seen=seen
+            )
+        search, limit = self.search, self.context.options.node_limit
+
+        def stop() -> bool:
+            late = self.context.deadline.now() - start > slice_
+            return late or search.context.deadline.over or search.context.closed(search.bound)
+
+        nodes = 10**9 if limit is None else limit - search.seen
+        search.grow(nodes, stop, self.context.options.executor)
+        self.context = search.context
+        self._reconsider(search)
+        if search.done or search.bound > self.bound:
+            self._close_search()
+
+    def _reconsider(self, search: Search) -> None:
+        """Give open nodes the strongest relaxation of the root after many without one."""
+        slow = search.seen > STRATEGY.patience_nodes and search.settings.spec is None and self.tried
+        if slow and not search.done and not self.over:
+            best = max(self.tried, key=lambda entry: entry[1])[0]
+            search.settings = replace(search.settings, spec=best)
+
+    def _plan(self) -> NodeSettings:
+        """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
+        base = self.linear_bound if np.isfinite(self.linear_bound) else self.first_bound
+        obbt_lp = (
+            len(self.shared_state.variables) <= STRATEGY.most_tightened
+            and "obbt_lp" not in self.context.options.skip
+        )
+        seen = self.shared_state.cost_model.seconds
+        program = seen.get(TIGHTENING if obbt_lp else PROGRAM, seen.get(PROGRAM, np.inf))
+        best = relaxation_for_nodes(self.tried, (base, self.context.upper), program)
+        where = self.shared_state.cliques, self.shared_state.variables
+        return NodeSettings(*where, best, obbt_lp, self.shared_state.obbt_sdp, self._slack)
+
+    def _close_search(self) -> None:
+        """Accept the bound that the tree proves now."""
+        assert self.search is not None
+        certificate = self.search.certificate()
+        if lower_bound(certificate) > self.bound:
+            self.outcome = replace(self.outcome, certificate=certificate)

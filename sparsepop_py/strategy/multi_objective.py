@@ -1,0 +1,363 @@
+"""Bound many objectives over one feasible set; results of one help the others (``solve_each``).
+
+The shared box is made once by arguments that hold for all objectives: propagation, and linear
+programs for the branching variables (where a star relaxation exists, only once it has failed,
+and not for long records). The objectives take turns of a few steps each, until every gap is
+closed or nothing is left to try. A proved bound of a single variable tightens the shared box
+(its certificate is quoted, not repeated), and later relaxations are built on it. An attained
+point is tried on all objectives. Cutoffs stay with their objective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
+from sparsepop_py.local_search.slp import violated_rows
+from sparsepop_py.options import Options
+from sparsepop_py.presolve.initial_box import shrinks
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState
+from sparsepop_py.strategy.relaxation_queue import TIGHTENING
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.shared_state import SharedState, branching
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.certificate import Certificate
+from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Step, shrunk, tighten
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+__all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
+
+
+@dataclass(eq=False)
+class MultiObjectiveSearch:
+    """Adaptive searches for several objectives over one feasible set.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : sequence of Polynomial
+    options : Options
+    model : Model
+        Box and proof without cutoffs, finite in every variable.
+    starts : list of (n,) float
+        Vectors to start local searches from.
+    stages : Stages
+    deadline : Deadline
+    report : callable, optional
+        Called with an objective's number and state after each of its turns.
+    repair : callable, optional
+        Improves candidate vectors before local searches.
+    points : list of ProvedPoint
+        Known feasible points; with any, no local search runs before the first turn.
+    known : dict
+        What verification of certificates found, for those that quote them.
+    """
+
+    problem: Problem
+    objectives: Sequence[Polynomial]
+    options: Options
+    model: Model
+    starts: list[NDArray[np.float64]]
+    stages: Stages
+    deadline: Deadline
+    report: Callable[[int, SearchState], None] | None = None
+    repair: Callable[[NDArray], NDArray] | None = None
+    searches: list[AdaptiveSearch] = field(default_factory=list)
+    points: list[ProvedPoint] = field(default_factory=list)
+    quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
+    known: dict[Any, Any] = field(default_factory=dict)
+    base: Model = field(init=False)
+    pairs: dict[int, int] = field(init=False)
+    shared_state: SharedState = field(init=False)
+    obbt_done: bool = False
+
+    def run(self) -> list[SearchState]:
+        """Search until every gap is closed, nothing is left to try or time is over.
+
+        Returns
+        -------
+        list of SearchState
+            One for each objective.
+        """
+        self._begin()
+        notes: tuple[str, ...] = ()
+        try:
+            self._first_points()
+            turn = 1  # every objective takes its cheapest step before costlier ones are tried
+            while not self.over:
+                for index in range(len(self.searches)):
+                    self._run(index, turn)
+                if self._stuck:
+                    break
+                turn = STRATEGY.turn
+        except KeyboardInterrupt:
+            notes = (INTERRUPTED,)
+        states = [self._state(auto, notes) for auto in self.searches]
+        for index, state in enumerate(states if self.report is not None else ()):
+            if not state.history:  # closed without a step: not reported yet
+                self.report(index, state)  # type: ignore[misc]
+        return states
+
+    def _state(self, auto: AdaptiveSearch, notes: tuple[str, ...] = ()) -> SearchState:
+        return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
+
+    @property
+    def _stuck(self) -> bool:
+        return all(auto.over or auto.exhausted for auto in self.searches)
+
+    @property
+    def over(self) -> bool:
+        """True if all gaps are closed or time is over."""
+        return self.deadline.over or all(auto.over for auto in self.searches)
+
+    def _begin(self) -> None:
+        """Prepare the shared state and one adaptive search for each objective."""
+        self.pairs, self.base = pairs(self.objectives), self.model
+        self.shared_state = SharedState.of(self.problem, self.objectives, self.options)
+        if (
+            not self.shared_state.products.has_star
+        ):  # a star may not need it, and is nearly as cheap
+            try:
+                self._tighten()
+            except KeyboardInterrupt:
+                self.deadline.stop()  # the box is kept as it was
+        for objective in self.objectives:
+            context = SolveContext(
+                self.problem.with_objective(objective),
+                self.options,
+                Stages(self.options.progress),
+                self.deadline,
+                repair=self.repair,
+                objectives=len(self.objectives),
+            )
+            self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
+
+    def _first_points(self) -> None:
+        """Run local searches from the starts; try the points found on all objectives."""
+        if not self.starts or self.points:
+            self._share_points(self.points)
+            return
+        several = self.shared_state.products.has_star  # then a local search costs little
+        for auto in self.searches if several else self.searches[:1]:
+            auto.context, auto.candidates = update_incumbent(
+                adopt_points(auto.context, self.points), self.starts
+            )
+            if auto.context.best is not None:
+                self.points.append(auto.context.best)
+        self._share_points(self.points)
+
+    def _tighten(self) -> None:
+        """Tighten the shared box by linear programs, once."""
+        if self.obbt_done or self.deadline.over or not self.shared_state.obbt_lp:
+            return
+        self.obbt_done, start = True, self.deadline.now()
+        with self.stages.stage("presolve"):
+            self.model, self.shared_state.active = tighten_for_all(
+                self.problem, self.objectives, self.model, self.options, self.deadline
+            )
+        self.base = self.model
+        self.shared_state.cost_model.learn(TIGHTENING, 0.0, self.deadline.now() - start)
+
+    def _run(self, index: int, most: int) -> None:
+        """Give one objective a turn of a few steps on the current shared box.
+
+        Costs and progress learned in the first turns guide the turns after them.
+        """
+        auto = self.searches[index]
+        if auto.over or self.deadline.over:
+            return
+        known = len(self.points)
+        auto.restart(self.model)
+        auto.run(most)
+        if auto.context.best is not None and auto.context.best not in self.points:
+            self.points.append(auto.context.best)
+        self._share_points(self.points[known:])
+        self._quote(index)
+        if not auto.over:
+            self._tighten()
+        if self.report is not None:
+            self.report(index, self._state(auto))
+
+    def _share_points(self, points: list[ProvedPoint]) -> None:
+        """Try points on all objectives, then update the units of their gaps."""
+        for auto in self.searches:
+            auto.context = adopt_points(auto.context, points)
+        for index, auto in enumerate(self.searches):
+            auto.context = replace(auto.context, unit=self._unit(index))
+
+    def _unit(self, index: int) -> float | None:
+        """Compute the distance of the attained values of a pair, None unless gaps are widths."""
+        if self.options.gap_kind != "width":
+            return None
+        other = self.searches[self.pairs[index]].context.upper
+        width = width_between(self.searches[index].context.upper, other, self.options)
+        if np.isfinite(width):
+            return width
+        reach = range_over(self.searches[index].context.problem.objective_row, self.model.box)
+        return float(reach.hi[0] - reach.lo[0])  # for a start; the attained width is smaller
+
+    def _quote(self, index: int) -> None:
+        """Tighten the shared box by a proved bound of a single variable."""
+        auto, target = self.searches[index], coordinate_of(self.objectives[index])
+        certificate = auto.outcome.certificate
+        if "quote" in self.options.skip:
+            return
+        if target is None or certificate is None or not np.isfinite(certificate.bound):
+            return
+        variable, side = target
+        box = self.model.box
+        gained = certificate.bound - (box.lo[variable] if side > 0 else -box.hi[variable])
+        if gained <= 1e-4 * (box.hi[variable] - box.lo[variable]):
+            return
+        with self.stages.stage("verify"):
+            certificate = certificate.settled(auto.context.problem, self.known)
+            auto.outcome = replace(auto.outcome, certificate=certificate)
+        if certificate is None:
+            return
+        with self.stages.stage("presolve"):
+            self.quoted[variable, side] = certificate
+            bounds = tuple((v, s, proof) for (v, s), proof in self.quoted.items())
+            variables, sides = np.array(list(self.quoted), np.int64).T
+            values = np.array([proof.bound for _, _, proof in bounds])
+            known = Known(bounds)
+            # their certificates are verified: no need to replay
+            box = shrunk(self.base.box, variables, sides, values)
+            replay = Replay(self.problem, None)
+            if is_empty(box):
+                return
+            steps: list[Step] = [*self.base.proof.steps, known]
+            again, step = tighten(replay, box, 1)
+            if shrinks(box, again):
+                box = again
+                steps.append(step)
+            self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=box)
+
+
+def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:
+    """Map the number of each objective p to the number of the objective -p."""
+    found: dict[int, int] = {}
+    for i, p in enumerate(objectives):
+        for j, q in enumerate(objectives):
+            if (p + q).terms == 0:
+                found[i] = j
+                break
+    return found
+
+
+def width_between(upper: float, other: float, options: Options) -> float:
+    """Compute the distance of the attained values of p and -p.
+
+    +inf where one of them is missing; a single point counts as wide as rounding.
+    """
+    rounding = STRATEGY.rounding * max(1.0, abs(other)) / max(options.gap, STRATEGY.rounding)
+    return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
+
+
+def tighten_for_all(
+    problem: Problem,
+    objectives: Sequence[Polynomial],
+    model: Model,
+    options: Options,
+    deadline: Deadline,
+) -> tuple[Model, NDArray[np.bool_] | None]:
+    """Tighten the branching variables and the objectives' variables without a cutoff.
+
+    Parameters
+    ----------
+    problem : Problem
+    objectives : sequence of Polynomial
+    model : Model
+        The box and its proof, without cutoffs.
+    options : Options
+    deadline : Deadline
+
+    Returns
+    -------
+    model : Model
+        The tightened box and its proof.
+    active : (m,) bool or None
+        Constraints that were enough for these linear programs; None: all.
+    """
+    if is_empty(model.box):
+        return model, None
+    products = Products.of(problem, objectives)
+    targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
+    variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
+    if not products.pairs.size or not 0 < len(variables) <= STRATEGY.most_shared_variables:
+        return model, None
+    return _obbt_rounds(problem, model, variables, options, products, deadline)
+
+
+def _obbt_rounds(
+    problem: Problem,
+    model: Model,
+    variables: tuple[int, ...],
+    options: Options,
+    products: Products,
+    deadline: Deadline,
+) -> tuple[Model, NDArray[np.bool_] | None]:
+    """Run rounds of OBBT by linear programs while they gain.
+
+    Where few variables complicate many constraints, the programs start from a sample of the
+    constraints (any choice is valid). Constraints that a solution violates whatever the other
+    variables are come in before the next round.
+    """
+    replay = Replay(problem, None)
+    cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
+    held = np.array(products.complicating, np.int64)
+    active: NDArray[np.bool_] | None = None
+    if products.has_star and problem.rows.size > STRATEGY.window:
+        active = np.zeros(problem.rows.size, bool)
+        active[np.linspace(0, problem.rows.size - 1, STRATEGY.window).astype(int)] = True
+    steps, box = list(model.proof.steps), model.box
+    for _ in range(
+        STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
+    ):
+        mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
+        seen: list[NDArray] = []
+        smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
+        if step is not None and is_empty(smaller):
+            break
+        gained = False
+        if step is not None:
+            steps.append(step)
+            chosen = list(variables)
+            old, new = (box.hi - box.lo)[chosen], (smaller.hi - smaller.lo)[chosen]
+            gained, box = bool(np.any(new < STRATEGY.gained * old)), smaller
+        if active is not None:
+            missing = [violated_rows(problem, x, held) for x in seen]
+            wanted = np.unique(np.concatenate([*missing, np.zeros(0, np.int64)]))
+            gained |= not np.all(active[wanted])
+            active[wanted] = True
+        if not gained or deadline.over:
+            break
+    if steps[len(model.proof.steps) :]:
+        again, sweeps = tighten(replay, box, 1)
+        if shrinks(box, again):
+            box = again
+            steps.append(sweeps)
+    return replace(model, proof=BoxProof(tuple(steps)), box=box), active
+
+
+def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+    """Choose starts of local searches: random, or the middle of the box with a star."""
+    if Products.of(problem).has_star:
+        return [box.middle()]
+    return random_starts(problem, box, options)

@@ -1,0 +1,341 @@
+"""Loop over relaxations for one objective, with local searches between them.
+
+A round ends with a certificate and with candidate minimisers. When these improve the
+attained value, the cutoff tightens the box and another round may gain. With effort "auto" and
+a finite box the adaptive search of :mod:`sparsepop_py.strategy.adaptive` follows; without a
+finite box, relaxation orders follow one another. The loop ends when the gap is closed, time is
+over or nothing is left to try.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.bounding.relaxation_bound import (
+    BoxBound,
+    CertifiedBound,
+    Model,
+    better,
+    bound_order,
+    certified_bound,
+    closed_without_relaxation,
+    lower_bound,
+)
+from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
+from sparsepop_py.options import Options
+from sparsepop_py.presolve.initial_box import find_box, finite
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.moment import least_order
+from sparsepop_py.result import HistoryEntry
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Node, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
+
+__all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchState:
+    """State at the end of a search for one objective.
+
+    Parameters
+    ----------
+    context : SolveContext
+        With the incumbent.
+    outcome : CertifiedBound
+        The best proved bound.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen.
+    history : tuple of HistoryEntry
+    notes : tuple of str
+        Sentences for the user.
+    """
+
+    context: SolveContext
+    outcome: CertifiedBound
+    candidates: list[NDArray[np.float64]]
+    history: tuple[HistoryEntry, ...]
+    notes: tuple[str, ...] = ()
+
+
+INTERRUPTED = "interrupted: what is proved so far is kept"
+
+
+def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchState:
+    """Return the state of a search interrupted before any relaxation was solved."""
+    box = Interval(context.problem.lower, context.problem.upper)
+    model = Model(BoxProof(), box)
+    replay = Replay(context.problem, None)
+    outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
+    return SearchState(context, outcome, candidates, (), (INTERRUPTED,))
+
+
+def run_orders(
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
+) -> SearchState:
+    """Bound one objective by one relaxation order, or with effort "auto" by growing ones.
+
+    Parameters
+    ----------
+    context : SolveContext
+    candidates : list of (n,) float
+        Nearly feasible vectors seen so far.
+    shared : Model or None
+        Box and relaxations that several objectives share, used in the first round; None: own ones.
+    more_starts : iterator of (n,) float
+        Starts of local searches for where the first relaxation leaves a gap.
+
+    Returns
+    -------
+    SearchState
+    """
+    free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
+    if free:
+        return _after_unconstrained(
+            context,
+            candidates,
+            more_starts,
+            partial(_run_orders, shared=None, more_starts=more_starts),
+        )
+    state = _run_orders(context, candidates, shared, more_starts)
+    if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
+        return _with_unconstrained(state)
+    return state
+
+
+def _restricted(problem: Problem) -> bool:
+    """Check for constraints or bounds."""
+    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    return bool(problem.constraints) or bool(bounded.any())
+
+
+def _after_unconstrained(
+    context: SolveContext,
+    candidates: list[NDArray],
+    more_starts: Iterator[NDArray],
+    go_on: Callable[[SolveContext, list[NDArray]], SearchState],
+) -> SearchState:
+    """Bound the objective on the whole space; continue where that is not enough."""
+    free = _by_gram_matrices(context, candidates, more_starts)
+    if free is None:
+        return go_on(context, candidates)
+    if (
+        good_enough(free.context, lower_bound(free.outcome.certificate))
+        or free.context.deadline.over
+    ):
+        return free
+    state = go_on(free.context, free.candidates)
+    outcome = better(free.outcome, state.outcome)
+    return replace(state, outcome=outcome, history=free.history + state.history)
+
+
+def _with_unconstrained(state: SearchState) -> SearchState:
+    """Add a bound of the objective on the whole space where a relaxation proved nothing."""
+    free = _by_gram_matrices(state.context, state.candidates, iter(()))
+    if free is None:
+        return state
+    outcome = better(free.outcome, state.outcome)  # with the output of the relaxation
+    history, notes = state.history + free.history, state.notes + free.notes
+    return replace(free, outcome=outcome, history=history, notes=notes)
+
+
+def _by_gram_matrices(
+    context: SolveContext, candidates: list[NDArray], more_starts: Iterator[NDArray]
+) -> SearchState | None:
+    """Bound the objective by Gram matrices without a box, searching points between rounds."""
+    start, bound = time.process_time(), None
+    while True:
+        try:
+            found = unconstrained_bound(context)
+        except KeyboardInterrupt:
+            return unstarted_state(context, candidates)
+        if found is None:
+            return None
+        bound, old = better(bound, found), context.best
+        for starts in (_candidates_from_moments(bound), more_starts):
+            if not context.closed(lower_bound(bound.certificate)):
+                context, more = update_incumbent(
+                    context, list(starts), lower_bound(bound.certificate)
+                )
+                candidates = candidates + more
+        if (
+            context.best is old
+            or context.closed(lower_bound(bound.certificate))
+            or context.deadline.over
+        ):
+            break
+    entry = _history_entry(context, bound, bound, time.process_time() - start)
+    return SearchState(context, bound, candidates, (entry,))
+
+
+def _run_orders(
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
+) -> SearchState:
+    if context.options.effort == "auto":
+        with context.stages.stage("presolve"):
+            replay = context.replay()
+            proof, box = find_box(
+                context.problem,
+                context.best if replay.cutoff is not None else None,
+                _timed(context),
+                done=closed_without_relaxation(context) or context.deadline.over,
+                cutoff=replay.cutoff,
+            )
+        if finite(box):
+            shared_state = SharedState.of(
+                context.problem, (context.problem.objective,), context.options
+            )
+            return run_adaptive(
+                AdaptiveSearch(
+                    context, Model(proof, box), candidates, shared_state, more_starts=more_starts
+                )
+            )
+        if _restricted(context.problem):
+            orders = partial(_orders, shared=shared, more_starts=more_starts)
+            return _after_unconstrained(context, candidates, iter(()), orders)
+    return _orders(context, candidates, shared, more_starts)
+
+
+def run_adaptive(auto: AdaptiveSearch) -> SearchState:
+    """Run an adaptive search to its end and return its state."""
+    notes: tuple[str, ...] = ()
+    try:
+        auto.run()
+    except KeyboardInterrupt:
+        notes = (INTERRUPTED,)
+    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
+
+
+def _orders(
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
+) -> SearchState:
+    """Solve one order, or with effort "auto" growing orders."""
+    outcome: CertifiedBound | None = None
+    history: list[HistoryEntry] = []
+    for order in _order_numbers(context):
+        start = time.process_time()
+        options = replace(_timed(context), order=order)
+        if options.effort == "auto" and outcome is None:
+            options = replace(options, effort="presolve")  # the first order may step down
+        try:
+            step, bound, candidates = _rounds(
+                replace(context, options=options), candidates, shared, more_starts
+            )
+        except KeyboardInterrupt:
+            if outcome is None:
+                return unstarted_state(context, candidates)
+            return SearchState(context, outcome, candidates, tuple(history), (INTERRUPTED,))
+        if outcome is not None and bound.relaxation is None:
+            break  # this order would be too large
+        outcome = better(outcome, bound)
+        context = replace(context, best=step.best)
+        history.append(_history_entry(context, outcome, bound, time.process_time() - start))
+        if context.closed(lower_bound(outcome.certificate)) or context.deadline.over:
+            break
+        if outcome.certificate is None and context.best is not None:
+            if falling_ray(context.problem, context.best) is not None:
+                break  # no order proves anything
+        shared = None
+    assert outcome is not None
+    return SearchState(context, outcome, candidates, tuple(history))
+
+
+def _timed(context: SolveContext) -> Options:
+    """Limit the options to half of the time left: a box may take two solves."""
+    left = context.deadline.left
+    return replace(context.options, time_limit=None if left is None else 0.5 * left)
+
+
+def _order_numbers(context: SolveContext) -> Iterator[int | None]:
+    first = context.options.order
+    if context.options.effort != "auto":
+        yield first
+        return
+    first = max(first or 1, least_order(context.problem))
+    yield from range(first, first + STRATEGY.more_orders + 1)
+
+
+def _history_entry(
+    context: SolveContext, outcome: CertifiedBound, bound: CertifiedBound, seconds: float
+) -> HistoryEntry:
+    relaxation = bound.relaxation
+    order = relaxation.order if relaxation is not None else 0
+    return HistoryEntry(
+        name=f"order {order}" if order else "box",
+        order=order,
+        lower_bound=lower_bound(outcome.certificate),
+        upper_bound=context.upper,
+        seconds=seconds,
+        largest_block=max(relaxation.block_sizes, default=0) if relaxation is not None else 0,
+        moments=relaxation.moments.shape[0] if relaxation is not None else 0,
+    )
+
+
+def _rounds(
+    context: SolveContext,
+    candidates: list[NDArray],
+    shared: Model | None,
+    more_starts: Iterator[NDArray],
+) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
+    """Repeat one order while the attained value improves."""
+    outcome: CertifiedBound | None = None
+    for _ in range(1 if shared else STRATEGY.order_rounds):
+        try:
+            bound = bound_order(context, shared)
+        except KeyboardInterrupt:
+            if outcome is None:
+                raise
+            context.deadline.stop()
+            break
+        outcome = better(outcome, bound)
+        proved, old = lower_bound(outcome.certificate), context.best
+        if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
+            break  # reading further minimisers out of the moments would take the longest
+        context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
+        candidates = candidates + more
+        if not context.closed(proved) and not context.deadline.over:
+            context, more = update_incumbent(context, list(more_starts), proved)
+            candidates = candidates + more
+        if context.closed(proved) or context.deadline.over or context.options.effort == "plain":
+            break
+        if context.best is old or not _worth_another(old, context.best, bound):
+            break
+    assert outcome is not None
+    return context, outcome, candidates
+
+
+def _candidates_from_moments(bound: CertifiedBound) -> list[NDArray[np.float64]]:
+    if bound.relaxation is None or bound.model.scaled is None:
+        return []
+    return candidates_from_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
+
+
+def _worth_another(old: ProvedPoint | None, new: ProvedPoint | None, bound: CertifiedBound) -> bool:
+    """Check that the attained value improved by a good part of the open gap."""
+    if new is None:
+        return False
+    if old is None or bound.certificate is None:
+        return True
+    return old.value - new.value > 0.05 * (new.value - bound.certificate.bound)

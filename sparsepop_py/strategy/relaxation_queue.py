@@ -1,0 +1,169 @@
+"""Queue of relaxations, ordered by expected gap reduction per CPU second.
+
+A relaxation whose bound depends on the box may be solved on a box that linear programs have
+tightened first. With seconds t of tightening, s of the relaxation and a chance p that it
+closes the gap without, that is expected to cost t + s against s + (1 - p) (t + s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sparsepop_py.relaxation.hierarchy import RelaxationSpec
+from sparsepop_py.strategy.settings import STRATEGY
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.verified.box.scaling import Scaled
+
+__all__ = ["PROGRAM", "TIGHTENING", "RelaxationQueue", "relaxation_for_nodes"]
+
+PROGRAM = "linear program"  # names under which the cost model keeps their seconds
+TIGHTENING = "tightening"
+_LINEAR = RelaxationSpec("linear", 0.0, "linear")
+_TIGHTENED = ("star", "split", "mixed")
+
+
+@dataclass(eq=False)
+class RelaxationQueue:
+    """Relaxations that are left to try for one objective.
+
+    Parameters
+    ----------
+    shared_state : SharedState
+        Its relaxations, and the cost model that learns from them.
+    scaled : callable
+        Returns the problem scaled to the current box; for estimates.
+    share : float
+        Expected progress of the last relaxation, see :mod:`sparsepop_py.relaxation.hierarchy`.
+    """
+
+    shared_state: SharedState
+    scaled: Callable[[], Scaled]
+    share: float = 0.0
+    specs: list[RelaxationSpec] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.specs = list(self.shared_state.specs)
+
+    def best(self, left: float | None) -> tuple[RelaxationSpec | None, float]:
+        """Select the relaxation with the largest expected gain per second.
+
+        Parameters
+        ----------
+        left : float or None
+            Seconds left; relaxations expected to take over twice as long are left out.
+
+        Returns
+        -------
+        spec : RelaxationSpec or None
+            None where nothing is left.
+        rate : float
+            Its expected gain per second.
+        """
+        best, most = None, 0.0
+        for spec in map(self._prepared, self.specs):
+            seconds = self.seconds(spec)
+            if not np.isfinite(seconds) or (left is not None and seconds > 2.0 * left):
+                continue
+            rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
+            if rate > most:
+                best, most = spec, rate
+        return best, most
+
+    def state(self, spec: RelaxationSpec) -> None:
+        """Remove a relaxation and all weaker ones; it may return on a tightened box."""
+        again = [spec.tightened] if self._may_tighten(spec) else []
+        self.specs = [*again, *(r for r in self.specs if r.share > spec.share)]
+        self.share = spec.share
+
+    def again(self, specs: Iterable[RelaxationSpec]) -> None:
+        """Put relaxations back that may prove more on a smaller box."""
+        self.specs = [*specs, *self.specs]
+        self.share = 0.0
+
+    def seconds(self, spec: RelaxationSpec) -> float:
+        """Estimate the seconds of a relaxation, from earlier solves where there are any."""
+        seen, known = self.shared_state.cost_model, self.shared_state.estimates
+        if spec.name in seen.seconds:
+            return seen.seconds[spec.name]
+        if spec.plain is not None:
+            return self._tightening + self.seconds(spec.plain)
+        if spec.name not in known:
+            known[spec.name] = spec.seconds(self.scaled(), self.shared_state.cliques)
+        alone = seen.pace * known[spec.name]
+        if spec.shape == "linear" and self.shared_state.obbt_lp and not self.obbt_too_slow:
+            return alone + self._tightening  # other programs follow the first
+        return alone
+
+    @property
+    def shortest(self) -> float:
+        """Expected seconds of the fastest relaxation that is not weak, +inf if none is left."""
+        return min(
+            (self.seconds(r) for r in self.specs if r.share > STRATEGY.weak_share), default=np.inf
+        )
+
+    @property
+    def obbt_too_slow(self) -> bool:
+        """True if tightening by linear programs costs more than the next relaxation."""
+        return self._tightening > STRATEGY.obbt_too_slow * self.shortest
+
+    @property
+    def _tightening(self) -> float:
+        """Expected seconds of a few rounds of OBBT by linear programs."""
+        seen = self.shared_state.cost_model.seconds
+        programs = 2.0 * min(len(self.shared_state.variables), STRATEGY.most_tightened)
+        return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
+
+    @property
+    def _program(self) -> float:
+        """Expected seconds of a linear program before any was solved."""
+        known = self.shared_state.estimates
+        if _LINEAR.name not in known:
+            known[_LINEAR.name] = _LINEAR.seconds(self.scaled(), self.shared_state.cliques)
+        return self.shared_state.cost_model.pace * known[_LINEAR.name]
+
+    def _may_tighten(self, spec: RelaxationSpec) -> bool:
+        below = spec.shape in _TIGHTENED and spec.plain is None
+        return self.shared_state.obbt_lp and below and bool(self.shared_state.variables)
+
+    def _prepared(self, spec: RelaxationSpec) -> RelaxationSpec:
+        """Choose the tightened form where it costs less than failing without is expected to."""
+        seen = self.shared_state.cost_model.seconds
+        if not self._may_tighten(spec) or not {PROGRAM, TIGHTENING} & seen.keys():
+            return spec
+        alone = self.seconds(spec)
+        both = self._tightening + alone
+        fails = 1.0 - self.shared_state.cost_model.closes(spec.name)
+        return spec.tightened if both < alone + fails * both else spec
+
+
+def relaxation_for_nodes(
+    tried: Iterable[tuple[RelaxationSpec, float, float]], gap: tuple[float, float], program: float
+) -> RelaxationSpec | None:
+    """Select the relaxation for nodes: the best per second, if better than branching alone.
+
+    Parameters
+    ----------
+    tried : iterable of (RelaxationSpec, bound, seconds)
+        Relaxations of the root.
+    gap : (float, float)
+        The bound without them, and the attained value.
+    program : float
+        Seconds of the linear programs of one node.
+
+    Returns
+    -------
+    RelaxationSpec or None
+    """
+    best, most = None, STRATEGY.branching_gain / program
+    base, upper = gap
+    for spec, bound, seconds in tried:
+        whole = upper - base
+        closed = (bound - base) / whole if np.isfinite(whole) and whole > 0 else float(bound > base)
+        # a share s saves about log(1 / (1 - s)) levels of the tree
+        worth = -np.log1p(-min(max(closed, 0.0), 0.999)) / max(seconds, 1e-3)
+        if closed > 0.1 and worth > most:
+            best, most = spec, worth
+    return best

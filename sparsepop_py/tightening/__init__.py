@@ -1,0 +1,1 @@
+"""Bound tightening: McCormick relaxations, OBBT by linear and by semidefinite programs."""

@@ -1,0 +1,96 @@
+"""OBBT by linear programs: bounds of the branching variables below the cutoff.
+
+On a box propagated with f(x) <= cutoff, the least and the largest value of a variable over the
+linear relaxation bound it for every point below the cutoff. A smaller box makes the next
+relaxation tighter: products are enveloped on smaller intervals.
+
+References
+----------
+A. M. Gleixner, T. Berthold, B. Mueller, S. Weltge, Three enhancements for
+optimization-based bound tightening, J. Global Optim. 67, 2017.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.context import SolveContext
+from sparsepop_py.presolve.initial_box import shrinks
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
+from sparsepop_py.tightening.settings import OBBT
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
+
+__all__ = ["TightenedModel", "apply_steps", "tighten_by_lp"]
+
+
+@dataclass(frozen=True, eq=False)
+class TightenedModel:
+    """Result of one round of OBBT by linear programs.
+
+    Parameters
+    ----------
+    model : Model
+        With the tightened box, which may be empty.
+    gains : bool
+        Whether another round may gain.
+    empty : bool
+        Whether a linear program was infeasible: the box holds no point below the cutoff.
+    """
+
+    model: Model
+    gains: bool = False
+    empty: bool = False
+
+
+def tighten_by_lp(
+    context: SolveContext, model: Model, mccormick: LinearRelaxation, variables: Sequence[int]
+) -> TightenedModel:
+    """Run one round of OBBT by linear programs, then propagate.
+
+    Parameters
+    ----------
+    context : SolveContext
+        Its attained value is the cutoff.
+    model : Model
+        The box and its proof.
+    mccormick : LinearRelaxation
+        The linear relaxation on that box.
+    variables : sequence of int
+
+    Returns
+    -------
+    TightenedModel
+    """
+    box = model.box
+    open_ = [v for v in variables if box.hi[v] > box.lo[v]]
+    replay = context.replay()
+    smaller, step, empty = tighten_bounds(replay, mccormick, box, open_, context.deadline.left)
+    if step is None:
+        return TightenedModel(model, empty=empty)
+    steps: list[Step] = [*model.proof.steps, step]
+    if not is_empty(smaller):
+        again, more = tighten(replay, smaller, OBBT.lp_sweeps)
+        if shrinks(smaller, again):
+            smaller = again
+            steps.append(more)
+    made = replace(model, proof=BoxProof(tuple(steps)), box=smaller)
+    old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
+    return TightenedModel(made, not is_empty(smaller) and bool(np.any(new < OBBT.lp_gained * old)))
+
+
+def apply_steps(replay: Replay, steps: Sequence[Step], box: Interval) -> Interval:
+    """Apply bound-tightening steps derived on one box to another.
+
+    Steps verify themselves, so the result holds although they may have become weaker.
+    """
+    for step in steps:
+        if is_empty(box):
+            break
+        box = replay.step(step, box)
+    return box

@@ -1,0 +1,1 @@
+"""Verified arithmetic: every rounding error is accounted for."""

@@ -1,0 +1,48 @@
+"""Numbers for people that stay true: bounds are rounded outwards, never to nearest."""
+
+from __future__ import annotations
+
+import math
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+
+__all__ = ["rounded"]
+
+
+def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = True) -> str:
+    """Format a bound in few digits, rounded outwards: as proved as the value.
+
+    Parameters
+    ----------
+    value : float
+    upwards : bool
+        True for upper bounds, False for lower bounds.
+    digits : int
+        Significant digits, at most 15.
+    scientific : bool
+        With sign and exponent, for columns; else in the shortest form.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> rounded(1.26, upwards=False, digits=2), rounded(1.21, upwards=True, digits=2)
+    ('+1.2e+00', '+1.3e+00')
+    >>> rounded(-0.50000001, upwards=False, digits=7, scientific=False)
+    '-0.5000001'
+    """
+    form = f"+.{digits - 1}e" if scientific else f".{digits}g"
+    if not math.isfinite(value):
+        return format(value, form)
+    direction = ROUND_CEILING if upwards else ROUND_FLOOR
+    shown = float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
+    outwards = math.inf if upwards else -math.inf
+    while _inside(format(shown, form), value, upwards):  # subnormal numbers have few digits
+        shown = math.nextafter(shown, outwards)
+    return format(shown, form)
+
+
+def _inside(text: str, value: float, upwards: bool) -> bool:
+    """Whether what is shown lies on the wrong side of the value."""
+    return Decimal(text) < Decimal(value) if upwards else Decimal(text) > Decimal(value)

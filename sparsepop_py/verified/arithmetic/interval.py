@@ -1,0 +1,264 @@
+"""Verified arithmetic: every number that a proof rests on passes through here.
+
+Floating-point results are turned into enclosures in two ways. Elementwise
+operations are rounded outward by one unit in the last place (the IEEE error of
+a correctly rounded operation is at most half of that). Sums and dot products of
+c terms carry the a-priori bound gamma_c * sum |terms| with
+gamma_c = c u / (1 - c u), u = 2^-53, which holds for every order of summation,
+with or without fused multiply-add (Higham 2002, sections 3.1 and 4.2). Where
+decisions hang on exact zeros, :func:`exact_values` uses rationals.
+
+References
+----------
+N. J. Higham, Accuracy and Stability of Numerical Algorithms, SIAM, 2002.
+S. M. Rump, Fast and parallel interval arithmetic, BIT 39, 1999.
+A. Neumaier, Interval Methods for Systems of Equations, Cambridge, 1990.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sparsepop_py.algebra.monomials import Words
+
+__all__ = [
+    "Interval",
+    "down",
+    "exact_values",
+    "gram",
+    "matmul",
+    "require_ieee",
+    "sum_by",
+    "up",
+]
+
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
+_TINY = 2.0**-1022  # least normal double
+
+
+def require_ieee() -> None:
+    """Raise ``FloatingPointError`` if this process flushes subnormal numbers to zero.
+
+    Some libraries switch the whole process to that mode; enclosures would not hold in it.
+    """
+    smallest = np.full(2, _TINY)
+    if not np.all(smallest * 0.5 > 0.0):
+        raise FloatingPointError(
+            "this process flushes subnormal numbers to zero (a library built with fast-math "
+            "flags is loaded); proofs need IEEE arithmetic"
+        )
+
+
+def down(x: ArrayLike) -> NDArray[np.float64]:
+    """Next double towards minus infinity."""
+    return np.nextafter(x, -np.inf)
+
+
+def up(x: ArrayLike) -> NDArray[np.float64]:
+    """Next double towards plus infinity."""
+    return np.nextafter(x, np.inf)
+
+
+def _times(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Multiply with 0 * inf = 0; only exact zeros give zero, not underflow."""
+    with np.errstate(invalid="ignore", over="ignore", under="ignore"):
+        product = a * b
+        if np.all(np.abs(product) > 0.0):
+            return product
+        lost = np.copysign(2.0**-1074, product)
+    return np.where((a == 0) | (b == 0), 0.0, np.where(product == 0, lost, product))
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Arrays of closed intervals [lo, hi]; infinite ends are allowed.
+
+    Examples
+    --------
+    >>> third = Interval.point([1.0]) / Interval.point([3.0])
+    >>> bool(third.lo[0] < third.hi[0]), float(third.hi[0] - third.lo[0]) < 1e-15
+    (True, True)
+    """
+
+    lo: NDArray[np.float64]
+    hi: NDArray[np.float64]
+
+    @staticmethod
+    def point(values: ArrayLike) -> Interval:
+        """Intervals of width zero."""
+        array = np.asarray(values, float)
+        return Interval(array, array)
+
+    @staticmethod
+    def of_fraction(value: Fraction) -> Interval:
+        """Enclose a rational number by the tightest doubles."""
+        try:
+            near = float(value)
+        except OverflowError:
+            edge = np.float64(np.finfo(float).max)
+            ends = (edge, np.inf) if value > 0 else (-np.inf, -edge)
+            return Interval(np.float64(ends[0]), np.float64(ends[1]))  # type: ignore[arg-type]
+        exact = Fraction(near)
+        lo = near if exact <= value else np.nextafter(near, -np.inf)
+        hi = near if exact >= value else np.nextafter(near, np.inf)
+        return Interval(np.float64(lo), np.float64(hi))  # type: ignore[arg-type]
+
+    def __getitem__(self, key: Any) -> Interval:
+        return Interval(self.lo[key], self.hi[key])
+
+    def __neg__(self) -> Interval:
+        return Interval(-self.hi, -self.lo)
+
+    def __add__(self, other: Interval) -> Interval:
+        with np.errstate(over="ignore"):
+            return Interval(down(self.lo + other.lo), up(self.hi + other.hi))
+
+    def __sub__(self, other: Interval) -> Interval:
+        return self + (-other)
+
+    def __mul__(self, other: Interval) -> Interval:
+        shape = np.broadcast_shapes(np.shape(self.lo), np.shape(other.lo))
+        left, right = np.empty((2, 1, *shape)), np.empty((1, 2, *shape))
+        left[0], left[1], right[:, 0], right[:, 1] = self.lo, self.hi, other.lo, other.hi
+        products = _times(left, right)  # all four at once: small arrays cost by the call
+        low, high = products.min(axis=(0, 1)), products.max(axis=(0, 1))
+        with np.errstate(over="ignore"):
+            return Interval(np.where(low == 0, 0.0, down(low)), np.where(high == 0, 0.0, up(high)))
+
+    def __truediv__(self, other: Interval) -> Interval:
+        """Quotient; the whole line where the divisor contains zero."""
+        safe = (other.lo > 0) | (other.hi < 0)
+        with np.errstate(divide="ignore", over="ignore", under="ignore"):
+            low = np.where(safe, down(1.0 / np.where(safe, other.hi, 1.0)), -np.inf)
+            high = np.where(safe, up(1.0 / np.where(safe, other.lo, 1.0)), np.inf)
+        quotient = self * Interval(low, high)
+        return Interval(np.where(safe, quotient.lo, -np.inf), np.where(safe, quotient.hi, np.inf))
+
+    def power(self, exponent: NDArray[np.int64]) -> Interval:
+        """Elementwise integer powers (exponent >= 0, broadcast against the interval)."""
+        low, high, exponent = np.broadcast_arrays(self.lo, self.hi, exponent)
+        near = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(np.abs(low), np.abs(high)))
+        near_power = _power(near, exponent, down)
+        low_power, high_power = _power(np.abs(np.stack([low, high])), exponent, up)
+        far_power = np.maximum(low_power, high_power)  # rounded products are monotone
+        even = exponent % 2 == 0
+        lo = np.where(low >= 0, near_power, -low_power)
+        hi = np.where(high <= 0, -near_power, high_power)
+        return Interval(
+            np.where(even, np.maximum(near_power, 0.0), lo), np.where(even, far_power, hi)
+        )
+
+    def magnitude(self) -> NDArray[np.float64]:
+        """Compute the largest absolute value in each interval."""
+        return np.maximum(np.abs(self.lo), np.abs(self.hi))
+
+    def middle(self) -> NDArray[np.float64]:
+        """Compute a double near the middle of each (finite) interval."""
+        return 0.5 * self.lo + 0.5 * self.hi
+
+    def intersect(self, other: Interval) -> Interval:
+        """Intersection; empty where lo > hi."""
+        return Interval(np.maximum(self.lo, other.lo), np.minimum(self.hi, other.hi))
+
+
+def _power(
+    magnitude: NDArray, exponent: NDArray, rounded: Callable[[NDArray], NDArray]
+) -> NDArray[np.float64]:
+    """Powers of non-negative numbers by rounded multiplications; 1 for exponent 0."""
+    result: NDArray[np.float64] = np.where(exponent > 0, magnitude, 1.0)
+    for step in range(1, int(exponent.max(initial=0))):
+        product = rounded(_times(result, magnitude))
+        result = np.where(exponent > step, product, result)
+    return np.where((exponent > 0) & (magnitude == 0), 0.0, result)
+
+
+def sum_by(index: NDArray, terms: Interval, size: int) -> Interval:
+    """Enclosures of the sums of ``terms`` that share an index, shape (size,).
+
+    Single terms and empty sums stay exact.
+    """
+    count = np.bincount(index, minlength=size)
+    ends: list[NDArray[np.float64]] = []
+    for end, sign in ((terms.lo, -1.0), (terms.hi, 1.0)):
+        value = np.bincount(index, weights=end, minlength=size)
+        size_of_terms = np.bincount(index, weights=np.abs(end), minlength=size)
+        error = (count + 4.0) * (1.001 * _UNIT) * size_of_terms
+        with np.errstate(invalid="ignore", over="ignore"):
+            shifted = np.nextafter(value + sign * error, sign * np.inf)
+        # a partial sum may overflow although the sum is finite: then nothing is known
+        safe = np.where(np.isfinite(shifted), shifted, sign * np.inf)
+        ends.append(np.where(count > 1, safe, value))
+    return Interval(ends[0], ends[1])
+
+
+def gram(factor: NDArray[np.float64]) -> Interval:
+    """Enclosure of L L' for a stack of matrices L of shape (K, s, r).
+
+    L L' is positive semidefinite for every real L, so a Gram matrix that is stored by
+    its factor needs no eigenvalue test.
+    """
+    transposed = np.swapaxes(factor, -1, -2)
+    inner = factor.shape[-1] + 4.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = factor @ transposed
+        size = np.abs(factor) @ np.abs(transposed)
+        error = inner * (1.001 * _UNIT) * size + inner * _TINY
+        lo, hi = down(product - error), up(product + error)
+    known = np.isfinite(lo) & np.isfinite(hi)
+    return Interval(np.where(known, lo, -np.inf), np.where(known, hi, np.inf))
+
+
+def matmul(left: Interval, right: Interval) -> Interval:
+    """Enclosure of the matrix product, by midpoints and radii (Rump 1999)."""
+    a, b = left.middle(), right.middle()
+    a_radius = up(np.maximum(up(left.hi - a), up(a - left.lo)))
+    b_radius = up(np.maximum(up(right.hi - b), up(b - right.lo)))
+    inner = a.shape[-1] + 4.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        product = a @ b
+        size = np.abs(a) @ (np.abs(b) + b_radius)
+        reach = np.abs(a) @ b_radius + a_radius @ up(np.abs(b) + b_radius)
+        # every sum above is of c non-negative terms: gamma_c covers its own rounding too
+        error = inner * (1.01 * _UNIT) * (size + reach) + inner * _TINY
+        lo, hi = down(product - up(reach + 2.0 * error)), up(product + up(reach + 2.0 * error))
+    known = np.isfinite(lo) & np.isfinite(hi)
+    return Interval(np.where(known, lo, -np.inf), np.where(known, hi, np.inf))
+
+
+def exact_values(
+    words: Words,
+    coefficients: NDArray[np.float64],
+    row: NDArray[np.int64],
+    size: int,
+    x: Sequence[Fraction],
+) -> list[Fraction]:
+    """Exact values of stacked polynomials at a rational point.
+
+    Parameters
+    ----------
+    words : (T, D) int32
+    coefficients : (T,) float
+    row : (T,) int
+        The polynomial of each term.
+    size : int
+        Number of polynomials.
+    x : sequence of Fraction, length n
+    """
+    values = [Fraction(0)] * size
+    for letters, coefficient, number in zip(
+        words.tolist(), coefficients.tolist(), row.tolist(), strict=True
+    ):
+        term = Fraction(coefficient)
+        for letter in letters:
+            if letter:
+                term *= x[letter - 1]
+                if not term:
+                    break
+        values[number] += term
+    return values

@@ -1,0 +1,167 @@
+"""Enclosures of polynomials: their range over a box, and their affine expansion.
+
+Both keep every rounding error, so that what follows from them is proved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
+
+__all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """The powers of single variables that make up each word, as padded tables.
+
+    Column p of row t is the p-th factor of word t: ``variable`` (n where there is none),
+    ``power`` (0 there) and ``start``, the column of its first letter. Shapes (T, P).
+    """
+
+    variable: NDArray[np.int64]
+    power: NDArray[np.int64]
+    start: NDArray[np.int64]
+
+    @staticmethod
+    def of(words: Words, dimension: int) -> Factors:
+        """Factor tables of words in ``dimension`` variables."""
+        row, variable, power = monomials.runs(words)
+        count = np.bincount(row, minlength=words.shape[0])
+        first = np.cumsum(count) - count
+        slot = np.arange(row.size) - first[row]
+        letters = np.bincount(row, weights=power, minlength=words.shape[0]).astype(np.int64)
+        before = np.cumsum(power) - power
+        start = words.shape[1] - letters[row] + before - before[first[row]]
+        shape = (words.shape[0], int(count.max(initial=1)))
+        table = Factors(np.full(shape, dimension), np.zeros(shape, int), np.zeros(shape, int))
+        table.variable[row, slot] = variable
+        table.power[row, slot] = power
+        table.start[row, slot] = start
+        return table
+
+    def ranges(self, box: Interval) -> Interval:
+        """Enclose every factor over the box, shape (T, P); [1, 1] for none."""
+        lo, hi = np.append(box.lo, 1.0), np.append(box.hi, 1.0)
+        return Interval(lo[self.variable], hi[self.variable]).power(self.power)
+
+
+def product(factors: Interval) -> Interval:
+    """Products along the last axis."""
+    result = factors[..., 0]
+    for column in range(1, factors.lo.shape[-1]):
+        result = result * factors[..., column]
+    return result
+
+
+def range_over(system: PolynomialSystem, box: Interval) -> Interval:
+    """Enclosure of the range of every polynomial of ``system`` over a box, shape (m,)."""
+    factors = Factors.of(system.words, system.dimension)
+    terms = Interval.point(system.coefficients) * product(factors.ranges(box))
+    return sum_by(system.row, terms, system.size)
+
+
+def jacobian_range(system: PolynomialSystem, box: Interval) -> Interval:
+    """Enclosure of the Jacobian over a box as dense intervals of shape (m, n)."""
+    row, variable, power = monomials.runs(system.words)
+    words = system.words[row].copy()
+    words[np.arange(row.size), np.argmax(words == (variable + 1)[:, None], axis=1)] = 0
+    words.sort(axis=1)
+    scale = Interval.point(system.coefficients[row]) * Interval.point(power.astype(float))
+    terms = scale * product(Factors.of(words, system.dimension).ranges(box))
+    index = system.row[row] * system.dimension + variable
+    entries = sum_by(index, terms, system.size * system.dimension)
+    shape = (system.size, system.dimension)
+    return Interval(entries.lo.reshape(shape), entries.hi.reshape(shape))
+
+
+def expand_affine(
+    system: PolynomialSystem, centre: NDArray[np.float64], scale: NDArray[np.float64]
+) -> tuple[Words, NDArray[np.int64], Interval]:
+    """Polynomials in t after the substitution x = centre + scale * t.
+
+    Parameters
+    ----------
+    system : PolynomialSystem
+    centre, scale : (n,) float
+        Where ``scale`` is 0 the variable is fixed and disappears.
+
+    Returns
+    -------
+    words : (T', D) int32, row : (T',) int, coefficients : Interval (T',)
+        Terms of the expanded polynomials, rows ascending, equal monomials merged.
+    """
+    factors = Factors.of(system.words, system.dimension)
+    term = np.arange(system.row.size)
+    words, value = system.words, Interval.point(system.coefficients)
+    columns = np.arange(words.shape[1])
+    binomials = _binomials(int(factors.power.max(initial=0)))
+    for slot in range(factors.variable.shape[1]):
+        variable = factors.variable[term, slot]
+        power = factors.power[term, slot]
+        c, w = np.append(centre, 0.0)[variable], np.append(scale, 1.0)[variable]
+        options = np.where((c == 0) | (w == 0), 1, power + 1)
+        copy = np.repeat(np.arange(term.size), options)
+        dropped = np.arange(copy.size) - (np.cumsum(options) - options)[copy]
+        power, c, w = power[copy], c[copy], w[copy]
+        dropped = np.where(w == 0, power, dropped)
+        shift = Interval.point(c).power(dropped) * Interval.point(w).power(power - dropped)
+        weight = binomials[power, dropped] * shift
+        plain = (c == 0) & (w == 1)
+        value = value[copy]
+        scaled = value * weight
+        value = Interval(np.where(plain, value.lo, scaled.lo), np.where(plain, value.hi, scaled.hi))
+        term = term[copy]
+        start = factors.start[term, slot]
+        gone = (columns >= start[:, None]) & (columns < (start + dropped)[:, None])
+        words = np.where(gone, 0, words[copy]).astype(np.int32)
+    words = np.sort(words, axis=1)
+    return merge_terms(words, system.row[term], value, system.dimension)
+
+
+def _binomials(largest: int) -> Interval:
+    """Enclosures of C(a, b) for a, b <= largest; beyond 2^53 they are no doubles."""
+    table = [
+        [Interval.of_fraction(Fraction(comb(a, b))) for b in range(largest + 1)]
+        for a in range(largest + 1)
+    ]
+    return Interval(
+        np.array([[float(c.lo) for c in row] for row in table]),
+        np.array([[float(c.hi) for c in row] for row in table]),
+    )
+
+
+def merge_terms(
+    words: Words, row: NDArray[np.int64], value: Interval, dimension: int
+) -> tuple[Words, NDArray[np.int64], Interval]:
+    """Add terms of the same row and monomial; rows ascending, monomials graded."""
+    distinct, number = monomials.collect(words, dimension)
+    key, inverse = np.unique(row * max(1, distinct.shape[0]) + number, return_inverse=True)
+    sums = sum_by(inverse.ravel(), value, key.size)
+    row, number = np.divmod(key, max(1, distinct.shape[0]))
+    keep = (sums.lo != 0) | (sums.hi != 0)
+    return distinct[number[keep]], row[keep], sums[keep]
+
+
+def monomial_ranges(words: Words, box: Interval) -> Interval:
+    """Ranges of monomials (T, D) over a box, shape (T,); exact but for rounding."""
+    count = words.shape[0]
+    value = Interval(np.ones(count), np.ones(count))
+    row, variable, power = monomials.runs(words)
+    slot = np.arange(row.size) - np.searchsorted(row, row)
+    for k in range(int(slot.max(initial=-1)) + 1):
+        here = slot == k
+        part = Interval(box.lo[variable[here]], box.hi[variable[here]]).power(power[here])
+        low, high = np.ones(count), np.ones(count)
+        low[row[here]], high[row[here]] = part.lo, part.hi
+        value = value * Interval(low, high)
+    return value

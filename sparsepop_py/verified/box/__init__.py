@@ -1,0 +1,1 @@
+"""Boxes that contain the feasible set: propagation (FBBT), scaling, left inverses."""

@@ -1,0 +1,1 @@
+"""Certificates: claims about a problem, the arguments for them, and their verification."""

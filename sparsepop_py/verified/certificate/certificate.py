@@ -1,0 +1,471 @@
+"""Certificates: a claim about one problem and the argument for it.
+
+``verify`` replays the whole chain from the exact doubles of the problem: the steps that
+made the box, the branching that split it, and a bound or a proof of emptiness on every leaf.
+It needs no solver and trusts no stored number but as a multiplier, a cutoff or a claim.
+
+A cutoff needs no attained point to be sound. Points with f(x) > cutoff satisfy
+f >= cutoff; for the others the steps that use f(x) <= cutoff are valid. So, whatever the
+cutoff is,
+
+    min f  >=  min(cutoff, smallest bound of all leaves),
+
+and the claim can never exceed the cutoff. (A cutoff that no point attains only makes the
+claim weak.) Without any cutoff, leaves that are all empty prove that nothing is feasible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.problem.problem import Problem, fingerprint_v1
+from sparsepop_py.verified.arithmetic.array_checks import is_index
+from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
+from sparsepop_py.verified.certificate.sos_identity import Identity
+from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sublevel, Tightening
+
+__all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "prove", "split_box"]
+
+Argument = Identity | LinearDual | ExactGram
+_OLDER = "it was written by an older version, with that version's fingerprint"
+
+
+class Verdict(NamedTuple):
+    """Outcome of a verification.
+
+    Parameters
+    ----------
+    ok : bool
+        Whether the claim holds.
+    bound : float
+        The recomputed lower bound.
+    reason : str
+        Sentence on why the claim fails; empty if it holds.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> certificate = sp.solve(sp.Problem(x, lower=0, upper=1)).certificate
+    >>> certificate.verify(sp.Problem(x, lower=-1, upper=1)).reason
+    'the certificate belongs to another problem'
+    """
+
+    ok: bool
+    bound: float
+    reason: str
+
+
+class Proved(NamedTuple):
+    """Proved bound of one node (+inf if it is empty), and the cost of rounding.
+
+    Parameters
+    ----------
+    bound, correction : float
+    reason : str
+        Sentence on why the argument is weak; may be empty.
+    """
+
+    bound: float
+    correction: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """Node of a branch-and-bound tree: steps, then a bound or a branch.
+
+    Parameters
+    ----------
+    box : BoxProof
+        Steps from the box of the node to a smaller one.
+    argument : Identity, LinearDual, ExactGram or None
+        Multipliers of the objective; of the constant 0 where ``empty``.
+    empty : bool
+        Whether the argument proves that the box holds no feasible point.
+    branch : (int, float) or None
+        Variable and branching point: the children are x_v <= point and x_v >= point.
+    children : tuple of Node
+        Two for a branch, none for a leaf.
+    """
+
+    box: BoxProof = field(default_factory=BoxProof)
+    argument: Argument | None = None
+    empty: bool = False
+    branch: tuple[int, float] | None = None
+    children: tuple[Node, ...] = ()
+
+    def __iter__(self) -> Iterator[Node]:
+        """Iterate over the node and all its descendants."""
+        stack = [self]
+        while stack:
+            node = stack.pop()
+            yield node
+            stack.extend(node.children)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """List all nodes, so that pickling a deep tree does not recurse."""
+        rows = [(n.box, n.argument, n.empty, n.branch, len(n.children)) for n in self]
+        return _tree, (rows,)
+
+
+def _tree(rows: list[tuple[Any, ...]]) -> Node:
+    """Rebuild the tree whose nodes are listed in the order of iteration."""
+    made: list[Node] = []
+    for box, argument, empty, branch, count in reversed(rows):
+        children = tuple(made[len(made) - count :])  # the last node was iterated over first
+        del made[len(made) - count :]
+        made.append(Node(box, argument, empty, branch, children))
+    return made[0]
+
+
+def split_box(box: Interval, branch: tuple[int, float]) -> tuple[Interval, Interval]:
+    """Split a box in two boxes that cover it, wherever the branching point lies."""
+    variable, point = branch
+    low, high = box.hi.copy(), box.lo.copy()
+    low[variable] = min(low[variable], point)
+    high[variable] = max(high[variable], point)
+    return Interval(box.lo, low), Interval(high, box.hi)
+
+
+def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool) -> Proved:
+    """Compute the bound of the objective on a box that an argument proves.
+
+    It is at least the bound of interval arithmetic alone.
+
+    Parameters
+    ----------
+    replay : Replay
+        The problem and the cutoff.
+    box : Interval
+    argument : Identity, LinearDual, ExactGram or None
+    empty : bool
+        Whether the argument is to prove that the box holds no feasible point.
+
+    Returns
+    -------
+    Proved
+    """
+    problem = replay.problem
+    if is_empty(box):
+        return Proved(np.inf, 0.0, "")
+    bound = _without_multipliers(problem, box)
+    if argument is None:
+        return Proved(bound, 0.0, "")
+    if isinstance(argument, ExactGram):
+        value = -np.inf if empty else argument.bound(problem.objective)
+        return Proved(max(bound, value), 0.0, "" if np.isfinite(value) else "no sum of squares")
+    if not argument.scaling.contains(box):
+        return Proved(bound, 0.0, "the box is larger than the multipliers assume")
+    objective = problem.objective_row
+    if empty:
+        objective = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
+    correction, reason = 0.0, ""
+    if isinstance(argument, LinearDual):
+        value = float(argument.evaluate(problem.rows, problem.equality, objective)[0])
+        correction = 1e-13 * abs(value)
+    else:
+        rows, equality, matrices = problem.rows, problem.equality, problem.matrices
+        found = argument.evaluate(rows, equality, objective, matrices)
+        value, correction, reason = found.bound, found.correction, found.reason
+    if empty:
+        value, correction = (np.inf, correction) if value > 0 else (-np.inf, 0.0)
+    if not value >= bound:  # or no number
+        return Proved(bound, 0.0, reason)
+    return Proved(value, correction, reason)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Certificate:
+    """Proof of a lower bound of the objective, or that no point is feasible.
+
+    Parameters
+    ----------
+    fingerprint : str
+        Of the problem that the claim is about.
+    bound : float
+        The claim; +inf says that no point is feasible.
+    root : Node
+        The argument: one node, or a tree of nodes that cover the problem's box.
+    cutoff : float or None
+        The objective value above which nothing is claimed; the claim cannot exceed it.
+    correction : float
+        Largest cost of the remainder in one node, in units of the objective.
+    assumptions : tuple of str
+        Conditions of the conclusion; empty for problems given as numbers.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> certificate = sp.solve(problem).certificate
+    >>> certificate.verify(problem).ok
+    True
+    """
+
+    fingerprint: str
+    bound: float
+    root: Node = field(default_factory=Node)
+    cutoff: float | None = None
+    correction: float = 0.0
+    assumptions: tuple[str, ...] = ()
+
+    def verify(self, problem: Problem, known: dict[Any, Any] | None = None) -> Verdict:
+        """Recompute the bound from the problem's exact doubles, without any solver.
+
+        Parameters
+        ----------
+        problem : Problem
+        known : dict, optional
+            Filled with results that hold for other objectives too; pass one dict to verify
+            certificates over the same feasible set faster.
+
+        Returns
+        -------
+        Verdict
+            ``ok`` is true exactly when the problem is the one that was certified and the
+            recomputed bound is at least the claimed one. A certificate of an older version
+            is recognised by the hash of that version, which different problems may share;
+            what is recomputed holds for ``problem`` all the same.
+        """
+        old = not self.fingerprint.startswith("v2:")
+        if self.fingerprint != (fingerprint_v1(problem) if old else problem.fingerprint):
+            reason = "the certificate belongs to another problem"
+            return Verdict(False, -np.inf, f"{reason}; {_OLDER}" if old else reason)
+        recomputed, _, reason = self.recompute(problem, known)
+        if recomputed >= self.bound:
+            return Verdict(True, recomputed, _OLDER if old else "")
+        reason = reason or "the argument proves less than what is claimed"
+        return Verdict(False, recomputed, reason)
+
+    def recompute(
+        self, problem: Problem, known: dict[Any, Any] | None = None
+    ) -> tuple[float, float, str]:
+        """Recompute the bound that the argument proves.
+
+        The result is kept in ``known``, with the certificate: nothing else can come to have its id.
+        So a certificate that others quote is checked once.
+
+        Parameters
+        ----------
+        problem : Problem
+        known : dict, optional
+            As in :meth:`verify`.
+
+        Returns
+        -------
+        bound : float
+        correction : float
+            Cost of rounding.
+        reason : str
+            Sentence on why the bound is weak; may be empty.
+        """
+        known = {} if known is None else known
+        key = ("certificate", problem.fingerprint, id(self))
+        if key not in known:
+            known[key] = (self, (-np.inf, np.inf, "it quotes itself"))  # till it is known
+            try:
+                known[key] = (self, self._recomputed(problem, known))
+            except BaseException:  # interrupted
+                del known[key]
+                raise
+        found: tuple[float, float, str] = known[key][1]
+        return found
+
+    def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
+        """Lower the claim to what verification reaches; None where that is nothing.
+
+        A search shrinks its box while the cutoff falls, and verification replays all steps with
+        the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
+
+        Parameters
+        ----------
+        problem : Problem
+            What the certificate is about.
+        known : dict, optional
+            As in :meth:`verify`.
+        """
+        bound, correction, _ = self.recompute(problem, known)
+        if bound >= self.bound:
+            return self
+        lowered = claim(Proved(bound, correction, ""))
+        return replace(self, bound=lowered) if lowered > -np.inf else None
+
+    def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
+        """Recompute node by node, so that memory does not grow; see :meth:`recompute`."""
+        require_ieee()
+        cutoff = None if self.cutoff is None else float(self.cutoff)
+        if cutoff is not None and not np.isfinite(cutoff):
+            return -np.inf, np.inf, "the cutoff is not a number"
+        replay = Replay(problem, cutoff, known)
+        self._settle(replay)
+        bound, correction, reason, uses_cutoff = np.inf, 0.0, "", False
+        stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
+        while stack:
+            node, outer = stack.pop()
+            box = node.box.replay(replay, outer)
+            uses_cutoff |= node.box.uses_cutoff
+            if node.branch is not None and len(node.children) == 2 and not is_empty(box):
+                if not is_index(node.branch[0], problem.dimension) or not np.isfinite(
+                    node.branch[1]
+                ):
+                    return -np.inf, np.inf, "a branch is malformed"
+                halves = split_box(box, node.branch)
+                stack += list(zip(node.children, halves, strict=True))
+                continue
+            proved = prove(replay, box, node.argument, node.empty)
+            if proved.bound < bound:
+                bound, reason = proved.bound, proved.reason
+            correction = max(correction, proved.correction)
+        if uses_cutoff and cutoff is not None and not bound <= cutoff:
+            return cutoff, correction, "nothing is proved above the cutoff"
+        return bound, correction, reason
+
+    def _settle(self, replay: Replay) -> None:
+        """Check the quoted certificates one after the other: chains of them are long."""
+        for variable, side, proof in self._chain():
+            replay.holds(variable, side, proof)
+
+    def _chain(self) -> list[tuple[Any, Any, Certificate]]:
+        """List all quoted certificates, each after those that it quotes."""
+        found: list[tuple[Any, Any, Certificate]] = []
+        seen: set[int] = set()
+        stack = [(*quote, False) for quote in self.quotes]
+        while stack:
+            variable, side, proof, ready = stack.pop()
+            if ready:
+                found.append((variable, side, proof))
+            elif isinstance(proof, Certificate) and id(proof) not in seen:
+                seen.add(id(proof))
+                stack.append((variable, side, proof, True))
+                stack += [(*quote, False) for quote in proof.quotes]
+        return found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle quoted certificates first, so that a long chain does not recurse."""
+        values = [getattr(self, each.name) for each in fields(self)]
+        return _after, (self.quoted, *values)
+
+    @property
+    def quoted(self) -> list[Certificate]:
+        """All certificates that this one rests on, each after those that it quotes itself."""
+        return [proof for _, _, proof in self._chain()]
+
+    @cached_property
+    def quotes(self) -> tuple[tuple[int, int, Any], ...]:
+        """Variable, side and certificate of each bound that is quoted."""
+        steps = [step for node in self.root for step in node.box.steps]
+        known = [step for step in steps if isinstance(step, Known)]
+        return tuple(quote for step in known for quote in step.bounds)
+
+    @property
+    def box(self) -> BoxProof:
+        """Steps that tightened the box before any branching."""
+        return self.root.box
+
+    @property
+    def identity(self) -> Argument | None:
+        """Multipliers of the root, where there is one node only."""
+        return self.root.argument
+
+    @property
+    def leaves(self) -> int:
+        """Number of leaves of the tree."""
+        return sum(not node.children for node in self.root)
+
+    @property
+    def numbers(self) -> int:
+        """Number of stored multipliers, without those of bounds of other objectives."""
+        return sum(_numbers(node) for node in self.root)
+
+    @property
+    def uses_cutoff(self) -> bool:
+        """True if some step relies on the cutoff."""
+        return any(node.box.uses_cutoff for node in self.root)
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+    def __str__(self) -> str:
+        claim = "no feasible point" if self.bound == np.inf else f"objective >= {self.bound:.12g}"
+        steps = sum(len(node.box.steps) for node in self.root)
+        words = [claim, f"{steps} box steps", f"{self.numbers} multipliers"]
+        if self.leaves > 1:
+            words.append(f"{self.leaves} leaves")
+        if self.cutoff is not None:
+            words.append(f"cutoff at {self.cutoff:.12g}")
+        others = sum(len(s.bounds) for n in self.root for s in n.box.steps if isinstance(s, Known))
+        if others:
+            words.append(f"{others} bounds of other objectives")
+        return "certificate: " + ", ".join(words)
+
+
+def _after(quoted: list[Certificate], *values: Any) -> Certificate:
+    """Rebuild a certificate after those that it quotes."""
+    return Certificate(*values)
+
+
+def _numbers(node: Node) -> int:
+    count = _stored(node.argument)
+    for step in node.box.steps:
+        if isinstance(step, Tightening):
+            count += _stored(step.argument)
+        elif isinstance(step, Sublevel):
+            count += _stored(step.identity)
+    return count
+
+
+def _stored(argument: Argument | None) -> int:
+    if isinstance(argument, Identity):
+        return sum(m.numbers for m in argument.multipliers)
+    return argument.numbers if argument is not None else 0
+
+
+def _without_multipliers(problem: Problem, box: Interval) -> float:
+    """Bound the objective by its range over the box, or the constant of its squares."""
+    bound = float(range_over(problem.objective_row, box).lo[0])
+    constant = problem.squares_constant
+    bound = bound if np.isfinite(bound) else -np.inf
+    return bound if constant is None else max(bound, constant)
+
+
+def claim(proved: Proved) -> float:
+    """Reduce a bound a little, since another machine may add in another order."""
+    if not np.isfinite(proved.bound) or proved.correction == 0.0:
+        return proved.bound
+    return proved.bound - 0.01 * proved.correction - 1e-15 * abs(proved.bound)
+
+
+def certify(replay: Replay, root: Node, proved: Proved) -> Certificate | None:
+    """Build the certificate of a tree, None where nothing is proved.
+
+    Parameters
+    ----------
+    replay : Replay
+        The problem and its cutoff.
+    root : Node
+    proved : Proved
+        The smallest bound of all leaves, as :func:`prove` returned it.
+
+    Returns
+    -------
+    Certificate or None
+    """
+    bound = claim(proved)
+    cutoff = replay.cutoff if any(node.box.uses_cutoff for node in root) else None
+    if cutoff is not None:
+        bound = min(bound, cutoff)
+    if bound == -np.inf:
+        return None
+    return Certificate(replay.problem.fingerprint, bound, root, cutoff, proved.correction)

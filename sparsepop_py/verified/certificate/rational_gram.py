@@ -1,0 +1,195 @@
+"""Rational sums of squares f - c = b'Q b with an exactly semidefinite Q.
+
+Where every Gram matrix of a form is singular, no margin pays for rounding. Then the matrix
+has to be exact. Its entries are the doubles that are stored, but for one entry of each
+monomial, which takes what the others leave of the coefficient of f; so the identity holds by
+construction. That Q is positive semidefinite is shown by elimination in rationals, which
+keeps the row of the constant for the end:
+
+    f_0 - c = q' Q^+ q,   q being the row of the constant without its diagonal.
+
+The elimination prefers small degrees and small depths alike, so that a chain falls apart into
+a balanced tree, whose numbers are as long as the subtrees below them.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
+from sparsepop_py.verified.arithmetic.interval import Interval
+
+__all__ = ["ExactGram"]
+
+_BITS = 1_000_000  # numbers longer than this end the elimination without a result
+
+Rows = dict[int, dict[int, Fraction]]
+
+
+@dataclass(frozen=True, eq=False)
+class ExactGram:
+    """A sparse Gram matrix of the objective less a constant.
+
+    Parameters
+    ----------
+    basis : (s, D) int32
+        Monomials as words; the first, and no other, is the constant.
+    first, second : (k,) int
+        The entries of Q that may be other than zero, in pairs of basis monomials.
+    value : (k,) float
+        Their values. Among the entries of one monomial, that of the first is not used: it is
+        what the others leave.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> basis = np.array([[0], [1], [2]], np.int32)
+    >>> first, second = np.array([1, 1, 2]), np.array([1, 2, 2])
+    >>> ExactGram(basis, first, second, np.zeros(3)).bound(5 + (x - 2 * y) ** 2)
+    5.0
+    """
+
+    basis: Words
+    first: NDArray[np.int64]
+    second: NDArray[np.int64]
+    value: NDArray[np.float64]
+
+    @property
+    def numbers(self) -> int:
+        """Number of stored numbers."""
+        return self.value.size
+
+    def bound(self, objective: Polynomial) -> float:
+        """Compute the proved lower bound over all of space, -inf where none is.
+
+        Parameters
+        ----------
+        objective : Polynomial
+
+        Returns
+        -------
+        float
+        """
+        if not self._sensible(objective.dimension):
+            return -np.inf
+        rows = self._matrix(objective)
+        hidden = None if rows is None else _eliminated(rows)
+        if hidden is None:
+            return -np.inf
+        return float(Interval.of_fraction(Fraction(objective.constant_term) - hidden).lo)
+
+    def _sensible(self, n: int) -> bool:
+        size = self.basis.shape[0] if self.basis.ndim == 2 else 0
+        return bool(
+            size > 0
+            and self.basis.shape[1] > 0
+            and are_indices(self.basis, n + 1)
+            and not self.basis[0].any()
+            and np.all(self.basis[1:].any(axis=1))  # else c would not be all of the constant
+            and self.first.shape == self.second.shape == self.value.shape
+            and self.first.ndim == 1
+            and are_indices(self.first, size)
+            and are_indices(self.second, size)
+            and are_numbers(self.value)
+        )
+
+    def _matrix(self, objective: Polynomial) -> Rows | None:
+        """Rows of Q without the entry of the constant; None where f has other monomials."""
+        n = objective.dimension
+        letters = np.sort(self.basis, axis=1)
+        product = monomials.multiply(letters[self.first], letters[self.second])
+        width = max(product.shape[1], objective.words.shape[1])
+        words = [monomials.widen(w, width) for w in (product, objective.words)]
+        distinct, number = monomials.collect(np.concatenate(words), n)
+        rest = [Fraction(0)] * distinct.shape[0]
+        for place, coefficient in zip(
+            number[self.first.size :].tolist(), objective.coefficients.tolist(), strict=True
+        ):
+            rest[place] = Fraction(coefficient)
+        rows: Rows = {i: {} for i in range(self.basis.shape[0])}
+        taker: dict[int, tuple[int, int]] = {}
+        for i, j, place, value in zip(
+            self.first.tolist(),
+            self.second.tolist(),
+            number[: self.first.size].tolist(),
+            self.value.tolist(),
+            strict=True,
+        ):
+            if place not in taker:
+                taker[place] = (i, j)
+                continue
+            rest[place] -= Fraction(value) * (1 if i == j else 2)
+            _add(rows, i, j, Fraction(value))
+        constant = int(not distinct[:1].any())
+        for place in range(constant, len(rest)):
+            if place in taker:
+                i, j = taker[place]
+                _add(rows, i, j, rest[place] / (1 if i == j else 2))
+            elif rest[place]:
+                return None
+        return rows
+
+
+def _add(rows: Rows, i: int, j: int, value: Fraction) -> None:
+    """Add to the entries (i, j) and (j, i); zeros are not kept."""
+    total = rows[i].get(j, Fraction(0)) + value
+    for a, b in {(i, j), (j, i)}:
+        if total:
+            rows[a][b] = total
+        else:
+            rows[a].pop(b, None)
+
+
+def _eliminated(rows: Rows) -> Fraction | None:
+    """Compute q' Q^+ q, row 0 = q, by elimination; None unless Q is semidefinite."""
+    depth = dict.fromkeys(rows, 0)
+    queue = [(_urgency(len(row), 0), i) for i, row in rows.items() if i]
+    heapq.heapify(queue)
+    done: set[int] = set()
+    hidden: list[Fraction] = []
+    while queue:
+        urgency, i = heapq.heappop(queue)
+        if i in done:
+            continue
+        now = _urgency(len(rows[i]), depth[i])
+        if now > urgency:
+            heapq.heappush(queue, (now, i))
+            continue
+        done.add(i)
+        row = rows.pop(i)
+        pivot = row.pop(i, Fraction(0))
+        if pivot < 0 or (row and not pivot) or pivot.denominator.bit_length() > _BITS:
+            return None
+        others = list(row.items())
+        for place, (j, value) in enumerate(others):
+            del rows[j][i]
+            depth[j] = max(depth[j], depth[i] + 1)
+            share = value / pivot
+            for k, other in others[place:]:
+                if j or k:
+                    _add(rows, j, k, -share * other)
+                else:
+                    hidden.append(share * other)
+    return _total(hidden)
+
+
+def _urgency(degree: int, depth: int) -> float:
+    """Small for monomials that meet few others and have little below them."""
+    return depth + 3.0 * math.log2(1 + degree)
+
+
+def _total(terms: list[Fraction]) -> Fraction:
+    """Add in pairs: long denominators then meet only near the end."""
+    while len(terms) > 1:
+        terms = [sum(terms[k : k + 2], Fraction(0)) for k in range(0, len(terms), 2)]
+    return terms[0] if terms else Fraction(0)

@@ -1,0 +1,1 @@
+"""Proofs that points exist: feasible points and rays along which the objective falls."""

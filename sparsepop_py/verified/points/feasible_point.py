@@ -1,0 +1,190 @@
+"""Prove that a feasible point exists near a vector of doubles.
+
+A vector of doubles satisfies equations only nearly, so its value may lie below the true
+minimum. A :class:`ProvedPoint` is more: a feasible point exists within ``radius`` of
+``x``, and the objective there is at most ``value``. Two proofs are tried.
+
+Exact repair. Some variables, as many as there are equalities and entering them jointly
+linearly, are solved for in rationals while all others keep their doubles; then every
+constraint and bound is checked exactly.
+
+Krawczyk's test. As many variables as there are equalities are enclosed in a box that
+provably contains a zero (:mod:`sparsepop_py.verified.arithmetic.krawczyk`); inequalities and
+bounds are then checked over the box. Matrices are checked by
+:mod:`sparsepop_py.verified.arithmetic.definiteness`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.definiteness import hold_at, hold_over
+from sparsepop_py.verified.arithmetic.interval import Interval, exact_values
+from sparsepop_py.verified.arithmetic.krawczyk import polished, zero_near
+from sparsepop_py.verified.arithmetic.polynomial_range import range_over
+from sparsepop_py.verified.arithmetic.rational import solve_rationally
+
+__all__ = ["ProvedPoint", "prove_point"]
+
+_LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedPoint:
+    """Feasible point whose existence is proved.
+
+    Parameters
+    ----------
+    x : (n,) float
+        Approximation of the point.
+    value : float
+        Upper end of the objective at the point.
+    radius : float
+        The point lies within ``radius`` of ``x`` in every coordinate.
+    proof : {"exact", "krawczyk"}
+    rows, solved : (r,) int
+        Equalities that were solved, and the variables they were solved for.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x + y, [x**2 + y**2 == 1])
+    >>> point = sp.solve(problem).attained
+    >>> point.proof, point.recheck(problem).value == point.value
+    ('krawczyk', True)
+    """
+
+    x: NDArray[np.float64]
+    value: float
+    radius: float
+    proof: Literal["exact", "krawczyk"]
+    rows: NDArray[np.int64]
+    solved: NDArray[np.int64]
+
+    def recheck(self, problem: Problem) -> ProvedPoint | None:
+        """Repeat the proof.
+
+        Parameters
+        ----------
+        problem : Problem
+
+        Returns
+        -------
+        ProvedPoint or None
+            None if the proof fails or makes no sense for this problem.
+        """
+        n, m = problem.dimension, len(problem.constraints)
+        sensible = (
+            self.x.shape == (n,)
+            and np.all(np.isfinite(self.x))
+            and np.all((self.rows >= 0) & (self.rows < m))
+            and np.all((self.solved >= 0) & (self.solved < n))
+        )
+        if not sensible:
+            return None
+        return prove_point(problem, self.x, self.rows, self.solved, self.proof)
+
+
+def prove_point(
+    problem: Problem,
+    x: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    solved: NDArray[np.int64],
+    proof: str,
+) -> ProvedPoint | None:
+    """Solve ``rows`` for the variables ``solved`` and check all other constraints.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : (n,) float
+    rows, solved : (r,) int
+    proof : {"exact", "krawczyk"}
+
+    Returns
+    -------
+    ProvedPoint or None
+    """
+    if proof == "exact":
+        return _prove_exactly(problem, x, rows, solved)
+    return _prove_by_krawczyk(problem, x, rows, solved)
+
+
+# ---- proofs ---------------------------------------------------------------------------------
+
+
+def _prove_exactly(
+    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+) -> ProvedPoint | None:
+    exact = [Fraction(value) for value in x.tolist()]
+    if rows.size:
+        solution = solve_rationally(problem.rows.take(rows), exact, solved.tolist())
+        if solution is None:
+            return None
+        for variable, value in solution.items():
+            exact[variable] = value
+    if not _holds_exactly(problem, exact):
+        return None
+    objective = problem.objective_row
+    value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
+    point = np.array([float(v) for v in exact])
+    radius = max(
+        (abs(v - Fraction(p)) for v, p in zip(exact, point.tolist(), strict=True)),
+        default=Fraction(0),
+    )
+    upper, reach = (float(Interval.of_fraction(v).hi) for v in (value, radius))
+    kept = x.copy()
+    kept[solved] = point[solved]
+    return ProvedPoint(kept, upper, reach, "exact", rows, solved)
+
+
+def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
+    for value, low, high in zip(x, problem.lower.tolist(), problem.upper.tolist(), strict=True):
+        if (low != -np.inf and value < Fraction(low)) or (
+            high != np.inf and value > Fraction(high)
+        ):
+            return False
+    system = problem.rows
+    values = exact_values(system.words, system.coefficients, system.row, system.size, x)
+    rows = all(
+        value == 0 if equal else value >= 0
+        for value, equal in zip(values, problem.equality.tolist(), strict=True)
+    )
+    return rows and hold_at(problem.matrices, x)
+
+
+def _prove_by_krawczyk(
+    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+) -> ProvedPoint | None:
+    distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
+    if not distinct or not 0 < rows.size == solved.size <= _LARGEST_SYSTEM:
+        return None
+    system = problem.rows.take(rows)
+    near = polished(system, x, solved)
+    if near is None:
+        return None
+    x = near
+    box = zero_near(system, x, solved)
+    if box is None:
+        return None
+    if not (np.all(box.lo >= problem.lower) and np.all(box.hi <= problem.upper)):
+        return None
+    others = np.setdiff1d(np.arange(len(problem.constraints)), rows)
+    values = range_over(problem.rows.take(others), box)
+    equal = problem.equality[others]
+    if not (np.all(values.lo >= 0) and np.all(values.hi[equal] <= 0)):
+        return None
+    if not hold_over(problem.matrices, box):
+        return None
+    value = float(range_over(problem.objective_row, box).hi[0])
+    if not np.isfinite(value):
+        return None
+    spread = float(np.max(np.maximum(box.hi - x, x - box.lo)))
+    return ProvedPoint(x, value, float(np.nextafter(spread, np.inf)), "krawczyk", rows, solved)

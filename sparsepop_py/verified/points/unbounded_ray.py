@@ -1,0 +1,115 @@
+"""Unboundedness: a feasible ray along which the objective falls without limit.
+
+From an exactly feasible point x and a rational direction d, every polynomial becomes a
+polynomial in s >= 0 with rational coefficients. If those of each inequality are all
+non-negative, those of each equality all zero, and the leading one of the objective is
+negative, the ray proves that there is no lower bound. Matrices are semidefinite along the
+ray if all their coefficients in s are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.definiteness import entries_hold
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+__all__ = ["falling_ray"]
+
+_LIMIT = 200  # variables; the search tries 2n + a few directions exactly
+
+
+def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | None:
+    """Find a direction that proves the objective unbounded from an exact point.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : ProvedPoint
+        Only a point whose doubles are feasible themselves can start a ray.
+
+    Returns
+    -------
+    (n,) float or None
+    """
+    if start.proof != "exact" or start.radius > 0 or problem.dimension > _LIMIT:
+        return None
+    origin = [Fraction(v) for v in start.x.tolist()]
+    for direction in _directions(problem, start.x):
+        if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
+            return direction
+    return None
+
+
+def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
+    gradient = problem.objective_row.gradient(x)
+    yield -np.sign(np.where(np.abs(gradient) > 1e-9 * np.abs(gradient).max(initial=0), gradient, 0))
+    for unit in np.eye(problem.dimension):
+        yield unit
+        yield -unit
+    if problem.dimension <= 12:
+        for signs in range(3**problem.dimension if problem.dimension <= 5 else 0):
+            digits = [(signs // 3**k) % 3 - 1 for k in range(problem.dimension)]
+            yield np.array(digits, float)
+
+
+def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
+    """Check in floating point that the objective falls far out along the ray."""
+    if not np.any(direction):
+        return False
+    with np.errstate(all="ignore"):
+        values = [problem.objective(x + s * direction) for s in (0.0, 1e4, 1e6)]
+    return values[2] < values[1] < values[0]
+
+
+def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> bool:
+    if np.any((direction < 0) & np.isfinite(problem.lower)) or np.any(
+        (direction > 0) & np.isfinite(problem.upper)
+    ):
+        return False
+    step = [Fraction(v) for v in direction.tolist()]
+    falling = _along(problem.objective, origin, step)
+    if len(falling) < 2 or falling[-1] >= 0:
+        return False
+    for constraint, equal in zip(problem.constraints, problem.equality, strict=True):
+        values = _along(constraint.polynomial, origin, step)
+        if any(v != 0 for v in values) if equal else any(v < 0 for v in values):
+            return False
+    return _matrices_hold(problem, origin, step)
+
+
+def _matrices_hold(problem: Problem, origin: list[Fraction], step: list[Fraction]) -> bool:
+    """Prove every coefficient in s of every matrix positive semidefinite."""
+    entries = [_along(p, origin, step) for c in problem.constraints for p in c.entries]
+    for power in range(max(map(len, entries), default=0)):
+        values = [p[power] if power < len(p) else Fraction(0) for p in entries]
+        if not entries_hold(problem.matrices, [*values, Fraction(0)]):
+            return False
+    return True
+
+
+def _along(polynomial: Polynomial, origin: list[Fraction], step: list[Fraction]) -> list[Fraction]:
+    """Coefficients in s of p(origin + s * step), without trailing zeros."""
+    total = [Fraction(0)] * (polynomial.degree + 1)
+    for letters, coefficient in zip(
+        polynomial.words.tolist(), polynomial.coefficients.tolist(), strict=True
+    ):
+        term = [Fraction(coefficient)]
+        for letter in letters:
+            if letter:
+                base, slope = origin[letter - 1], step[letter - 1]
+                shifted = [c * slope for c in term]
+                term = [c * base for c in term] + [Fraction(0)]
+                for k, value in enumerate(shifted):
+                    term[k + 1] += value
+        for k, value in enumerate(term):
+            total[k] += value
+    while total and total[-1] == 0:
+        total.pop()
+    return total

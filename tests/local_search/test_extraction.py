@@ -1,0 +1,151 @@
+"""Atoms of known measures are recovered from their moments."""
+
+import numpy as np
+import pytest
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.local_search.extraction import combine, extract_clique
+
+ATOMS = {
+    (1, 1): [[0.3]],
+    (1, 2): [[-0.5], [0.75]],
+    (1, 3): [[-0.8], [0.1], [0.9]],
+    (2, 1): [[0.2, -0.7]],
+    (2, 2): [[1.0, -1.0], [-1.0, -1.0]],
+    (2, 3): [[0.5, 0.5], [-0.5, 0.5], [0.1, -0.9]],
+    (3, 1): [[0.0, 0.0, 0.0]],
+    (3, 2): [[0.0, 0.4, 1.0], [0.0, 0.4, -1.0]],
+    (3, 3): [[0.5, -0.3, 0.1], [0.2, 0.9, -0.6], [-0.9, -0.2, 0.7]],
+}
+
+
+def moments(atoms, weights, basis):
+    """Moment matrix of an atomic measure, in local variables."""
+    rows = monomials.evaluate(basis, np.array(atoms, float))
+    return rows.T @ (np.array(weights)[:, None] * rows)
+
+
+def order_needed(k, count):
+    return 3 if k == 1 and count == 3 else 2
+
+
+def matched(found, atoms, tolerance):
+    assert len(found) == len(atoms)
+    return all(min(np.abs(np.array(found) - a).max(axis=1)) < tolerance for a in np.array(atoms))
+
+
+@pytest.mark.parametrize(("k", "count"), list(ATOMS))
+@pytest.mark.parametrize("noise", [0.0, 1e-7])
+def test_atoms_are_recovered(k, count, noise):
+    atoms = ATOMS[k, count]
+    basis = monomials.full_basis(k, order_needed(k, count))
+    weights = np.arange(count, 0, -1) / (count * (count + 1) / 2)
+    matrix = moments(atoms, weights, basis)
+    matrix += noise * np.random.default_rng(0).uniform(-1, 1, matrix.shape)
+    found = extract_clique(matrix, basis, range(k))
+    assert matched(found, atoms, 1e-9 if noise == 0 else 1e-4)
+    assert np.allclose(found, atoms, atol=1e-4)  # by falling weight
+
+
+def test_global_variable_numbers():
+    members = [2, 5, 9]
+    local = monomials.full_basis(3, 2)
+    basis = np.where(local > 0, np.array([0, 3, 6, 10])[local], 0).astype(np.int32)
+    matrix = moments(ATOMS[3, 2], [0.5, 0.5], local)
+    assert matched(extract_clique(matrix, basis, members), ATOMS[3, 2], 1e-8)
+
+
+def test_scale_of_the_measure_does_not_matter():
+    basis = monomials.full_basis(2, 2)
+    matrix = 7 * moments(ATOMS[2, 3], [0.3, 0.3, 0.4], basis)
+    assert matched(extract_clique(matrix, basis, [0, 1]), ATOMS[2, 3], 1e-8)
+
+
+def test_order_one_is_flat_only_for_one_atom():
+    basis = monomials.full_basis(2, 1)
+    assert matched(
+        extract_clique(moments([[0.2, 0.3]], [1], basis), basis, [0, 1]), [[0.2, 0.3]], 1e-9
+    )
+    spread = extract_clique(moments([[1, 0], [-1, 0.5]], [0.5, 0.5], basis), basis, [0, 1])
+    assert matched(spread, [[0.0, 0.25]], 1e-12)
+
+
+def test_not_flat_falls_back_to_first_moments():
+    basis = monomials.full_basis(1, 1)
+    found = extract_clique(np.array([[1.0, 0.25], [0.25, 1.0]]), basis, [0])
+    assert np.allclose(found, [[0.25]])
+    uniform = np.array([[1, 0, 1 / 3], [0, 1 / 3, 0], [1 / 3, 0, 1 / 5]])
+    assert np.allclose(extract_clique(uniform, monomials.full_basis(1, 2), [0]), [[0.0]])
+
+
+def test_reduced_basis_still_gives_atoms_when_enough_is_left():
+    # x1 x2 is dropped: 1 and x1 keep x1^2, but their products with x2 are gone
+    full = monomials.full_basis(2, 2)
+    basis = full[[0, 1, 2, 3, 5]]
+    atoms = [[0.5, 0.2], [-0.5, 0.1]]
+    found = extract_clique(moments(atoms, [0.5, 0.5], basis), basis, [0, 1])
+    assert matched(found, [[0.0, 0.15]], 1e-12)  # rank 2, only "1" can be multiplied
+    one = extract_clique(moments(atoms[:1], [1.0], basis), basis, [0, 1])
+    assert matched(one, atoms[:1], 1e-9)
+
+
+def test_a_variable_without_row_is_unknown():
+    basis = np.array([[0, 0], [0, 1], [1, 1]], np.int32)
+    (point,) = extract_clique(moments([[0.5, 0.2]], [1.0], basis), basis, [0, 1])
+    assert point[0] == pytest.approx(0.5)
+    assert np.isnan(point[1])
+
+
+def test_useless_matrices_give_unknown_points():
+    basis = monomials.full_basis(1, 1)
+    for matrix in (np.full((2, 2), np.nan), np.zeros((2, 2))):
+        (point,) = extract_clique(matrix, basis, [0])
+        assert np.all(np.isnan(point))
+
+
+def test_wrong_shapes_are_named():
+    basis = monomials.full_basis(1, 1)
+    with pytest.raises(ProblemError, match="matrix: found shape"):
+        extract_clique(np.eye(3), basis, [0])
+    with pytest.raises(ProblemError, match="basis"):
+        extract_clique(np.eye(2), basis[::-1], [0])
+
+
+def test_combine_follows_the_overlap():
+    first = [np.array([1.0, 2.0]), np.array([5.0, 6.0])]
+    second = [np.array([6.0, 7.0]), np.array([2.0, 3.0])]
+    third = [np.array([3.0, 0.0]), np.array([7.0, 1.0]), np.array([7.0, 2.0])]
+    found = combine([first, second, third], [(0, 1), (1, 2), (2, 3)], 4)
+    assert sorted(p.tolist() for p in found) == [[1, 2, 3, 0], [5, 6, 7, 1], [5, 6, 7, 2]]
+
+
+def test_combine_limits_the_number_and_keeps_variety():
+    both = [np.array([-1.0]), np.array([1.0])]
+    found = combine([both] * 50, [(k,) for k in range(50)], 50, limit=8)
+    assert len(found) == 8
+    table = np.array(found)
+    assert np.all(np.abs(table) == 1)
+    assert np.all(np.abs(table[:, 10:].mean(axis=1)) < 1)  # not the first candidate everywhere
+    assert len(np.unique(table, axis=0)) == 8
+
+
+def test_combine_averages_what_disagrees():
+    (found,) = combine([[np.array([0.0, 1.0])], [np.array([3.0, 2.0])]], [(0, 1), (1, 2)], 3)
+    assert np.allclose(found, [0.0, 2.0, 2.0])
+
+
+def test_combine_fills_what_is_unknown():
+    unknown = [np.array([np.nan, 4.0])]
+    (found,) = combine([unknown, [np.array([2.0])], []], [(0, 1), (0,), (2,)], 4)
+    assert found.tolist() == [2.0, 4.0, 0.0, 0.0]
+    with pytest.raises(ProblemError, match="limit"):
+        combine([], [], 1, limit=0)
+
+
+def test_combine_of_consistent_cliques_of_a_long_chain():
+    n = 2000
+    x = np.random.default_rng(3).normal(size=n)
+    members = [(k, k + 1) for k in range(n - 1)]
+    (found,) = combine([[x[list(m)]] for m in members], members, n)
+    assert np.allclose(found, x)

@@ -1,0 +1,55 @@
+"""Local searches: they only suggest points, and say what is missing."""
+
+import sys
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py.local_search import multistart
+from sparsepop_py.local_search.multistart import starting_points
+from sparsepop_py.local_search.solvers import local_search
+from sparsepop_py.verified.arithmetic.interval import Interval
+
+
+def test_a_missing_ipopt_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(sp.SolverNotFound, match=r"sparsepop-py\[ipopt\]"):
+        sp.solve(sp.problems.laboratory(), sp.Options(order=2, refine="ipopt"))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_ipopt_attains_the_laboratory_minimum():
+    pytest.importorskip("casadi", reason="casadi, which brings IPOPT, is an optional extra")
+    result = sp.solve(sp.problems.laboratory(), sp.Options(order=2, refine="ipopt"))
+    assert result.attained is not None
+    assert result.upper_bound == pytest.approx(52.7066065447, abs=1e-6)
+
+
+@pytest.mark.parametrize("start", [[-1.2, 1.0], [3.0, -2.0]])
+def test_searches_without_rows_end_at_the_stationary_point(start):
+    """(1 - x)^2 + 100 (y - x^2)^2 has the only stationary point (1, 1)."""
+    x, y = sp.variables(2)
+    problem = sp.Problem((1 - x) ** 2 + 100 * (y - x**2) ** 2)
+    assert local_search(problem, np.array(start)) == pytest.approx([1.0, 1.0], abs=1e-8)
+
+
+def test_starting_points_lie_in_the_box_and_repeat():
+    problem = sp.Problem(sp.total(sp.variables(3)))
+    box = Interval(np.array([-1.0, 2.0, -np.inf]), np.array([1.0, np.inf, -5.0]))
+    points = starting_points(problem, box, 9, seed=3)
+    assert len(points) == 10
+    assert all(np.all((box.lo <= p) & (p <= box.hi)) for p in points)
+    again = starting_points(problem, box, 9, seed=3)
+    assert all(np.array_equal(p, q) for p, q in zip(points, again, strict=True))
+
+
+@pytest.mark.parametrize("end, count", [(np.inf, 3), (0.0, 1)])
+def test_one_proof_of_existence_is_tried_when_time_is_over(end, count, monkeypatch):
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x, lower=-1.0, upper=1.0)
+    tried = []
+    monkeypatch.setattr(multistart, "prove_feasible", lambda *given: tried.append(given))
+    found = [(value, np.array([value])) for value in (0.1, 0.2, 0.3)]
+    multistart._best_proved(problem, found, None, multistart.Aim(1e-6), end)
+    assert len(tried) == count

@@ -1,0 +1,98 @@
+"""Sequential linear programming: known optima, variables that are held, bounds that hold."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from random_cases import SEEDS, random_case
+
+import sparsepop_py as sp
+from sparsepop_py import Problem
+from sparsepop_py.local_search.slp import restored, sequential_search
+
+INF = np.inf
+
+
+def known():
+    """Problems that few variables complicate, a start, and their least values by hand."""
+    x, y, z = sp.variables(3)
+    # at the best z the second row is tight: x + y + 1 / x, least at x = 1, y = 0.5
+    yield Problem(x + y + z, [x * z >= 1, y >= 0.5], 0.1, 5.0), (3.0, 3.0, 3.0), (0,), 2.5
+    # y + z = 2, x (y - z) with x <= 1 and y, z in [0, 2]: -2 at x = 1, y = 0, z = 2
+    yield Problem(x * y - x * z, [y + z == 2], 0.0, [1.0, 2.0, 2.0]), (0.7, 0.5, 1.5), (0,), -2.0
+    # without products: a linear program, least at a vertex
+    yield Problem(-x - 2 * y - z, [x + y <= 1, y + z <= 1], 0.0, 1.0), (0.2, 0.2, 0.2), (), -2.0
+    # y = 1 / x on [1/2, 2]: 2 x + y is least at x = 1 / sqrt 2
+    yield Problem(2 * x + y, [x * y == 1], 0.5, 2.0), (1.0, 1.0, 1.0), (0,), 2 * np.sqrt(2)
+
+
+@pytest.mark.parametrize("problem, start, held, least", list(known()))
+def test_known_optima(problem, start, held, least):
+    x = sequential_search(problem, np.array(start), held)
+    assert problem.violation(x) <= 1e-7
+    assert problem.objective(x) == pytest.approx(least, abs=1e-6)
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_points_stay_within_the_bounds(seed):
+    rng = np.random.default_rng(seed)
+    problem = random_case(seed).problem
+    start = rng.uniform(problem.lower - 1.0, problem.upper + 1.0)
+    held = tuple(np.flatnonzero(rng.random(start.size) < 0.5).tolist())
+    for x in (sequential_search(problem, start, held), sequential_search(problem, start)):
+        assert np.all(np.isfinite(x))
+        assert np.all((x >= problem.lower) & (x <= problem.upper))
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_a_feasible_start_is_not_made_worse(seed):
+    case = random_case(seed)
+    start = case.points[int(np.argmax(case.values))]
+    x = sequential_search(case.problem, start)
+    scale = 1e2 * (1.0 + np.abs(case.values).max())
+    assert case.problem.objective(x) <= case.values.max() + scale * case.problem.violation(x) + 1e-9
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_held_variables_stay_where_they_are(seed):
+    # y_k = x u_k + e_k is linear once x is fixed
+    rng = np.random.default_rng(seed)
+    x, *e = sp.variables(5)
+    u, truth = rng.uniform(-2, 2, 4), rng.uniform(0.2, 0.8)
+    errors = rng.uniform(-0.1, 0.1, 4)
+    y = truth * (u + errors)
+    problem = Problem(x, [x * (u[k] + e[k]) == y[k] for k in range(4)], [0.1, *[-0.2] * 4], 1.0)
+    start = np.array([truth, 0.0, 0.0, 0.0, 0.0])
+    found = restored(problem, start, np.array([0]))
+    assert found[0] == truth
+    assert found[1:] == pytest.approx(errors, abs=1e-7)
+
+
+def test_an_unbounded_direction_ends():
+    x, y = sp.variables(2)
+    problem = Problem(-x, [x * y >= 1], lower=0.0)
+    found = sequential_search(problem, np.array([1.0, 1.0]))
+    assert np.all(np.isfinite(found))
+    assert problem.objective(found) <= -1.0
+
+
+@pytest.mark.parametrize("curvature", [1.0, 50.0])
+def test_searches_follow_curved_rows_to_their_end(curvature):
+    # the parabola y = c x^2 within its bounds ends at x = 2; steps of one linearisation creep
+    x, y = sp.variables(2)
+    problem = Problem(-x, [y == curvature * x**2], [-3.0, 0.0], [2.0, 9.0 * curvature])
+    found = sequential_search(problem, np.array([-2.0, 4.0 * curvature]))
+    assert found == pytest.approx([2.0, 4.0 * curvature])
+
+
+def test_a_search_without_time_ends_at_once():
+    x, y = sp.variables(2)
+    problem = Problem(-x, [y == 50 * x**2], [-3.0, 0.0], [2.0, 450.0])
+    found = sequential_search(problem, np.array([-2.0, 200.0]), end=time.monotonic())
+    assert found == pytest.approx([-2.0, 200.0])  # with time it comes to x = 2, see above

@@ -1,0 +1,121 @@
+"""Bands of frequency and step responses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from identification_cases import PLANT
+from identified_cases import empty, first_order, identified, result_of, second_order
+
+import setid
+from setid.bands.responses import frequency_band, step_band
+from setid.feasible_points.members import members
+from setid.simulation.responses import frequency_response, grid
+
+
+@pytest.fixture(scope="module")
+def result() -> setid.Identification:
+    return second_order()
+
+
+def test_the_frequency_response_is_that_of_the_difference_equation() -> None:
+    model = setid.TransferFunction(na=2, nb=2, nk=1)
+    theta = np.array([-0.5, 0.2, 1.0, 0.5])
+    omega, N = 0.7, 4000
+    k = np.arange(N)
+    y = setid.simulate(model, theta, np.cos(omega * k)).ravel()
+    tail = slice(N // 2, N)
+    basis = np.stack([np.cos(omega * k), -np.sin(omega * k)], axis=1)[tail]
+    real, imaginary = np.linalg.lstsq(basis, y[tail], rcond=None)[0]
+    found = frequency_response(model, theta, np.array([omega]), 1.0)
+    assert found[0] == pytest.approx(complex(real, imaginary), abs=1e-9)
+
+
+def test_proved_bands_contain_truth_and_members(result: setid.Identification) -> None:
+    band = frequency_band(result)
+    thetas = np.vstack([PLANT, members(result, 40)])
+    responses = frequency_response(result.formulation.model, thetas, band.omega, 1.0)
+    assert np.all(np.abs(responses) >= band.magnitude[:, 0] * (1 - 1e-9))
+    assert np.all(np.abs(responses) <= band.magnitude[:, 1] * (1 + 1e-9))
+    turn = np.angle(responses / band.nominal)
+    angle = np.unwrap(np.angle(band.nominal))
+    assert np.all(turn >= band.phase[:, 0] - angle - 1e-9)
+    assert np.all(turn <= band.phase[:, 1] - angle + 1e-9)
+    for corners, values in zip(band.regions, responses.T, strict=True):
+        inside = (values - corners[0]) / (corners[1] - corners[0])
+        height = abs(corners[3] - corners[0]) / abs(corners[1] - corners[0])
+        assert np.all((inside.real > -1e-6) & (inside.real < 1 + 1e-6))
+        assert np.all((inside.imag > -1e-6) & (inside.imag < height + 1e-6))
+
+
+def test_proved_bands_are_tight(result: setid.Identification) -> None:
+    band = frequency_band(result, np.geomspace(0.05, 3.0, 12))
+    inner = frequency_band(result, np.geomspace(0.05, 3.0, 12), kind="sampled", samples=200)
+    widths = [np.diff(b.magnitude, axis=1).ravel() for b in (band, inner)]
+    assert np.all(widths[1] <= widths[0]) and np.median(widths[0] / widths[1]) < 2.5
+    assert (band.kind, inner.kind) == ("proved", "sampled")
+
+
+def test_a_wide_box_gives_infinite_but_valid_bands() -> None:
+    wide = identified(first_order().formulation, [(-3.0, 3.0), (-3.0, 5.0)])
+    noisy = setid.formulate(
+        wide.formulation.data, setid.TransferFunction(1, 1), setid.Noise(output=5.0)
+    )
+    band = frequency_band(identified(noisy, [(-3.0, 3.0), (-3.0, 5.0)]), [1.0])
+    assert band.magnitude[0].tolist() == [0.0, np.inf]
+    assert np.all(np.isneginf(band.decibel[:, 0])) and np.ptp(band.phase) == pytest.approx(
+        2 * np.pi
+    )
+
+
+def test_steps_contain_the_truth(result: setid.Identification) -> None:
+    true = setid.simulate(result.formulation.model, PLANT, np.ones(40)).ravel()
+    band = step_band(result, 40)
+    assert np.all((true >= band.low) & (true <= band.high))
+    inner = step_band(result, 40, kind="sampled")
+    assert np.all((inner.low >= band.low) & (inner.high <= band.high))
+    assert np.max(band.high - band.low) < 3 * np.max(inner.high - inner.low)
+
+
+def test_bad_arguments(result: setid.Identification) -> None:
+    with pytest.raises(setid.SetidError, match="kind"):
+        frequency_band(result, kind="sure")
+    with pytest.raises(setid.SetidError, match="kind"):
+        step_band(result, kind="sure")
+    with pytest.raises(setid.SetidError, match="omega"):
+        frequency_band(result, [4.0])
+    with pytest.raises(setid.ModelError, match="output, input"):
+        step_band(result, output=2)
+    with pytest.raises(setid.SetidError, match="empty"):
+        frequency_band(empty(result.formulation))
+
+
+def test_the_grid_ends_at_the_nyquist_frequency() -> None:
+    assert grid(None, 0.1)[-1] == pytest.approx(10 * np.pi)
+
+
+def test_separate_denominators_have_sampled_steps_alone() -> None:
+    model = setid.TransferFunction(1, 1, nk=1, inputs=2)
+    theta = [-0.5, -0.2, 1.0, 0.5]
+    u = np.random.default_rng(0).uniform(-1, 1, (20, 2))
+    noise = setid.Noise(output=0.1)
+    truth = setid.simulate_record(model, theta, u, noise)
+    box = [(t - 0.1, t + 0.1) for t in theta]
+    found = identified(setid.formulate(truth.data, model, noise), box)
+    with pytest.raises(setid.ModelError, match="separate denominators"):
+        step_band(found, input=2)
+    assert frequency_band(found, [0.5], input=2).magnitude[0, 1] < np.inf
+
+
+def test_an_unbounded_interval_leaves_sampled_bands(result: setid.Identification) -> None:
+    intervals = dict(result.intervals)
+    first = intervals["a1"]
+    intervals["a1"] = setid.ParameterInterval(
+        "a1", (-np.inf, np.inf), first.inner, setid.IntervalStatus.UNBOUNDED, first.witnesses
+    )
+    endless = result_of(result.formulation, intervals)
+    assert np.isfinite(frequency_band(endless, [0.5], kind="sampled").magnitude).all()
+    assert frequency_band(endless, [0.5]).magnitude[0, 1] == np.inf
+    with pytest.raises(setid.SetidError, match="infinite interval"):
+        step_band(endless)
+    assert np.isfinite(step_band(endless, 10, kind="sampled").high).all()

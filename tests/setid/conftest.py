@@ -1,0 +1,1 @@
+"""For the tests of setid: cases that several of them share lie beside this file."""

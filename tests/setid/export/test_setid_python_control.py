@@ -1,0 +1,92 @@
+"""Models for python-control."""
+
+from __future__ import annotations
+
+import builtins
+
+import control
+import numpy as np
+import pytest
+from identification_cases import PLANT
+from identified_cases import empty, identified, second_order
+
+import setid
+import sparsepop_py as sp
+from setid.export.python_control import coefficients, to_control
+from setid.feasible_points.members import members, nominal
+from setid.simulation.responses import frequency_response
+
+
+@pytest.fixture(scope="module")
+def result() -> setid.Identification:
+    return second_order()
+
+
+def test_the_nominal_model_has_the_response_of_the_parameters(
+    result: setid.Identification,
+) -> None:
+    models = to_control(result)
+    omega = np.array([0.1, 1.0, 3.0])
+    expected = frequency_response(result.formulation.model, nominal(result), omega, 1.0)
+    assert np.allclose(models.nominal(np.exp(1j * omega)), expected)
+    assert models.nominal.dt == 1.0
+    y = setid.simulate(result.formulation.model, nominal(result), np.ones(20)).ravel()
+    _, step = control.step_response(models.nominal, np.arange(20.0))
+    assert np.allclose(np.ravel(step), y)
+
+
+def test_the_weight_covers_what_was_sampled(result: setid.Identification) -> None:
+    models = to_control(result)
+    assert models.label == "sampled" and len(models.vertices) >= 5
+    weight = np.abs(models.weight(np.exp(1j * models.omega)))
+    assert np.all(weight >= models.radius)
+    assert np.all(np.abs(models.weight.poles()) <= 1.0)
+    thetas = members(result, 100)
+    g = frequency_response(result.formulation.model, thetas, models.omega, 1.0)
+    g0 = models.nominal(np.exp(1j * models.omega))
+    assert np.all(np.abs(g / g0 - 1.0) <= weight + 1e-12)
+
+
+def test_proved_radii_contain_sampled_ones_and_the_truth(result: setid.Identification) -> None:
+    proved, sampled = to_control(result, kind="proved"), to_control(result)
+    assert proved.label == "proved at the grid frequencies"
+    assert np.all(proved.radius >= sampled.radius * (1 - 1e-6))
+    truth = frequency_response(result.formulation.model, PLANT, proved.omega, 1.0)
+    g0 = proved.nominal(np.exp(1j * proved.omega))
+    assert np.all(np.abs(truth / g0 - 1.0) <= proved.radius * (1 + 1e-9))
+
+
+def test_several_channels() -> None:
+    model = setid.TransferFunction(1, 1, 1, inputs=2, outputs=2, common_denominator=True)
+    theta = np.array([-0.5, 1.0, 0.2, -0.3, 0.8])
+    u = np.random.default_rng(0).uniform(-1, 1, (40, 2))
+    noise = setid.Noise(equation=0.1)
+    truth = setid.simulate_record(model, theta, u, noise)
+    models = to_control(identified(setid.formulate(truth.data, model, noise)))
+    assert (models.nominal.noutputs, models.nominal.ninputs) == (2, 2)
+    assert models.weight is None
+
+
+def test_delays_become_poles_at_zero() -> None:
+    model = setid.TransferFunction(na=1, nb=2, nk=3)
+    assert coefficients(model, np.array([-0.5, 1.0, 2.0])) == (
+        [0, 0, 0, 1.0, 2.0],
+        [1.0, -0.5, 0, 0, 0],
+    )
+
+
+def test_refusals(result: setid.Identification, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(setid.SetidError, match="empty"):
+        to_control(empty(result.formulation))
+    with pytest.raises(setid.SetidError, match="kind"):
+        to_control(result, kind="sure")
+    real = builtins.__import__
+
+    def without(name: str, *rest: object) -> object:
+        if name == "control":
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(sp.SolverNotFound, match=r"sparsepop-py\[control\]"):
+        to_control(result)

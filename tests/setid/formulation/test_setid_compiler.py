@@ -1,0 +1,135 @@
+"""The compiler carries more than the structures that ship: blocks, feedback, several signals.
+
+The structures here are written for the tests; they show what a structure has to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import setid
+from setid.formulation.compiler import plan
+from setid.models.equations import Equation, Lagged, Transfer, term
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """A structure given by its equations."""
+
+    stated: tuple[Equation, ...]
+    parameters: tuple[str, ...]
+    inputs: int = 1
+    outputs: int = 1
+    initial: str = "free"
+
+    def equations(self, noisy: Collection[str] = ()) -> tuple[Equation, ...]:
+        return self.stated
+
+    def regression(self) -> tuple[Equation, ...]:
+        return ()
+
+    def transfer(self, output: int = 1, input: int = 1) -> Transfer:
+        return Transfer(("b1",), ("a1",), 1)
+
+
+U0, W1, Y0, Y1 = Lagged("u1"), Lagged("w", 1), Lagged("y1"), Lagged("y1", 1)
+HAMMERSTEIN = Blocks(
+    (
+        Equation("w", (term(1.0, "", Lagged("w")), term(-1.0, "g1", U0), term(-1.0, "g2", U0, U0))),
+        Equation("y1", (term(1.0, "", Y0), term(1.0, "a1", Y1), term(-1.0, "b1", W1)), error=True),
+    ),
+    ("a1", "b1", "g1", "g2"),
+)
+Z0, Z1 = Lagged("z"), Lagged("z", 1)
+WIENER = Blocks(
+    (
+        Equation("z", (term(1.0, "", Z0), term(1.0, "a1", Z1), term(-1.0, "b1", Lagged("u1", 1)))),
+        Equation("y1", (term(1.0, "", Y0), term(-1.0, "g1", Z0), term(-1.0, "g2", Z0, Z0))),
+    ),
+    ("a1", "b1", "g1", "g2"),
+)
+LURE = Blocks(
+    (
+        Equation("w", (term(1.0, "", Lagged("w")), term(-1.0, "g2", Y1, Y1))),
+        Equation(
+            "y1",
+            (
+                term(1.0, "", Y0),
+                term(1.0, "a1", Y1),
+                term(-1.0, "b1", Lagged("u1", 1)),
+                term(1.0, "b1", Lagged("w")),
+            ),
+        ),
+    ),
+    ("a1", "b1", "g2"),
+)
+
+
+@pytest.mark.parametrize("initial", ["free", "zero"])
+@pytest.mark.parametrize("noise", [setid.Noise(0.1), setid.Noise(0.1, 0.05), setid.Noise()])
+@pytest.mark.parametrize(
+    ("model", "theta"),
+    [(HAMMERSTEIN, [-0.5, 1.0, 0.8, 0.3]), (WIENER, [-0.5, 1.0, 0.8, 0.3]), (LURE, [-0.5, 1, 0.1])],
+)
+def test_block_structures_hold_their_truth(model, theta, noise, initial: str) -> None:
+    model = Blocks(model.stated, model.parameters, initial=initial)
+    u = np.random.default_rng(2).uniform(-1, 1, 12)
+    truth = setid.simulate_record(model, theta, u, noise, seed=1)
+    formulation = setid.formulate(truth.data, model, noise, [setid.Stable(), setid.DCGain(1, 3)])
+    x = formulation.point(truth.theta, truth.output, truth.input, signals=truth.signals)
+    assert formulation.problem.violation(x) < 1e-12
+    assert formulation.problem.degree <= 3
+    assert formulation.regression is None
+    if model.stated is HAMMERSTEIN.stated:
+        found = formulation.point(truth.theta, truth.output, truth.input)
+        np.testing.assert_allclose(found, x, atol=1e-12)
+
+
+def test_definitions_that_nobody_uses_get_no_rows() -> None:
+    data = setid.IOData([1, 2, 3, 4], [1, 2, 3, 1], starts=[0, 2])
+    product = Equation("v", (term(1.0, "", Lagged("v")), term(-1.0, "", U0, U0)))
+    row = Equation("y1", (term(1.0, "", Y0), term(-1.0, "g1", Lagged("v", 1))))
+    everywhere = np.ones(4, bool)
+    first, second = plan([product, row], data, {"u1": everywhere, "y1": everywhere}, "free")
+    assert second.rows.tolist() == [1, 3] and first.rows.tolist() == [0, 2]
+    holes = {"u1": np.array([True, True, False, True]), "y1": everywhere}
+    first, second = plan([product, row], data, holes, "free")
+    assert second.rows.tolist() == [1] and second.dropped == 1
+    assert first.rows.tolist() == [0]
+
+
+def test_constants_of_bands_are_rounded_outwards() -> None:
+    """|y + ...| <= D becomes two rows whose constants are at least D + y and D - y, exactly."""
+    y = np.random.default_rng(6).uniform(-1, 1, 200) * 10.0 ** np.arange(-5, 5).repeat(20)
+    data = setid.IOData(np.arange(200.0), y)
+    problem = setid.formulate(data, setid.TransferFunction(0, 1), setid.Noise(equation=0.1)).problem
+    inexact = 0
+    for k, value in enumerate(y.tolist()):
+        for row, reading in ((2 * k, value), (2 * k + 1, -value)):
+            constant = Fraction(problem.constraints[row].polynomial.constant_term)
+            exact = Fraction(0.1) + Fraction(reading)
+            assert 0 <= constant - exact <= 2.0**-52 * max(abs(exact), 1)
+            inexact += constant != exact
+    assert inexact > 100
+
+
+def test_equations_that_define_nothing_are_refused() -> None:
+    with pytest.raises(setid.ModelError, match="expected y1 at lag 0 first"):
+        Equation("y1", (term(2.0, "", Y0), term(1.0, "a1", Y1)))
+
+
+def test_simulation_needs_an_order() -> None:
+    loop = Blocks(
+        (
+            Equation("w", (term(1.0, "", Lagged("w")), term(-1.0, "g2", Y0, Y0))),
+            Equation("y1", (term(1.0, "", Y0), term(-1.0, "b1", Lagged("w")))),
+        ),
+        ("b1", "g2"),
+    )
+    with pytest.raises(setid.ModelError, match=r"equation of w needs \['y1'\] at the same sample"):
+        setid.simulate(loop, [1.0, 1.0], [1.0, 2.0])

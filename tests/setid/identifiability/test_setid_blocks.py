@@ -1,0 +1,380 @@
+"""Block structures: what they state, what is proved of them, and what is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+from setid.models.block import StaticMap
+
+G = setid.TransferFunction
+ONE, TWO = G(1, 1, 1), G(2, 2, 1)
+QUICK = setid.Options(time_limit=20.0, progress=False, tol=5e-2)
+CASES = {
+    "hammerstein": (setid.Hammerstein(ONE, 3, "gamma1"), [-0.7, 0.8, 0.4, -0.3], ()),
+    "static gain": (setid.Hammerstein(ONE, 2, "dcgain"), [-0.7, 0.3, 1.0, 0.4], ()),
+    "wiener": (
+        setid.Wiener(ONE, 2, "gamma1", initial="zero"),
+        [-0.7, 0.3, 0.3],
+        (setid.Stable(),),
+    ),
+    "lure": (setid.Lure(ONE, 2, "nolinear"), [-0.6, 0.8, 0.3], ()),
+    "both": (
+        setid.HammersteinWiener(ONE, 2, 2, ["gamma[w]1", "b1"], initial="zero"),
+        [-0.7, 0.3, 1.0, 0.3],
+        (setid.Stable(),),
+    ),
+    "two inputs": (
+        setid.BlockStructured(
+            {("y1", "w"): ONE, ("y1", "u2"): ONE},
+            {"w": StaticMap("u1", 2)},
+            inputs=2,
+            normalise="gamma1",
+        ),
+        [-0.5, 0.3, 0.8, 0.6, 0.4],
+        (setid.Stable(),),
+    ),
+}
+
+
+def simulated(name: str, noise: float, samples: int = 30, seed: int = 0) -> setid.Simulated:
+    """A record with noise of a share of the largest output; inputs up to 1."""
+    model, theta, _ = CASES[name]
+    u = np.random.default_rng(seed).uniform(-1.0, 1.0, (samples, model.inputs))
+    size = noise * np.abs(setid.simulate(model, theta, u)).max()
+    return setid.simulate_record(model, theta, u, setid.Noise(output=size), seed=seed + 1)
+
+
+def noise_of(truth: setid.Simulated) -> setid.Noise:
+    return setid.Noise(output=np.abs(truth.output).max() * 1.05)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_truth_satisfies_all_rows(name: str) -> None:
+    """With its own noise and internal signals, the true system is feasible."""
+    model, theta, priors = CASES[name]
+    truth = simulated(name, 0.02)
+    formulation = setid.formulate(truth.data, model, noise_of(truth), priors)
+    x = formulation.point(theta, output=truth.output)
+    assert formulation.problem.violation(x) < 1e-9
+    assert formulation.problem.degree <= 3
+    assert setid.least_noise(formulation, theta).level <= 1.0
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_boxes_from_the_data_hold_the_truth_and_shrink_with_the_noise(name: str) -> None:
+    model, theta, priors = CASES[name]
+    widths = []
+    levels = (2e-2, 1e-4, 1e-8) if name != "two inputs" else (2e-2, 1e-4)
+    for noise in levels:
+        truth = simulated(name, noise)
+        formulation = setid.formulate(truth.data, model, noise_of(truth), priors)
+        box = box_of(formulation)
+        assert np.all(np.isfinite([box.lower, box.upper])), box
+        assert np.all((box.lower <= theta) & (theta <= box.upper)), box
+        widths.append(np.max(box.upper - box.lower))
+    assert widths[1] < widths[0] / 10
+    assert widths[-1] < 1e-2
+
+
+def box_of(formulation: setid.Formulation):
+    from setid.proofs.output_cells import cell_box
+    from sparsepop_py.uncertain_rows.lifted_products import lifted_box
+
+    p = len(formulation.parameters)
+    start = np.array([formulation.problem.lower[:p], formulation.problem.upper[:p]])
+    if formulation.products is not None:
+        return lifted_box(formulation.products, start)
+    return cell_box(formulation, start)
+
+
+@pytest.mark.parametrize("name", ["hammerstein", "static gain", "two inputs"])
+def test_sums_of_products_are_certified(name: str) -> None:
+    model, theta, priors = CASES[name]
+    truth = simulated(name, 0.02)
+    result = setid.identify(truth.data, model, noise_of(truth), priors, QUICK)
+    for value, item in zip(theta, result.intervals.values(), strict=True):
+        assert value in item
+        assert item.status == "certified"
+    assert result.verify(truth.data).ok
+    assert result.feasible.shape == (len(theta),)
+
+
+@pytest.mark.parametrize("name", ["wiener", "lure"])
+def test_coupled_samples_have_proved_ends_and_attained_ones(name: str) -> None:
+    model, theta, priors = CASES[name]
+    truth = simulated(name, 0.02, samples=16)
+    limit = setid.Options(time_limit=5.0, progress=False, tol=0.05)
+    result = setid.identify(truth.data, model, noise_of(truth), priors, limit)
+    for value, item in zip(theta, result.intervals.values(), strict=True):
+        assert value in item
+        assert item.inner is not None
+        assert item.outer[0] <= item.inner[0] <= item.inner[1] <= item.outer[1]
+        assert item.status == "certified"
+    assert result.verify(truth.data).ok
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_intervals_collapse_on_the_truth(name: str) -> None:
+    model, theta, priors = CASES[name]
+    truth = simulated(name, 1e-8, samples=14)
+    quick = setid.Options(time_limit=8.0, progress=False, tol=0.1)
+    result = setid.identify(truth.data, model, noise_of(truth), priors, quick)
+    for value, item in zip(theta, result.intervals.values(), strict=True):
+        assert value in item
+        assert item.width < 1e-6
+
+
+def test_given_functions_of_an_exact_input() -> None:
+    """A saturation known up to its gain: the record is linear in b1 and b1*gamma2."""
+    model = setid.Hammerstein(ONE, [1, np.tanh], "gamma1")
+    u = np.random.default_rng(4).uniform(-3, 3, 30)
+    truth = setid.simulate_record(model, [-0.5, 1.0, 0.6], u, setid.Noise(output=0.01), seed=2)
+    w = u + 0.6 * np.tanh(u)
+    linear = setid.simulate(ONE, [-0.5, 1.0], w)
+    assert np.allclose(truth.y, linear, atol=1e-12)
+    result = setid.identify(truth.data, model, setid.Noise(output=0.01), options=QUICK)
+    assert 0.6 in result.intervals["gamma2"]
+    assert result.intervals["gamma2"].width < 0.1
+    with pytest.raises(setid.ModelError, match=r"tanh\(u1\).*not known exactly.*polynomial"):
+        setid.formulate(truth.data, model, setid.Noise(output=0.01, input=0.1))
+
+
+def test_input_noise_makes_internal_signals_of_powers() -> None:
+    model, theta, _ = CASES["hammerstein"]
+    u = np.random.default_rng(0).uniform(-1, 1, 20)
+    noise = setid.Noise(output=0.02, input=0.005)
+    truth = setid.simulate_record(model, theta, u, noise, seed=1)
+    formulation = setid.formulate(truth.data, model, noise)
+    assert {"w", "p[u1^2]", "p[u1^3]"} <= set(formulation.layout.groups)
+    assert formulation.problem.degree == 2
+    x = formulation.point(theta, output=truth.output, input=truth.input)
+    assert formulation.problem.violation(x) < 1e-9
+
+
+def test_one_product_of_parameters_takes_the_place_of_a_map() -> None:
+    """Lur'e of order 1: rows hold b1 gamma2 y^2; with form="partial" the map w itself."""
+    model, theta, _ = CASES["lure"]
+    truth = simulated("lure", 0.02)
+    for form, degree in (("auto", 3), ("partial", 2)):
+        other = model.changed(form=form)
+        formulation = setid.formulate(truth.data, other, noise_of(truth))
+        assert ("w" in formulation.layout.groups) == (form == "partial")
+        assert formulation.problem.degree == degree
+        x = formulation.point(theta, output=truth.output)
+        assert formulation.problem.violation(x) < 1e-9
+
+
+def test_named_structures_are_instances_of_the_general_one() -> None:
+    general = setid.BlockStructured(
+        {("y1", "w"): ONE}, {"w": StaticMap("u1", 3)}, normalise="gamma1"
+    )
+    named, theta, _ = CASES["hammerstein"]
+    data = simulated("hammerstein", 0.02).data
+    one = setid.formulate(data, general, setid.Noise(output=0.1)).problem
+    two = setid.formulate(data, named, setid.Noise(output=0.1)).problem
+    assert one.fingerprint == two.fingerprint
+
+
+def test_linear_and_polynomial_models_are_instances() -> None:
+    """Without maps: a transfer function; with delays as blocks: a NARX model."""
+    data = simulated("hammerstein", 0.02).data
+    noise = setid.Noise(equation=0.1)
+    bare = setid.BlockStructured({("y1", "u1"): TWO}, {})
+    assert (
+        setid.formulate(data, bare, noise).problem.fingerprint
+        == setid.formulate(data, TWO, noise).problem.fingerprint
+    )
+    narx = setid.PolynomialNARX(["y1", "u1", "y1*u1"], 1, 1)
+    delays = setid.BlockStructured(
+        {("x", "y1"): G(0, 1, 1), ("v", "u1"): G(0, 1, 1)},
+        {"y1": StaticMap(["x", "v"], [(1, 0), (0, 1), (1, 1)])},
+        normalise=["b[x,y1]1", "b[v,u1]1"],
+    )
+    one, two = (setid.identify(data, m, noise).intervals.values() for m in (narx, delays))
+    for left, right in zip(one, two, strict=True):
+        assert left.outer == pytest.approx(right.outer, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("model", "affected"),
+    [
+        (setid.Hammerstein(TWO, 2), ("b1", "b2", "gamma1", "gamma2")),
+        (setid.Wiener(ONE, 2), ("b1", "gamma1", "gamma2")),
+        (setid.Lure(ONE, 2), ("a1", "gamma1")),
+        (setid.Lure(G(1, 2, 1), 2), ()),
+        (setid.Lure(ONE, 2, "dcgain"), ()),
+        (setid.Wiener(ONE, 2, "dcgain"), ()),
+    ],
+)
+def test_what_is_not_unique_is_found(
+    model: setid.BlockStructured, affected: tuple[str, ...]
+) -> None:
+    assert setid.unidentifiable(model) == affected
+
+
+def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
+    """Claims that do not follow from the reference, or from one of other data."""
+    item, reference = result.intervals["b1"], result.reference
+    assert reference is not None
+    narrow = replace(item, outer=(0.0, 1.0))
+    yield replace(result, intervals={**result.intervals, "b1": narrow})
+    empty = setid.IntervalStatus.EMPTY
+    nothing = {name: replace(one, status=empty) for name, one in result.intervals.items()}
+    yield replace(result, intervals=nothing)
+    known = reference.formulation
+    other = setid.formulate(known.data, known.model, setid.Noise(output=1.0))
+    yield replace(result, reference=replace(reference, formulation=other))
+
+
+def test_structures_without_normalisation_are_refused_or_reported() -> None:
+    bare = setid.Hammerstein(ONE, 3)
+    truth = simulated("hammerstein", 0.02)
+    noise = noise_of(truth)
+    with pytest.raises(setid.ModelError, match="b1, gamma1, gamma2, gamma3 may change.*dcgain"):
+        setid.identify(truth.data, bare, noise)
+    go_on = setid.Options(unidentifiable="report", time_limit=20.0, progress=False, tol=5e-2)
+    result = setid.identify(truth.data, bare, noise, options=go_on)
+    statuses = {name: str(item.status) for name, item in result.intervals.items()}
+    assert statuses.pop("a1") == "certified"
+    assert set(statuses.values()) == {"unidentifiable"}
+    assert -0.7 in result.intervals["a1"]
+    assert result.verify(truth.data).ok and result.verify().ok
+    for forged in forgeries(result):
+        assert not forged.verify(truth.data).ok and not forged.verify().ok
+    named = setid.identify(truth.data, CASES["hammerstein"][0], noise, options=QUICK)
+    assert result.intervals["a1"].outer == pytest.approx(named.intervals["a1"].outer, abs=2e-3)
+
+
+def test_missing_boxes_are_named() -> None:
+    model = setid.Wiener(ONE, 2, "gamma1", initial="zero")
+    result = setid.identify(simulated("wiener", 0.02).data, model, setid.Noise(output=0.01))
+    assert "a1, b1, gamma2" in result.notes[-1]
+    assert "Stable" in result.notes[-1]
+
+
+class TestEquivalence:
+    """The freedoms of the structures, by simulation: independent of how conversion is done."""
+
+    pairs = [
+        (setid.Hammerstein(TWO, 3), [-1.1, 0.4, 0.2, 0.1, 1.0, 0.4, 0.2], "dcgain", "gamma3"),
+        (setid.Wiener(ONE, 3), [-0.7, 0.3, 1.0, 0.3, 0.2], "dcgain", "b1"),
+        (setid.Lure(TWO, 3), [-1.1, 0.4, 0.2, 0.1, 0.3, 0.3, 0.2], "nolinear", "dcgain"),
+    ]
+
+    @pytest.mark.parametrize(("model", "theta", "first", "second"), pairs)
+    def test_outputs_agree(self, model, theta, first, second) -> None:
+        u = np.random.default_rng(2).uniform(-0.5, 0.5, 40)
+        first = {"gamma1": 0.0} if first == "nolinear" else first
+        expected = setid.simulate(model, theta, u)
+        once = setid.convert(model, theta, first)
+        assert np.allclose(setid.simulate(model.normalised(first), once, u), expected, atol=1e-10)
+        twice = setid.convert(model.normalised(first), once, second)
+        other = model.normalised(second)
+        assert np.allclose(setid.simulate(other, twice, u), expected, atol=1e-10)
+        full = [twice.get(name, dict(other.fixed).get(name)) for name in model.parameters]
+        assert setid.equivalent(model, theta, full)
+        full[0] += 1e-3
+        assert not setid.equivalent(model, theta, full)
+
+    def test_intervals_move_with_the_vectors_in_them(self) -> None:
+        model, theta, _ = CASES["hammerstein"]
+        truth = simulated("hammerstein", 0.02)
+        result = setid.identify(truth.data, model, noise_of(truth), (), QUICK)
+        moved = setid.convert_intervals(result, "dcgain")
+        goal = setid.convert(model, theta, "dcgain")
+        assert all(low <= goal[name] <= high for name, (low, high) in moved.items())
+        for item in result.intervals.values():
+            for witness in item.witnesses:
+                point = setid.convert(model, witness[: len(theta)], "dcgain")
+                assert all(low <= point[n] <= high for n, (low, high) in moved.items())
+
+    def test_zero_quantities_cannot_be_fixed(self) -> None:
+        with pytest.raises(setid.ModelError, match="may be zero"):
+            setid.convert(setid.Hammerstein(ONE, 2), [-0.5, 1.0, 0.0, 1.0], "gamma1")
+        with pytest.raises(setid.ModelError, match="settles the scale of w"):
+            setid.convert(setid.Hammerstein(ONE, 2), [-0.5, 1.0, 0.5, 1.0], None)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: setid.Lure(G(1, 1, 0), 2), "nk = 0"),
+        (lambda: setid.Hammerstein(ONE, 0), "basis"),
+        (lambda: setid.Hammerstein(ONE, [1, 1]), "repetition"),
+        (lambda: setid.Hammerstein(ONE, 2, "gamma7"), "normalise: found 'gamma7'"),
+        (lambda: setid.Hammerstein(ONE, [0, 1], "b1", initial="zero"), "not 0 at rest"),
+        (lambda: setid.Wiener(ONE, [np.tanh]), "is no power of z"),
+        (lambda: setid.BlockStructured({("y1", "w"): ONE}, {}), "'w', which no entry defines"),
+        (lambda: setid.BlockStructured({("y1", "u1"): G(1, 1, inputs=2)}, {}), "one input"),
+        (lambda: setid.BlockStructured({("y1", "u1 w"): ONE}, {}), "a sum such as"),
+    ],
+)
+def test_wrong_structures_are_named(make, message: str) -> None:
+    with pytest.raises(setid.ModelError, match=message):
+        make()
+
+
+def test_points_that_are_known_close_gaps_without_a_search() -> None:
+    """x^2 + y^2 <= 1: the point (1, 0) attains the largest x, and is proved again."""
+    x, y = sp.variables(2)
+    disc = sp.Problem(x, [x**2 + y**2 <= 1], lower=-2, upper=2)
+    none = np.zeros(0, np.int64)
+    point = sp.ProvedPoint(np.array([1.0, 0.0]), np.inf, 0.0, "exact", none, none)
+    far = sp.ProvedPoint(np.array([2.0, 0.0]), np.inf, 0.0, "exact", none, none)
+    options = sp.Options(effort="auto", refine="none", time_limit=1.0)
+    low, high = sp.solve_each(disc, [x, -x], options, points=[point, far])
+    assert high.upper_bound == pytest.approx(-1.0)
+    assert low.upper_bound == pytest.approx(1.0)
+
+
+class TestBands:
+    """Bands hold the true map and the true signals, and say what they are."""
+
+    def result(self) -> tuple[setid.Simulated, setid.Identification]:
+        model, _, _ = CASES["hammerstein"]
+        truth = simulated("hammerstein", 0.05)
+        return truth, setid.identify(truth.data, model, noise_of(truth), (), QUICK)
+
+    def test_of_maps(self) -> None:
+        _, result = self.result()
+        x = np.linspace(-1, 1, 5)
+        true = x + 0.4 * x**2 - 0.3 * x**3
+        wide = setid.static_band(result, x=x)
+        tight = setid.static_band(result, x=x[:2], seconds=2.0)
+        inner = setid.static_band(result, x=x, kind="sampled")
+        assert wide.kind == "proved"
+        assert inner.kind == "sampled"
+        assert np.all((wide.low <= true) & (true <= wide.high))
+        assert np.all((tight.low <= true[:2]) & (true[:2] <= tight.high))
+        assert np.all((wide.low <= inner.low) & (inner.high <= wide.high))
+        assert np.all(tight.high <= wide.high[:2])
+        with pytest.raises(setid.ModelError, match="name: found 'v'"):
+            setid.static_band(result, "v")
+
+    def test_of_signals_and_pictures(self) -> None:
+        from setid.plots.blocks import plot_diagram
+
+        truth, result = self.result()
+        u = truth.u[:, 0]
+        true = u + 0.4 * u**2 - 0.3 * u**3
+        band = setid.signal_band(result, "w")
+        assert np.all((band.low <= true) & (true <= band.high))
+        labels = band.plot().get_legend_handles_labels()[1]
+        assert labels == ["proved", "sampled"]
+        assert setid.static_band(result).plot().get_legend_handles_labels()[1][0] == "proved"
+        texts = [t.get_text() for t in plot_diagram(result.formulation.model, result).texts]
+        assert any("gamma2 in [" in text for text in texts)
+        assert any("gamma1 = 1" in text for text in texts)
+
+
+def test_basis_functions_that_return_no_numbers_are_named() -> None:
+    model = setid.Hammerstein(setid.TransferFunction(1, 1), [1, lambda u: "a"], normalise="gamma1")
+    data = setid.IOData([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
+    with pytest.raises(setid.ModelError, match=r"StaticMap\.basis\[1\]: value: found str 'a'"):
+        setid.formulate(data, model, setid.Noise(output=1.0))

@@ -1,0 +1,190 @@
+"""The least noise that explains the data: exact where linear, enclosed otherwise."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identification_cases import laboratory_two_first, laboratory_two_second
+
+import setid
+from setid.minimum_noise.factor import least_factor
+from setid.proofs.noise_scale import attained_factor
+
+FIRST = setid.TransferFunction(1, 1)
+QUICK = setid.Options(time_limit=60.0, progress=False)
+
+
+def test_the_least_equation_error_of_the_laboratory_records() -> None:
+    """Values of independent linear programs (course notes, laboratories 1 and 2)."""
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    assert found.scale[0] == pytest.approx(0.3390283401, abs=5e-11)
+    assert found.scale[1] - found.scale[0] <= 1e-15
+    np.testing.assert_allclose(found.theta, [-0.3882591, 1.9703239], atol=5e-8)
+    assert found.explains is True and bool(found.verify())
+    assert found.samples == ((1, 2), (1, 3), (1, 4))
+    assert "held up by samples 2, 3, 4" in found.summary()
+    model = setid.TransferFunction(2, 3)
+    other = setid.consistency(laboratory_two_second(0.5), model, setid.Noise(equation=0.5))
+    assert 0.5 * other.scale[0] == pytest.approx(0.49818148, abs=5e-9)
+    assert bool(other.verify())
+
+
+def test_too_small_bounds_are_refuted() -> None:
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=0.33))
+    assert found.explains is False and found.scale[0] > 1.0
+    assert "no parameters are consistent" in found.summary()
+    assert setid.identify(laboratory_two_first(), FIRST, setid.Noise(equation=0.33)).empty
+
+
+def test_priors_can_only_raise_it() -> None:
+    data, noise = laboratory_two_first(), setid.Noise(equation=1.0)
+    free = setid.consistency(data, FIRST, noise)
+    tied = setid.consistency(data, FIRST, noise, setid.Box({"a1": (-0.3, 0.0)}))
+    assert tied.scale[0] > free.scale[1] and bool(tied.verify())
+
+
+@pytest.mark.parametrize("noise", [setid.Noise(output=0.2), setid.Noise(output=0.2, input=0.05)])
+def test_output_and_input_noise(noise: setid.Noise) -> None:
+    model = setid.TransferFunction(1, 1, 1)
+    u = np.random.default_rng(1).uniform(-1, 1, 16)
+    truth = setid.simulate_record(model, [-0.6, 2.0], u, noise, 1)
+    found = setid.consistency(truth.data, model, noise, options=QUICK)
+    low, high = found.scale
+    assert 0.0 < low <= high <= 1.0 + 1e-9  # the truth needs a factor of at most 1
+    assert high - low <= 2e-3 and found.explains is True
+    assert bool(found.verify())
+    assert not replace(found, scale=(1.01 * high, high)).verify()
+    below = setid.Noise(output=0.98 * low * noise.output, input=0.98 * low * noise.input)
+    assert setid.identify(truth.data, model, below, options=QUICK).empty
+    above = setid.Noise(output=1.02 * high * noise.output, input=1.02 * high * noise.input)
+    assert not setid.identify(truth.data, model, above, options=QUICK).empty
+
+
+def test_equation_and_output_noise_together() -> None:
+    noise, model = setid.Noise(output=0.1, equation=0.1), setid.TransferFunction(1, 1, 1)
+    u = np.random.default_rng(2).uniform(-1, 1, 12)
+    truth = setid.simulate_record(model, [-0.6, 2.0], u, noise, 2)
+    found = setid.consistency(truth.data, model, noise, options=QUICK)
+    assert 0.0 < found.scale[0] <= found.scale[1] <= 1.0 and bool(found.verify())
+
+
+def test_what_cannot_be_scaled_is_refused() -> None:
+    data = laboratory_two_first()
+    with pytest.raises(setid.NoiseError, match="no positive bound"):
+        setid.consistency(data, FIRST, setid.Noise())
+    limited = setid.Noise(output=1.0, constraints=[setid.EnergyBound("output", 3.0)])
+    with pytest.raises(setid.NoiseError, match="constraints over the record"):
+        setid.consistency(data, FIRST, limited)
+    wrong = [
+        ((data, FIRST, 0.5), "noise: found float"),
+        ((data.y, FIRST, setid.Noise(output=1.0)), "data: found ndarray"),
+        ((data, "tf", setid.Noise(output=1.0)), "model: found str"),
+        ((data, FIRST, setid.Noise(output=1.0), (), {"tol": 1}), "options: found dict"),
+    ]
+    for arguments, message in wrong:
+        with pytest.raises(setid.SetidError, match=message):
+            setid.consistency(*arguments)
+
+
+def test_an_upper_end_is_proved_where_the_parameters_have_no_box() -> None:
+    """An order too many: common factors of both polynomials make the set unbounded."""
+    noise, model = setid.Noise(output=0.1), setid.TransferFunction(2, 2, 1)
+    u = np.random.default_rng(1).uniform(-1, 1, 20)
+    one = setid.TransferFunction(1, 1, 1)
+    truth = setid.simulate_record(one, [-0.6, 2.0], u, noise, 1)
+    found = setid.consistency(truth.data, model, noise, options=QUICK)
+    assert found.result is None and found.scale[1] < 1.2 and bool(found.verify())
+    level = setid.least_noise(found.formulation, found.theta).level * found.limit
+    assert level <= found.scale[1] < np.inf  # the least noise by a linear program
+    for scale in ((0.0, 0.9 * found.scale[1]), (found.scale[1], found.scale[1])):
+        assert not replace(found, scale=scale).verify()
+    assert not replace(found, theta=None).verify()
+
+
+def test_printed_factors_are_as_proved_and_as_attained_as_the_numbers() -> None:
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    wide = replace(found, scale=(0.12345678, 0.12345678))
+    assert "0.123456 (proved) to 0.123457 (attained)" in wide.summary()
+    assert repr(wide) == "<Consistency: factor 0.123456 (proved) to 0.123457>"
+
+
+@pytest.mark.parametrize("bound", [1e-6, 1e-2, 1.0])
+def test_a_record_that_is_explained_exactly_has_a_finite_bracket(bound: float) -> None:
+    """Noise of 0.01 u makes y = (0.01 + 0.995 q^-1) / (1 - 0.5 q^-1) u, a plant of more terms."""
+    u = np.random.default_rng(0).uniform(-1, 1, 20)
+    plant = setid.TransferFunction(1, 1, 1)
+    data = setid.simulate_record(plant, (-0.5, 1.0), u, setid.Noise(output=0.01), 0).data
+    model, noise = setid.TransferFunction(1, 2), setid.Noise(output=bound)
+    found = setid.consistency(data, model, noise, options=QUICK)
+    assert found.theta is not None and bool(found.verify())
+    assert np.allclose(found.theta, [-0.5, 0.01, 0.995], atol=1e-9)
+    low, high = found.scale
+    assert 0.0 <= low <= high and high * bound <= 2.0**-40  # of readings of size one
+    assert (
+        setid.identify(data, model, setid.Noise(output=1e-6), options=QUICK).status == "certified"
+    )
+
+
+def test_noise_with_which_parameters_have_no_box_still_ends_in_a_closed_bracket() -> None:
+    """Beginning from far too much noise: the engine's factor is that of the estimate's."""
+    u = np.random.default_rng(5).uniform(-1, 1, 24)
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(output=0.05, input=0.02)
+    data = setid.simulate_record(model, (-0.5, 1.0), u, noise, 5).data
+    usual = setid.consistency(data, model, noise, options=QUICK)
+    low, high = usual.scale
+    assert high - low <= 2e-3 * high and high <= 1.0
+
+    def stated(factor: float) -> setid.Formulation:
+        return setid.formulate(data, model, setid.Noise(output=0.05 * factor, input=0.02 * factor))
+
+    until = time.monotonic() + 60.0
+    _, limit, box, result = least_factor(stated, (0.0, 40.0), None, QUICK, until)
+    assert box is not None and result is not None and result.attained is not None
+    assert limit < 40.0 and low <= result.attained.value * limit * (1 + 1e-9)
+    assert result.lower_bound * limit <= high
+    assert result.attained.value - result.lower_bound <= 2e-3
+
+
+def test_where_an_estimate_needs_too_much_noise_for_a_box() -> None:
+    """A plant of order three as one of order two: l-infinity needs 1.7 times the least noise."""
+    u = np.random.default_rng([0, 3, 20]).uniform(-1.0, 1.0, 20)
+    plant, theta = setid.TransferFunction(3, 3, 1), (-1.4, 0.93, -0.36, 1.0, -0.5, 0.8)
+    data = setid.simulate_record(plant, theta, u, setid.Noise(output=0.25), 0).data
+    model, noise = setid.TransferFunction(2, 2, 1), setid.Noise(output=1e-3)
+    found = setid.consistency(data, model, noise, options=QUICK)
+    low, high = found.scale
+    assert 1.0 < low <= high <= low * (1.0 + 5e-3) and bool(found.verify())
+    assert found.theta is not None and found.explains is False
+    known = setid.formulate(data, model, noise)
+    assert setid.least_noise(known, found.theta).level <= high * (1.0 + 1e-6)
+    source = np.random.default_rng(1)
+    for scale in (1e-2, 0.1, 1.0):  # no other parameters need less, by linear programs
+        for _ in range(5):
+            other = found.theta + scale * source.normal(size=4)
+            assert setid.least_noise(known, other).level >= low * (1.0 - 1e-6)
+
+
+def test_claims_of_other_noise_or_limits_are_refused() -> None:
+    data = setid.IOData([4, -3, 2, 1, 2, -1.5], [0, -6.25, 1.175, 2.0875, 1.0, 4.0])
+    box = setid.Box({"a1": (-0.5, -0.499), "b0": (2.0, 2.001)})
+    model, noise = setid.TransferFunction(1, 1), setid.Noise(output=0.5)
+    found = setid.consistency(data, model, noise, [box], options=QUICK)
+    assert bool(found.verify()) and 8.6 < found.scale[0] <= found.scale[1]
+    more = replace(found, noise=setid.Noise(output=5.0), refuted=None)
+    far = (5 * found.scale[0], 5 * found.scale[1])
+    for claim in (more, replace(found, limit=5 * found.limit, scale=far, refuted=None)):
+        assert "is not that of the data, the noise and the limit" in claim.verify().reason
+
+
+def test_rows_that_forgive_rounding_cost_it_at_the_upper_end() -> None:
+    """Equation errors of 1e-14 of readings: what a row forgives is added to the factor."""
+    u, source = np.random.default_rng(0).standard_normal(8), np.random.default_rng(1)
+    y = setid.simulate(FIRST, [-0.5, 1.0], u).ravel() + source.uniform(-1, 1, 8) * 4e-14
+    output = np.append(1e-16, np.zeros(7))
+    known = setid.formulate(setid.IOData(u, y), FIRST, setid.Noise(output=output, equation=1e-14))
+    assert attained_factor(known, 1.0) > 1.0 + 4e-16 * np.abs(y[1:]).max() / 1e-14
+    rough = setid.formulate(setid.IOData(u, y), FIRST, setid.Noise(output=0.1))
+    assert attained_factor(rough, 1.0) == 1.0 + 1e-15

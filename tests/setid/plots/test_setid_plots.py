@@ -1,0 +1,102 @@
+"""Pictures: that they are drawn, and that labels say what is proved."""
+
+from __future__ import annotations
+
+import builtins
+from collections.abc import Iterator
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from identified_cases import empty, first_order, identified, second_order
+
+import setid
+import sparsepop_py as sp
+from setid.bands.outputs import compare, simulate_band
+from setid.bands.residuals import residuals
+from setid.bands.responses import frequency_band, step_band
+from setid.feasible_set.projections import project
+from setid.plots.axes import require_matplotlib
+from setid.plots.intervals import plot_intervals
+from setid.plots.responses import plot_frequency_band
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def result() -> setid.Identification:
+    return second_order(samples=60)
+
+
+def legend(ax) -> set[str]:
+    return {text.get_text() for text in ax.get_legend().get_texts()}
+
+
+def test_intervals(result: setid.Identification) -> None:
+    ax = plot_intervals(result)
+    assert legend(ax) == {"outer (proved)", "inner (attained)"}
+    assert [text.get_text().split()[0] for text in ax.get_yticklabels()] == list(result.intervals)
+    ax.figure.canvas.draw()
+
+
+def test_infinite_and_empty_intervals_are_written_out() -> None:
+    base = first_order().formulation
+    endless = identified(base, [(-np.inf, 1.0), (0.0, 1.0)])
+    assert "partial" in {text.get_text() for text in plot_intervals(endless).texts}
+    assert "empty" in {text.get_text() for text in plot_intervals(empty(base)).texts}
+
+
+@pytest.mark.parametrize("sort", ["proved", "sampled"])
+def test_frequency_plots_say_what_they_are(result: setid.Identification, sort: str) -> None:
+    band = frequency_band(result, [0.1, 1.0], kind=sort, samples=5)
+    magnitude, phase = band.plot()
+    assert sort in legend(magnitude) and phase.get_ylabel() == "phase, degrees"
+    for kind in ("nyquist", "nichols"):
+        ax = band.plot(kind)
+        assert any(text.startswith(sort) for text in legend(ax))
+        ax.figure.canvas.draw()
+    with pytest.raises(setid.SetidError, match="bode, nyquist, nichols"):
+        plot_frequency_band(band, "bodie")
+
+
+def test_infinite_bands_can_be_drawn() -> None:
+    base = first_order().formulation
+    loose = setid.formulate(base.data, base.model, setid.Noise(output=5.0))
+    band = frequency_band(identified(loose, [(-3.0, 3.0), (-3.0, 5.0)]), [0.5, 1.0])
+    for kind in ("bode", "nyquist", "nichols"):
+        ax = np.ravel(band.plot(kind))[0]
+        ax.figure.canvas.draw()
+
+
+def test_steps_records_and_residuals(result: setid.Identification) -> None:
+    ax = step_band(result, 20).plot()
+    assert "proved" in legend(ax)
+    (axes,) = simulate_band(result).plot()
+    assert {"readings (proved)", "models (proved)", "reading"} <= legend(axes)
+    (axes,) = compare(result).plot()
+    assert "fit" in axes.get_title()
+    axes.figure.canvas.draw()
+    assert residuals(result).plot().get_ylabel() == "residual / bound"
+
+
+def test_projections(result: setid.Identification) -> None:
+    ax = project(result, "a1", "b1").plot()
+    assert legend(ax) == {"exact", "attained"}
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a1", "b1")
+
+
+def test_a_missing_matplotlib_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *rest: object) -> object:
+        if name.startswith("matplotlib"):
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(sp.SolverNotFound, match=r"sparsepop-py\[plot\]"):
+        require_matplotlib()

@@ -1,0 +1,129 @@
+"""Order of the relaxations, boxes that other objectives tighten, and values of cutoffs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from solved import check
+
+import sparsepop_py as sp
+from benchmarks.identification import THETA
+from benchmarks.identification import task as identification_context
+from sparsepop_py import Options, Problem
+from sparsepop_py.bounding.relaxation_bound import Model
+from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.presolve.initial_box import find_box
+from sparsepop_py.progress import Stages
+from sparsepop_py.relaxation.hierarchy import CostModel, RelaxationSpec, families, progress
+from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.shared_state import SharedState
+from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
+from sparsepop_py.tightening.obbt_lp import apply_steps
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.steps import Replay
+
+INF = float("inf")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [(100.0, 1.0, 1.0), (100.0, 10.0, 0.5), (100.0, 100.0, 0.0), (INF, 5.0, 0.5), (5.0, INF, 0.0)],
+)
+def test_progress_is_a_share_of_orders_of_magnitude(before, after, expected):
+    assert progress(before, after, 1.0) == pytest.approx(expected)
+
+
+def test_less_time_counts_at_once_and_more_time_slowly():
+    seen = CostModel()
+    for seconds in (3.0, 0.7):
+        seen.learn("star", 1.0, seconds)
+    assert seen.seconds["star"] == 0.7
+    seen.learn("star", 1.0, 1.7)
+    assert 0.7 < seen.seconds["star"] < 1.7
+
+
+@pytest.mark.parametrize(("variables", "expected"), [(50, True), (500, False)])
+def test_mixed_blocks_beyond_the_memory_are_not_built(variables, expected):
+    """A block of 500 variables has 125 751 entries, and the square of that is stored."""
+    x = sp.variables(variables)
+    problem = Problem(x[0], [sum(x) == 1], lower=-1, upper=1)
+    whole = families(problem, (problem.objective,), True, "min-degree")
+    spec = RelaxationSpec("mixed", 0.8, "mixed", memory=5e9)
+    assert spec.fits(whole) == expected
+
+
+def test_a_record_is_bounded_by_stars_alone():
+    """Few parameters in all products: linear programs first would cost more than they save."""
+    record = identification_context("oe", 30, seed=3)
+    options = Options(effort="auto", gap=1e-3, gap_kind="width", time_limit=60)
+    results = sp.solve_each(record.problem, record.objectives, options)
+    for objective, result in zip(record.objectives, results, strict=True):
+        check(record.problem.with_objective(objective), result)
+        truth = objective(np.append(THETA, np.zeros(30)))  # any noise: objectives are parameters
+        assert result.lower_bound <= truth
+    assert results[0].history[0].name == "star"
+
+
+def bilinear():
+    x = sp.variables(3)
+    rows = [x[0] * x[1] + x[2] == 1, x[0] + x[1] <= 1.5, x[0] * x[2] >= 0.3]
+    return Problem(-x[1], rows, 0.0, 2.0)
+
+
+def test_a_cutoff_below_the_attained_value():
+    problem = bilinear()
+    best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
+    assert best is not None
+    lone = SolveContext(
+        problem, Options(effort="auto", gap=0.1), Stages(False), Deadline(None), best
+    )
+    below = SolveContext(problem, lone.options, lone.stages, lone.deadline, best, below=True)
+    assert lone.replay().cutoff == best.value
+    assert below.replay().cutoff == pytest.approx(best.value - 0.09)
+    assert lone.replay(below=True).cutoff == below.replay().cutoff
+    assert below.replay(below=False).cutoff == best.value
+
+
+@pytest.mark.parametrize("skip", [(), ("branch",), ("obbt_lp",)])
+def test_a_box_made_with_a_lower_cutoff_is_left_where_the_cutoff_rises(skip):
+    """Once the attained width is known, the allowed gap may be far smaller than before."""
+    problem, options = bilinear(), Options(effort="auto", gap=0.1, skip=skip)
+    best = prove_feasible(problem, np.array([0.5, 0.5, 0.75]))
+    assert best is not None
+    wide = SolveContext(problem, options, Stages(False), Deadline(None), best, unit=9.0, below=True)
+    shared = Model(*find_box(problem, None, options))
+    auto = AdaptiveSearch(wide, shared, [], SharedState.of(problem, (problem.objective,), options))
+    auto.restart(replace(shared))
+    auto.run(1)
+    auto.context = replace(auto.context, unit=1e-4)
+    auto.restart(auto.shared_model)
+    auto.run()
+    certificate = auto.outcome.certificate
+    assert certificate is not None and certificate.verify(problem).ok
+    x = np.random.default_rng(0).uniform(0.0, 2.0, (20000, 2))
+    x = np.column_stack([x, 1.0 - x[:, 0] * x[:, 1]])
+    held = (x[:, 2] >= 0) & (x[:, 0] + x[:, 1] <= 1.5) & (x[:, 0] * x[:, 2] >= 0.3)
+    assert certificate.bound <= -x[held, 1].max()
+
+
+def test_steps_taken_again_on_a_smaller_box_keep_its_points():
+    problem = bilinear()
+    replay, box = Replay(problem, None), Interval(problem.lower, problem.upper)
+    usual = families(problem, [problem.objective], True, "min-degree")["constraints"]
+    smaller, step, empty = tighten_bounds(
+        replay, LinearRelaxation.of(problem, box, usual), box, (0, 1, 2)
+    )
+    assert step is not None and not empty
+    half = Interval(box.lo, np.array([2.0, 0.9, 2.0]))
+    again = apply_steps(replay, [step], half)
+    assert np.all(again.lo >= np.maximum(smaller.lo, half.lo) - 1e-9)
+    assert np.all(again.hi <= np.minimum(smaller.hi, half.hi) + 1e-9)
+    source = np.random.default_rng(0)
+    for a, b in source.uniform([0.0, 0.0], [1.5, 0.9], (2000, 2)):
+        x = np.array([a, b, 1.0 - a * b])
+        if problem.violation(x) == 0.0 and np.all(x <= half.hi):
+            assert np.all(again.lo <= x) and np.all(x <= again.hi)

@@ -1,0 +1,138 @@
+"""Linear relaxations on boxes against McCormick's envelopes written down by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bilinear_problem import Bilinear
+from hypothesis import given, settings
+from random_cases import SEEDS, random_case
+
+import sparsepop_py as sp
+from sparsepop_py import Problem, Status
+from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay
+
+
+def relaxation_of(problem):
+    box = Interval(problem.lower, problem.upper)
+    return LinearRelaxation.of(problem, box, find_cliques(problem)), box
+
+
+def value_of(problem):
+    mccormick, _ = relaxation_of(problem)
+    solution = mccormick.minimise()
+    assert solution.status == "solved"
+    proved = prove(
+        Replay(problem, None),
+        Interval(problem.lower, problem.upper),
+        mccormick.objective_dual(solution),
+        False,
+    )
+    return proved.bound
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_without_rows_the_bound_is_that_of_the_envelopes(seed):
+    made = Bilinear(seed, rows=0)
+    if not made.q.any():
+        return
+    expected = made.mccormick()
+    assert expected.status == 0
+    assert value_of(made.problem) == pytest.approx(expected.fun, abs=1e-6)
+
+
+@given(SEEDS)
+@settings(max_examples=30, deadline=None)
+def test_rows_and_their_products_only_add_to_the_envelopes(seed):
+    made = Bilinear(seed)
+    if not made.q.any():
+        return
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(made.low, made.high, (20000, 4))
+    x = x[np.all(x @ made.a.T <= made.b, axis=1)]
+    expected, bound = made.mccormick(), value_of(made.problem)
+    assert bound >= expected.fun - 1e-6
+    if x.size:
+        products = np.stack([x[:, i] * x[:, j] for i, j in made.pairs], axis=1)
+        assert bound <= (x @ made.c + products @ made.q).min() + 1e-9
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_tightened_boxes_hold_all_feasible_points(seed):
+    case = random_case(seed)
+    mccormick, box = relaxation_of(case.problem)
+    replay = Replay(case.problem, None)
+    variables = range(case.problem.dimension)
+    smaller, step, _ = tighten_bounds(replay, mccormick, box, variables)
+    assert np.all(case.points >= smaller.lo)
+    assert np.all(case.points <= smaller.hi)
+    assert np.all((smaller.lo >= box.lo) & (smaller.hi <= box.hi))
+    if step is not None:
+        again = BoxProof((step,)).replay(Replay(case.problem, None))
+        assert np.array_equal(again.lo, smaller.lo)
+        assert np.array_equal(again.hi, smaller.hi)
+
+
+def test_tightening_finds_what_no_row_shows_alone():
+    # x + y >= 3, x - y >= -1 and x <= 4: x >= 1 needs both rows
+    x, y = sp.variables(2)
+    problem = Problem(x, [x + y >= 3, x - y >= -1, x * y <= 100], [-9.0, -9.0], [4.0, 9.0])
+    mccormick, box = relaxation_of(problem)
+    smaller, step, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1))
+    assert step is not None
+    assert smaller.lo == pytest.approx([1.0, -1.0], abs=1e-6)
+    assert smaller.hi == pytest.approx([4.0, 5.0], abs=1e-6)
+
+
+def test_variables_that_occur_nowhere_are_left_alone():
+    x, y, z = sp.variables(3)
+    problem = Problem(x, [x + y >= 1, x - y >= 0], -1.0, 1.0)
+    mccormick, box = relaxation_of(problem)
+    smaller, _, _ = tighten_bounds(Replay(problem, None), mccormick, box, (0, 1, 2))
+    assert smaller.lo[2] == -1.0
+    assert smaller.hi[2] == 1.0
+    assert smaller.lo[0] == pytest.approx(0.5, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_infeasible_programs_give_proofs(seed):
+    made = Bilinear(seed, feasible=False)
+    if not np.all(np.abs(made.a).sum(axis=1) > 0) or not made.q.any():
+        made.problem = Problem(made.problem.objective, [sp.variables(4)[0] >= 50], -2.0, 2.0)
+    mccormick, box = relaxation_of(made.problem)
+    solution = mccormick.minimise()
+    assert solution.status == "infeasible"
+    dual = mccormick.objective_dual(solution)
+    assert prove(Replay(made.problem, None), box, dual, True).bound == np.inf
+    result = sp.solve(made.problem, sp.Options(effort="auto"))
+    assert result.status is Status.INFEASIBLE
+    assert result.certificate.verify(made.problem).ok
+
+
+@given(SEEDS)
+@settings(max_examples=20, deadline=None)
+def test_a_model_of_another_box_starts_it_without_changing_the_value(seed):
+    made = Bilinear(seed)
+    mccormick, box = relaxation_of(made.problem)
+    mccormick.minimise()
+    middle = 0.5 * (box.lo + box.hi)
+    half = Interval(box.lo, np.where(np.arange(4) == 1, middle, box.hi))
+    cliques = find_cliques(made.problem)
+    cold = LinearRelaxation.of(made.problem, half, cliques).minimise()
+    warm = LinearRelaxation.of(made.problem, half, cliques, mccormick).minimise()
+    assert warm.status == cold.status
+    assert cold.status == "infeasible" or warm.value == pytest.approx(cold.value, abs=1e-7)
+
+
+def test_objectives_that_are_coordinates():
+    x, y = sp.variables(2)
+    assert coordinate_of(1.0 * y) == (1, 1)
+    assert coordinate_of(-x) == (0, -1)
+    for other in (2.0 * x, x + y, x * x, x - 1.0, 0.0 * x):
+        assert coordinate_of(other) is None
