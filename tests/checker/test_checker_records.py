@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import copy
-import functools
 import json
 import math
 import random
-import warnings
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,25 +13,15 @@ import certificate_damage as damage
 import numpy as np
 import pytest
 import record_corpus
+from record_corpus import written
 
 import setid
 from checker import command, reading
 from checker.record import Identification
 from checker.result import NotProved
-from setid.export_certificate import certificate_files
+from setid.export.certificates import certificate_files
 
 INF = math.inf
-
-
-@functools.cache
-def written(name: str) -> str:
-    """The file of one record."""
-    case = next(case for case in record_corpus.cases() if case[0] == name)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        found = setid.identify(*case[1:], options=setid.Options(time_limit=20))
-    assert found.verify(case[1])
-    return json.dumps(certificate_files(found))
 
 
 def loaded(name: str) -> dict:

@@ -9,8 +9,8 @@ from importlib import resources
 from typing import Any
 
 import pytest
-import test_checker_certificates as certificates
-import test_checker_records as records
+from certificate_corpus import FEW, solved
+from record_corpus import written
 
 SCHEMA = json.loads(
     resources.files("sparsepop_py").joinpath("certificate_schema.json").read_text(encoding="utf-8")
@@ -97,18 +97,18 @@ def test_the_validator_knows_every_keyword():
 
 @pytest.mark.parametrize("group", ["known", "trees", "matrices", "families", "chains", "switches"])
 def test_results_are_valid(group):
-    for name, text in certificates.solved(group, certificates.FEW[group]).items():
+    for name, text in solved(group, FEW[group]).items():
         assert valid(json.loads(text), SCHEMA), name
 
 
 @pytest.mark.parametrize("name", ["e-0", "o-0", "narx"])
 def test_identifications_are_valid(name):
-    assert valid(json.loads(records.written(name)), SCHEMA)
+    assert valid(json.loads(written(name)), SCHEMA)
 
 
 @pytest.mark.parametrize("field", ["lower_bound", "status", "problem", "certificate"])
 def test_what_lacks_a_field_or_has_another_type_is_not(field):
-    found = json.loads(certificates.solved("known", 6)["disc"])
+    found = json.loads(solved("known", 6)["disc"])
     found["result"][field] = [1.0]
     assert not valid(found, SCHEMA)
     del found["result"][field]
@@ -116,7 +116,7 @@ def test_what_lacks_a_field_or_has_another_type_is_not(field):
 
 
 def test_shapes_in_parts_are_looked_at():
-    found = json.loads(certificates.solved("known", 6)["disc"])
+    found = json.loads(solved("known", 6)["disc"])
     part = found["result"]["certificate"][-1]["parts"][0]
     group = part["argument"]["multipliers"][0]
     group["floor"] = -1.0
