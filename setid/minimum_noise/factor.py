@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ _LEAST = 2.0**-6  # of a factor without a finite box: what is tried next is its 
 _DIGITS = 2.0**-46  # of the readings: noise that rounding alone explains
 
 
-def rounding_factor(data: IOData, bounds: tuple[NDArray, ...]) -> float:
+def rounding_factor(data: IOData, bounds: tuple[NDArray[Any], ...]) -> float:
     """The factor with which noise is as small as the rounding of readings; less means nothing."""
     sizes = np.nanmax(np.abs(data.y)), np.nanmax(np.abs(data.u)), np.nanmax(np.abs(data.y))
     parts = [size / b[b > 0].max() for size, b in zip(sizes, bounds, strict=True) if np.any(b > 0)]

@@ -1,10 +1,11 @@
 """Records of all kinds and what setid proves of them, as files for the second checker.
 
-``python tests/checker/record_corpus.py folder [from] [to]`` identifies them and writes one file each.
+``python tests/checker/record_corpus.py folder [from to]`` identifies them and writes one file each.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 import time
@@ -104,6 +105,17 @@ def several() -> Iterator[Case]:
     yield "gap-range", known, setid.TransferFunction(1, 1), noise_of("o"), ()
     narx = setid.PolynomialNARX(["y1", "u0", "y1*u0"], 1, 0)
     yield "narx", record(8, "e", 14), narx, noise_of("e"), ()
+
+
+@functools.cache
+def written(name: str) -> str:
+    """The file of one record."""
+    case = next(case for case in cases() if case[0] == name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = setid.identify(*case[1:], options=setid.Options(time_limit=20))
+    assert found.verify(case[1])
+    return json.dumps(certificate_files(found))
 
 
 def main(folder: Path, begin: int, end: int) -> None:

@@ -1,30 +1,39 @@
-"""Linear programs, solved by HiGHS, and least squares, in any units. Nothing proved rests on it."""
+"""Single linear programs in any units, solved by HiGHS after scaling. Nothing proved rests on it.
+
+:class:`~sparsepop_py.lp.highs.LinearModel` keeps a program whose numbers are of ordinary size and
+solves it again and again; here one program of numbers of any size is solved once, with presolve,
+and by another method where one meets numerical difficulties.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
-from setid.errors import SetidError
+from sparsepop_py.lp.highs import LinearModel, LinearSolution
 
-__all__ = ["minimise"]
+__all__ = ["solve_scaled"]
 
-# the next where one meets numerical difficulties; long recursions lose their meaning in presolve
-_TRIES = (("highs", True), ("highs-ipm", True), ("highs", False))
-_NUMERICAL = 4
-_BALANCING = 10  # passes
 # the least that HiGHS takes: boxes may be far wider than what is asked of them
 _TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+# the next where one meets numerical difficulties; long recursions lose their meaning in presolve
+_TRIES = (
+    {"solver": "choose", "presolve": "on"},
+    {"solver": "ipm", "presolve": "on"},
+    {"solver": "choose", "presolve": "off"},
+)
+_BALANCING = 10  # passes
 
 
-def minimise(
+def solve_scaled(
     cost: NDArray[np.float64],
     below: tuple[sps.csr_array, NDArray[np.float64]],
     equal: tuple[sps.csr_array, NDArray[np.float64]] | None = None,
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None,
-) -> NDArray[np.float64] | None:
+) -> LinearSolution:
     """Minimise cost'x subject to A x <= b, E x == d and bounds.
 
     Parameters
@@ -37,13 +46,17 @@ def minimise(
 
     Returns
     -------
-    (n,) float or None
-        A solution, None if there is none.
+    LinearSolution
+        Its status is ``"failed"`` where all methods gave up; x is of use where it is
+        ``"solved"``. Prices are those of rows in units near one.
 
-    Raises
-    ------
-    SetidError
-        If the solver gives up, or the objective falls without limit.
+    Examples
+    --------
+    >>> import numpy as np, scipy.sparse as sps
+    >>> rows = sps.csr_array(np.array([[-1e-9, 0.0], [0.0, -1e9]]))  # x >= 1e9, y >= 1e-9
+    >>> found = solve_scaled(np.array([1e-9, 1e9]), (rows, np.array([-1.0, -1.0])))
+    >>> found.status, np.allclose(found.x, [1e9, 1e-9], atol=0)
+    ('solved', True)
     """
     free = (np.full(cost.size, -np.inf), np.full(cost.size, np.inf))
     low, high = bounds or free
@@ -53,26 +66,17 @@ def minimise(
     row, column = _scales(sps.csr_array(matrix), right)
     matrix = sps.csr_array(matrix.multiply(row[:, None]).multiply(column[None, :-1]))
     right, units = row * right * column[-1], column[:-1] / column[-1]
-    split = below[1].size
+    bottom = np.where(np.arange(right.size) < below[1].size, -np.inf, right)
     weights = cost * units
-    for method, presolve in _TRIES:
-        result = linprog(
-            weights / (np.abs(weights).max(initial=0.0) or 1.0),
-            A_ub=matrix[:split] if split else None,
-            b_ub=right[:split] if split else None,
-            A_eq=matrix[split:] if right.size > split else None,
-            b_eq=right[split:] if right.size > split else None,
-            bounds=np.stack([low / units, high / units], axis=1),
-            method=method,
-            options={"presolve": presolve, **_TOLERANCES},
+    size = float(np.abs(weights).max(initial=0.0)) or 1.0
+    for options in _TRIES:
+        model = LinearModel(
+            matrix, (bottom, right), (low / units, high / units), {**_TOLERANCES, **options}
         )
-        if result.status != _NUMERICAL:
+        found = model.solve(weights / size)
+        if found.status != "failed":
             break
-    if result.status == 2:
-        return None
-    if result.status != 0:
-        raise SetidError(f"linear program: {result.message}")
-    return np.asarray(result.x) * units
+    return replace(found, x=found.x * units, value=found.value * size)
 
 
 def _scales(
