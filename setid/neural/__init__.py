@@ -1,7 +1,27 @@
 """Networks trained anywhere, with statements that are proved."""
 
+from .equation_error import EquationError, equation_error
+from .last_layer import LastLayer, last_layer
 from .network import Network
 from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from .regressor import NNARX, NNOE
+from .status import Status
+from .training import Trained, initial, train
 
-__all__ = ["GRU", "LSTM", "NNARX", "NNOE", "Elman", "Network", "NeuralStateSpace"]
+__all__ = [
+    "EquationError",
+    "GRU",
+    "LSTM",
+    "LastLayer",
+    "NNARX",
+    "NNOE",
+    "Elman",
+    "Network",
+    "NeuralStateSpace",
+    "Status",
+    "Trained",
+    "equation_error",
+    "initial",
+    "last_layer",
+    "train",
+]

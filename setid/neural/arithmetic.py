@@ -1,6 +1,6 @@
 """Verified arithmetic of networks: activations, affine maps and matrices with outward rounding.
 
-The only module of this room that reaches into the engine's verified arithmetic. Nothing here
+The only module of this room that reaches into modules of the engine. Nothing here
 trusts the exponential or the hyperbolic tangent of a mathematical library. They are built from
 additions, multiplications and divisions that IEEE 754 rounds correctly:
 
@@ -29,12 +29,14 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sparsepop_py.linear import LinearModel
 from sparsepop_py.rounding import Interval, down, matmul, require_ieee, up
 from sparsepop_py.semidefinite import surely_semidefinite
 
 __all__ = [
     "ACTIVATIONS",
     "Interval",
+    "LinearModel",
     "activate",
     "down",
     "enclose",
