@@ -5,6 +5,8 @@ from .last_layer import LastLayer, last_layer
 from .network import Network
 from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from .regressor import NNARX, NNOE
+from .simulation import SimulationBand, simulate_band
+from .stability import Stability, stability
 from .status import Status
 from .training import Trained, initial, train
 
@@ -18,10 +20,14 @@ __all__ = [
     "Elman",
     "Network",
     "NeuralStateSpace",
+    "SimulationBand",
+    "Stability",
     "Status",
     "Trained",
     "equation_error",
     "initial",
     "last_layer",
+    "simulate_band",
+    "stability",
     "train",
 ]
