@@ -3,6 +3,7 @@
 from .equation_error import EquationError, equation_error
 from .last_layer import LastLayer, last_layer
 from .network import Network
+from .output_error import OutputError, output_error
 from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from .regressor import NNARX, NNOE
 from .simulation import SimulationBand, simulate_band
@@ -20,6 +21,7 @@ __all__ = [
     "Elman",
     "Network",
     "NeuralStateSpace",
+    "OutputError",
     "SimulationBand",
     "Stability",
     "Status",
@@ -27,6 +29,7 @@ __all__ = [
     "equation_error",
     "initial",
     "last_layer",
+    "output_error",
     "simulate_band",
     "stability",
     "train",

@@ -23,7 +23,16 @@ from numpy.typing import NDArray
 from .arithmetic import Interval, down, enclose, linearise, up
 from .network import Network
 
-__all__ = ["Form", "activation", "affine_map", "join", "network_output", "product", "reduce"]
+__all__ = [
+    "Form",
+    "activation",
+    "affine_map",
+    "clip",
+    "join",
+    "network_output",
+    "product",
+    "reduce",
+]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-52
@@ -147,6 +156,28 @@ def product(x: Form, y: Form) -> Form:
     radius = (sx * sy + cx * y.radius + cy * x.radius) * (1.0 + terms * _UNIT)
     generators = x.centre[:, None] * gy + y.centre[:, None] * gx
     return Form(x.centre * y.centre, generators, up(radius + lost))
+
+
+def clip(x: Form, known: Interval) -> Form:
+    """Use another enclosure for the entries where it is clearly narrower.
+
+    Parameters
+    ----------
+    x : Form
+    known : Interval (n,)
+    """
+    own = x.range()
+    both = own.intersect(known)
+    wide = both.hi - both.lo < 0.9 * (own.hi - own.lo)
+    if not np.any(wide):
+        return x
+    boxes = Form.of_box(both.lo, both.hi)
+    reach = np.abs(boxes.generators).sum(axis=1)
+    return Form(
+        np.where(wide, boxes.centre, x.centre),
+        np.where(wide[:, None], 0.0, x.generators),
+        np.where(wide, reach, x.radius),
+    )
 
 
 def reduce(x: Form, kept: int, most: int) -> Form:

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
 
-from .arithmetic import Interval, down, require_ieee, up
-from .forms import Form, activation, affine_map, join, network_output, product, reduce
+from .arithmetic import Interval, down, enclose, require_ieee, up
+from .forms import Form, activation, affine_map, clip, join, network_output, product, reduce
 from .network import Network, finite_array
 from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from .regressor import RegressorNetwork, check_record
@@ -261,10 +261,11 @@ def _lstm_step(net: LSTM, x: Form, u: Reals) -> tuple[Form, Form]:
     inner = activation("sigmoid", argument.rows(slice(0, 3 * n)))
     candidate = activation("tanh", argument.rows(slice(3 * n, 4 * n)))
     f, i, o, g = _shares(join(inner, candidate).promoted(), 4)
-    kept, added = product(f, c), product(i, g)
-    cell = _sum(kept, added).promoted()
-    o = join(o, cell).rows(slice(0, n))
-    h = product(o, activation("tanh", cell).promoted())
+    cell = _sum(product(f, c), product(i, g))
+    cell = clip(cell, f.range() * c.range() + i.range() * g.range()).promoted()
+    o, shown = join(o, cell).rows(slice(0, n)), activation("tanh", cell).promoted()
+    h = clip(product(o, shown), enclose("sigmoid", argument.rows(slice(2 * n, 3 * n)).range())
+             * enclose("tanh", cell.range()))  # fmt: skip
     return join(h, cell), network_output(net.output, h)
 
 
@@ -280,7 +281,9 @@ def _gru_step(net: GRU, x: Form, u: Reals) -> tuple[Form, Form]:
     candidate = activation("tanh", _sum(back, fed)).promoted()
     # (1 - z) h + z g = h + z (g - h): one product keeps more of the dependence than two
     change = _sum(candidate, Form(-x.centre, -x.generators, x.radius))
-    h = _sum(x, product(z, change))
+    old, new = x.range(), candidate.range()
+    ends = Interval(np.minimum(old.lo, new.lo), np.maximum(old.hi, new.hi))  # 0 <= z <= 1
+    h = clip(_sum(x, product(z, change)), ends)
     return h, network_output(net.output, h)
 
 
