@@ -1,6 +1,7 @@
 """Networks trained anywhere, with statements that are proved."""
 
 from .equation_error import EquationError, equation_error
+from .imports import from_arrays, from_equinox, from_jax_sysid, from_onnx, from_torch
 from .last_layer import LastLayer, last_layer
 from .network import Network
 from .output_error import OutputError, output_error
@@ -27,6 +28,11 @@ __all__ = [
     "Status",
     "Trained",
     "equation_error",
+    "from_arrays",
+    "from_equinox",
+    "from_jax_sysid",
+    "from_onnx",
+    "from_torch",
     "initial",
     "last_layer",
     "output_error",

@@ -14,11 +14,13 @@ from setid import DataError, IOData, ModelError
 from .arithmetic import ACTIVATIONS, activate, slope_at
 from .equation_error import rows_of
 from .network import Network
+from .parameters import flatten, unflatten
 from .recurrent import NeuralStateSpace
 from .regressor import NNARX, NNOE, RegressorNetwork, regressors
+from .shooting import by_ipopt, by_jax_sysid
 from .status import Status
 
-__all__ = ["Trained", "flatten", "initial", "train", "unflatten"]
+__all__ = ["Trained", "initial", "train"]
 
 Reals = NDArray[np.float64]
 Model = NNARX | NNOE | NeuralStateSpace
@@ -179,27 +181,9 @@ def train(
     if chosen == "scipy":
         assert isinstance(net, NNARX)
         return _by_scipy(net, data, starts, seed, max_steps)
-    from . import shooting
-
-    run = shooting.by_ipopt if chosen == "ipopt" else shooting.by_jax_sysid
+    run = by_ipopt if chosen == "ipopt" else by_jax_sysid
     found, state, value = run(net, data, x0, max_steps)
     return Trained(found, Status.ATTAINED, value, chosen, 1, state)
-
-
-def flatten(network: Network) -> Reals:
-    """Stack weights and biases, layer by layer, rows of weights first."""
-    parts = zip(network.weights, network.biases, strict=True)
-    return np.concatenate([np.concatenate([w.ravel(), b]) for w, b in parts])
-
-
-def unflatten(network: Network, theta: Reals) -> Network:
-    """A network of the same shapes with other weights."""
-    weights, biases, at = [], [], 0
-    for w, b in zip(network.weights, network.biases, strict=True):
-        weights.append(theta[at : at + w.size].reshape(w.shape))
-        biases.append(theta[at + w.size : at + w.size + b.size])
-        at += w.size + b.size
-    return Network(weights, biases, network.activation, network.leak)
 
 
 def _jacobian(network: Network, phi: Reals) -> Reals:
