@@ -1,5 +1,6 @@
 """Networks trained anywhere, with statements that are proved."""
 
+from .envelope import Envelope, envelope
 from .equation_error import EquationError, equation_error
 from .imports import from_arrays, from_equinox, from_jax_sysid, from_onnx, from_torch
 from .last_layer import LastLayer, last_layer
@@ -10,10 +11,13 @@ from .regressor import NNARX, NNOE
 from .simulation import SimulationBand, simulate_band
 from .stability import Stability, stability
 from .status import Status
+from .train_proved import ProvedTraining, train_proved
 from .training import Trained, initial, train
 
 __all__ = [
+    "Envelope",
     "EquationError",
+    "ProvedTraining",
     "GRU",
     "LSTM",
     "LastLayer",
@@ -27,6 +31,7 @@ __all__ = [
     "Stability",
     "Status",
     "Trained",
+    "envelope",
     "equation_error",
     "from_arrays",
     "from_equinox",
@@ -39,4 +44,5 @@ __all__ = [
     "simulate_band",
     "stability",
     "train",
+    "train_proved",
 ]
