@@ -8,6 +8,7 @@ from .network import Network
 from .output_error import OutputError, output_error
 from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
 from .regressor import NNARX, NNOE
+from .select import NetworkSelection, select
 from .simulation import SimulationBand, simulate_band
 from .stability import Stability, stability
 from .status import Status
@@ -26,6 +27,7 @@ __all__ = [
     "Elman",
     "Network",
     "NeuralStateSpace",
+    "NetworkSelection",
     "OutputError",
     "SimulationBand",
     "Stability",
@@ -41,6 +43,7 @@ __all__ = [
     "initial",
     "last_layer",
     "output_error",
+    "select",
     "simulate_band",
     "stability",
     "train",
