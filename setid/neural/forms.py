@@ -181,7 +181,10 @@ def clip(x: Form, known: Interval) -> Form:
 
 
 def reduce(x: Form, kept: int, most: int) -> Form:
-    """Merge small generators into the radius until at most ``most`` are left.
+    """Merge small generators until at most ``most`` are left.
+
+    They become edges of a parallelepiped along their principal axes, which follows the dynamics
+    where a box along the coordinates would wrap.
 
     Parameters
     ----------
@@ -189,17 +192,29 @@ def reduce(x: Form, kept: int, most: int) -> Form:
     kept : int
         Leading generators that are never merged.
     most : int
+        More than the dimension and ``kept`` together.
+
+    References
+    ----------
+    A.-K. Kopetzki, B. Schuermann, M. Althoff, "Methods for order reduction of zonotopes",
+    CDC 2017, section III (principal component analysis).
     """
-    count = x.generators.shape[1]
+    count, n = x.generators.shape[1], x.centre.size
     if count <= most:
         return x
     size = np.abs(x.generators[:, kept:]).sum(axis=0)
     order = np.argsort(-size, kind="stable")
-    stay = np.sort(order[: most - kept]) + kept
-    gone = order[most - kept :] + kept
-    merged = np.abs(x.generators[:, gone]).sum(axis=1) * (1.0 + (gone.size + 4.0) * _UNIT)
-    columns = np.concatenate([np.arange(kept), stay])
-    return Form(x.centre, x.generators[:, columns], up(up(x.radius + merged) + _TINY))
+    room = max(most - kept - n, 0)
+    stay, gone = np.sort(order[:room]) + kept, order[room:] + kept
+    small = x.generators[:, gone]
+    axes = np.linalg.svd(small, full_matrices=True)[0] if np.all(np.isfinite(small)) else np.eye(n)
+    inner = axes.T @ small
+    terms = (gone.size + n + 8.0) * _UNIT
+    rest = np.abs(small - axes @ inner) + terms * (np.abs(axes) @ np.abs(inner) + np.abs(small))
+    edges = axes * (np.abs(inner).sum(axis=1) * (1.0 + terms))
+    lost = rest.sum(axis=1) * (1.0 + terms) + terms * np.abs(edges).sum(axis=1)
+    generators = np.hstack([x.generators[:, :kept], x.generators[:, stay], edges])
+    return Form(x.centre, generators, up(up(x.radius + lost) + _TINY))
 
 
 def network_output(net: Network, x: Form) -> Form:
