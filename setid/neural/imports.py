@@ -17,9 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
 
-from .network import Network
-from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from .shooting import optional
+from .models.network import Network
+from .models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from .training.shooting import optional
 
 __all__ = ["from_arrays", "from_equinox", "from_jax_sysid", "from_onnx", "from_torch"]
 
@@ -109,6 +109,12 @@ def from_torch(
     ------
     ModelError
         Naming the layer that is unknown.
+
+    Examples
+    --------
+    >>> from setid import neural
+    >>> neural.from_torch({"0.weight": [[1.0, 2.0]], "0.bias": [0.5]})([1.0, 1.0])
+    array([3.5])
     """
     if isinstance(source, (str, os.PathLike)):
         torch = optional("torch", "torch")

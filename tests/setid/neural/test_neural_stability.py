@@ -9,7 +9,7 @@ import pytest
 
 import setid
 from setid import neural
-from setid.neural.comparison import norm
+from setid.neural.contraction.comparison import norm
 
 RNG = np.random.default_rng
 

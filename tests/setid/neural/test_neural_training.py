@@ -7,8 +7,8 @@ import pytest
 
 import setid
 from setid import neural
-from setid.neural.parameters import flatten, unflatten
-from setid.neural.training import _jacobian
+from setid.neural.training.parameters import flatten, unflatten
+from setid.neural.training.train import _jacobian
 
 PEER = "optional: casadi or jax-sysid"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .network import Network
+from ..models.network import Network
 
 __all__ = ["flatten", "unflatten"]
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
 
-from .arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
+from ..arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
 
 __all__ = ["Network", "affine", "finite_array"]
 

@@ -36,9 +36,11 @@ from setid import (
     parameter_box,
 )
 
-from .arithmetic import Interval, down, require_ieee, up
+from ..arithmetic import Interval, down, require_ieee, up
+from ..models.network import Network
+from ..models.regressor import RegressorNetwork
+from ..status import Status, agreed
 from .equation_error import rows_of
-from .network import Network
 from .polytope import (
     Rows,
     least_factor,
@@ -48,8 +50,6 @@ from .polytope import (
     prove_reach,
     surely_inside,
 )
-from .regressor import RegressorNetwork
-from .status import Status, agreed
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 
@@ -60,7 +60,7 @@ _SHIFTS = (1e-9, 1e-7, 1e-5, 1e-3)  # towards the inside, tried until vertices a
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutputSet:
-    """What is proved of the last layer of one output.
+    """Proved and attained statements on the last layer of one output.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class LastLayer:
         return np.array([item.factor[1] for item in self.sets])
 
     def central(self) -> Network:
-        """The network with a proved member as its last layer; None is never returned.
+        """Return the network with a proved member as its last layer.
 
         Raises
         ------

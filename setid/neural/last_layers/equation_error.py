@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 
-from .arithmetic import Interval, require_ieee, up
-from .regressor import RegressorNetwork, check_record, regressors
-from .status import Status, agreed
+from ..arithmetic import Interval, require_ieee, up
+from ..models.regressor import RegressorNetwork, check_record, regressors
+from ..status import Status, agreed
 
 __all__ = ["EquationError", "equation_error", "rows_of"]
 

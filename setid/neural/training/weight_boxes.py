@@ -7,7 +7,7 @@ With output weights v_j >= 0 (signs are moved inside) and q_j = v_j w_j, r_j = v
     abs(y_t - c - sum_j (lambda_tj (phi_t q_j + r_j) + mu_tj v_j)) <= D + sum_j delta_tj v_j
 
 is linear, as is the box, low_j v_j <= (q_j, r_j) <= high_j v_j. Each box needs one linear program
-whose bound is proved as in :mod:`setid.neural.patterns`, with coefficients in intervals.
+whose bound is proved as in :mod:`setid.neural.training.patterns`, with coefficients in intervals.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .arithmetic import Interval, LinearModel, down, linearise, matmul, row_sums, up
+from ..arithmetic import Interval, LinearModel, down, linearise, matmul, row_sums, up
 
 __all__ = ["WeightNode", "WeightProgram", "WeightSearch", "prove_boxes"]
 

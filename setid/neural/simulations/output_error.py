@@ -1,8 +1,8 @@
 """The least output noise that explains a record over the initial state, by branch and bound.
 
 On a box of initial states every output is y_t = c_t + g_t e + s_t with |e_i| <= 1 and |s_t| <= r_t
-(see :mod:`setid.neural.forms`), so that the least D with |y~_t - y_t| <= D is at least the value of
-a linear program in (e, D). Its multipliers a, b >= 0 prove in interval arithmetic
+(see :mod:`setid.neural.simulations.forms`), so that the least D with |y~_t - y_t| <= D is at
+least the value of a linear program in (e, D). Its multipliers a, b >= 0 prove, in intervals,
 
     D sum(a + b) >= sum (a - b) (y~ - c) - sum (a + b) r - |sum (a - b) g|.
 
@@ -21,12 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
 
-from .arithmetic import Interval, LinearModel, down, matmul, require_ieee, row_sums, up
+from ..arithmetic import Interval, LinearModel, down, matmul, require_ieee, row_sums, up
+from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from ..models.regressor import RegressorNetwork, check_record
+from ..status import Status, agreed
 from .forms import Form
-from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from .regressor import RegressorNetwork, check_record
 from .simulation import initial_box, run_forms, simulate_band
-from .status import Status, agreed
 
 __all__ = ["Node", "OutputError", "output_error"]
 
@@ -108,7 +108,7 @@ class OutputError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Tail:
-    """What holds on all boxes: the error that samples from ``horizon`` on prove."""
+    """The error that samples from ``horizon`` on prove for all boxes."""
 
     horizon: int
     least: float

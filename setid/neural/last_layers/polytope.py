@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .arithmetic import Interval, LinearModel, down, matmul, up
+from ..arithmetic import Interval, LinearModel, down, matmul, up
 
 __all__ = [
     "Rows",
@@ -81,7 +81,7 @@ def multipliers(rows: Rows, costs: Reals) -> tuple[Reals, Reals]:
 
 
 def prove_bounds(rows: Rows, costs: Interval, dual: Reals) -> tuple[Reals, Reals]:
-    """What multipliers prove of cost theta: value - slack abs(theta) is a lower bound.
+    """Prove cost theta >= value - slack abs(theta) from multipliers.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def prove_factor(rows: Rows, dual: Reals, reach: Reals) -> float:
 
 
 def surely_inside(rows: Rows, points: Reals) -> NDArray[np.bool_]:
-    """Whether points (K, m) obey all rows for every choice of the features."""
+    """Check that points (K, m) obey all rows for every choice of the features."""
     value = matmul(Interval.point(points), Interval(rows.features.lo.T, rows.features.hi.T))
     rest = Interval.point(rows.target) - value
     return np.asarray(np.all(rest.magnitude() <= rows.radius, axis=1))

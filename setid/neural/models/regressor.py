@@ -36,7 +36,7 @@ def regressors(data: IOData, order: int) -> tuple[Reals, NDArray[np.int64]]:
     Examples
     --------
     >>> import setid
-    >>> from setid.neural.regressor import regressors
+    >>> from setid.neural.models.regressor import regressors
     >>> phi, row = regressors(setid.IOData([1, 2, 3], [10, 20, 30]), 1)
     >>> phi, row
     (array([[10.,  2.,  1.],

@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
 
-from .arithmetic import Interval, down, require_ieee, up
+from ..arithmetic import Interval, down, require_ieee, up
+from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from ..models.regressor import RegressorNetwork
+from ..status import Status, agreed
 from .comparison import Comparison, comparisons, contraction, output_slopes, rate_of
 from .lmi import Lyapunov, difference_system, find_lyapunov, prove_lyapunov, size_bounds
-from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from .regressor import RegressorNetwork
-from .status import Status, agreed
 
 __all__ = ["Condition", "Stability", "stability"]
 
@@ -62,7 +62,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Stability:
-    """Whether two simulations of a network provably approach each other.
+    """Verdict on incremental stability, with the conditions that were tried.
 
     Parameters
     ----------

@@ -11,14 +11,14 @@ from scipy.optimize import least_squares
 
 from setid import DataError, IOData, ModelError
 
-from .arithmetic import ACTIVATIONS, activate, slope_at
-from .equation_error import rows_of
-from .network import Network
+from ..arithmetic import ACTIVATIONS, activate, slope_at
+from ..last_layers.equation_error import rows_of
+from ..models.network import Network
+from ..models.recurrent import NeuralStateSpace
+from ..models.regressor import NNARX, NNOE, RegressorNetwork, regressors
+from ..status import Status
 from .parameters import flatten, unflatten
-from .recurrent import NeuralStateSpace
-from .regressor import NNARX, NNOE, RegressorNetwork, regressors
 from .shooting import by_ipopt, by_jax_sysid
-from .status import Status
 
 __all__ = ["Trained", "initial", "train"]
 

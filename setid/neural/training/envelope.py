@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
 
-from .arithmetic import Interval, enclose, slope_at, up
-from .status import agreed
+from ..arithmetic import Interval, enclose, slope_at, up
+from ..status import agreed
 
 __all__ = ["Envelope", "envelope"]
 

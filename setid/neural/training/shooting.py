@@ -22,10 +22,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError
 
-from .network import Network
+from ..models.network import Network
+from ..models.recurrent import NeuralStateSpace
+from ..models.regressor import NNARX, NNOE, check_record
 from .parameters import flatten, unflatten
-from .recurrent import NeuralStateSpace
-from .regressor import NNARX, NNOE, check_record
 
 __all__ = ["by_ipopt", "by_jax_sysid", "optional"]
 

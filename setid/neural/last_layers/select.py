@@ -9,9 +9,9 @@ import numpy as np
 
 from setid import IOData, ModelError
 
+from ..models.regressor import NNARX
+from ..training.train import initial, train
 from .last_layer import LastLayer, last_layer
-from .regressor import NNARX
-from .training import initial, train
 
 __all__ = ["Candidate", "NetworkSelection", "select"]
 
@@ -51,7 +51,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NetworkSelection:
-    """What the loop over structures found.
+    """Result of the loop over structures: all candidates and the one chosen.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Training to a proved global optimum, for small networks of one hidden layer.
 
-ReLU, leaky ReLU and identity networks are searched by activation patterns
-(:mod:`setid.neural.patterns`): their output weights are normalised to +-1 and neurons of equal
-sign are ordered, which removes the symmetries. Networks of tanh, sigmoid or algebraic activations
-are searched by boxes of hidden weights (:mod:`setid.neural.weight_boxes`), with signs moved inside.
+ReLU, leaky ReLU and identity networks are searched by activation patterns (module ``patterns``):
+their output weights are normalised to +-1 and neurons of equal sign are ordered, which removes the
+symmetries. Networks of tanh, sigmoid or algebraic activations are searched by boxes of hidden
+weights (module ``weight_boxes``), with signs moved inside.
 Both are exact: nothing is approximated but for rounding, which is enclosed.
 """
 
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from setid import IOData, ModelError, Verification
 
-from .arithmetic import LinearModel, activate, require_ieee, up
-from .equation_error import equation_error, rows_of
-from .network import Network
+from ..arithmetic import LinearModel, activate, require_ieee, up
+from ..last_layers.equation_error import equation_error, rows_of
+from ..models.network import Network
+from ..models.regressor import RegressorNetwork
+from ..status import Status, agreed
 from .patterns import PatternNode, Patterns, PatternSearch, prove_tree
-from .regressor import RegressorNetwork
-from .status import Status, agreed
 from .weight_boxes import WeightProgram, WeightSearch, prove_boxes
 
 __all__ = ["ProvedTraining", "train_proved"]
@@ -299,7 +299,7 @@ class _Best:
 
 
 def _inside(network: Network, weights: float, y: Reals) -> bool:
-    """Whether a network is one of those that the bound is about."""
+    """Check that a network is one of those that the bound is about."""
     hidden = max(np.max(np.abs(network.weights[0])), np.max(np.abs(network.biases[0])))
     last = np.abs(network.weights[1])
     fits = (

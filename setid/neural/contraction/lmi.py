@@ -24,10 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arithmetic import Interval, down, matmul, row_sums, slope_range, surely_semidefinite, up
-from .network import Network
-from .recurrent import Elman, NeuralStateSpace
-from .regressor import RegressorNetwork
+from ..arithmetic import Interval, down, matmul, row_sums, slope_range, surely_semidefinite, up
+from ..models.network import Network
+from ..models.recurrent import Elman, NeuralStateSpace
+from ..models.regressor import RegressorNetwork
 
 __all__ = ["Lyapunov", "difference_system", "find_lyapunov", "prove_lyapunov", "size_bounds"]
 

@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
 
-from .arithmetic import Interval, down, enclose, require_ieee, up
+from ..arithmetic import Interval, down, enclose, require_ieee, up
+from ..models.network import Network, finite_array
+from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from ..models.regressor import RegressorNetwork, check_record
+from ..status import Status, agreed
 from .forms import Form, activation, affine_map, clip, join, network_output, product, reduce
-from .network import Network, finite_array
-from .recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from .regressor import RegressorNetwork, check_record
-from .status import Status, agreed
 
 __all__ = ["SimulationBand", "initial_box", "run_forms", "simulate_band"]
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError
 
-from .arithmetic import ACTIVATIONS, activate
+from ..arithmetic import ACTIVATIONS, activate
 from .network import Network, finite_array
 from .regressor import check_record
 
@@ -22,7 +22,7 @@ Reset = Literal["before", "after"]
 
 
 class StateNetwork:
-    """What the models with a state share: simulation from x0 and the prediction it gives."""
+    """Base of the models with a state: simulation from x0, and prediction by it."""
 
     __slots__ = ()
 
