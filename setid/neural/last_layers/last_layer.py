@@ -460,6 +460,8 @@ def _verify_set(rows: Rows, item: OutputSet) -> Verification:
     shape = (2 * rows.size, rows.target.size)
     if item.dual.shape != shape or item.least.shape != (2, shape[1]):
         return Verification(False, "the multipliers do not fit the record")
+    if not item.widened >= 1.0:
+        return Verification(False, "the multipliers are about a smaller noise bound")
     factor, outer, reach = _conclude(rows, item.dual, item.least, item.widened)
     members = item.inside
     inner = None if item.inner is None or not len(members) else item.inner

@@ -192,6 +192,8 @@ def test_forged_last_layers_are_found() -> None:
     assert not replace(found, sets=(replace(item, inside=item.inside + 0.1),)).verify()
     assert not replace(found, sets=(replace(item, factor=(0.999, 1.0)),)).verify()
     assert not replace(found, sets=(replace(item, factor=(0.0, item.factor[0] / 2)),)).verify()
+    smaller = neural.last_layer(net, data, setid.Noise(equation=0.049)).sets[0]
+    assert not replace(found, sets=(replace(smaller, widened=0.049 / 0.05),)).verify()
     assert not replace(found, noise=setid.Noise(equation=0.06)).verify()
     other = neural.last_layer(net, data, setid.Noise(equation=0.06))
     assert not replace(found, intervals=other.intervals).verify()
