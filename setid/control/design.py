@@ -38,6 +38,8 @@ from .references import (
     loop_function,
     with_unit_gain,
 )
+from .rows import noisy_rows
+from .sums import best_fit
 from .transfer import Transfer, as_transfer, simulate_exactly
 
 if TYPE_CHECKING:
@@ -90,6 +92,8 @@ class Design:
         The experiment.
     target : (N,) float
         The signal that the controller is to give.
+    fit : (p,) float
+        Parameters of ``fixed.model`` with least squares of the noise.
     boxed : bool
         Whether the identification began in a box that sums of rows had proved.
     seconds : mapping of str to float
@@ -103,6 +107,7 @@ class Design:
     reference: Transfer
     data: IOData
     target: Reals
+    fit: Reals
     boxed: bool
     seconds: Mapping[str, float]
 
@@ -154,6 +159,14 @@ class Design:
         self._require_members()
         theta = [Fraction(float(t)) for t in self.result.feasible]
         return self.fixed.controller(theta, self.data.Ts)
+
+    @property
+    def estimate(self) -> Transfer:
+        """The controller that needs the least noise in the sense of least squares.
+
+        It is there where the set is not bounded, too; nothing is proved of it.
+        """
+        return self.fixed.controller([Fraction(float(t)) for t in self.fit], self.data.Ts)
 
     def _require_members(self) -> None:
         if self.empty:
@@ -383,9 +396,18 @@ def _one(
         reference,
         data,
         frozen(wanted),
+        frozen(_fit(record, fixed, noise)),
         boxed,
         MappingProxyType(spent),
     )
+
+
+def _fit(record: IOData, fixed: Fixed, noise: Noise) -> Reals:
+    """Parameters with least squares of the noise; NaN where samples are missing."""
+    if np.isnan(record.u).any():
+        return np.full(len(fixed.model.parameters), np.nan)
+    rows = noisy_rows(record, fixed.model, noise, fixed.integrators)
+    return np.asarray(rows.offset + rows.basis @ best_fit(rows).origin, np.float64)
 
 
 def _after(

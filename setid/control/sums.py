@@ -29,6 +29,7 @@ _MOST_WHITE = 300  # whitened rows
 _ROUNDS = 25  # of shrinking the box
 _GAIN = 0.98  # of the widths: less is not worth another round
 _STEPS = 40  # Gauss-Newton
+_HUGE = 1e50  # of parameters that are tried
 _HALVINGS = 6  # of a step that makes the fit worse
 
 
@@ -136,7 +137,7 @@ def best_fit(rows: NoisyRows) -> Frame:
     least, step, _ = _newton(rows, best)
     for _ in range(_STEPS):
         for _ in range(_HALVINGS):
-            cost, following, _ = _newton(rows, best + step)
+            cost, following = _tried(rows, best + step)
             if cost < least:
                 break
             step = 0.5 * step
@@ -147,6 +148,18 @@ def best_fit(rows: NoisyRows) -> Frame:
         if small:
             break
     return Frame(best, _axes(rows, best))
+
+
+def _tried(rows: NoisyRows, x: Reals) -> tuple[float, Reals]:
+    """Cost and step at a point; an infinite cost where numbers overflow."""
+    if np.all(np.abs(x) < _HUGE):
+        try:
+            cost, step, _ = _newton(rows, x)
+        except np.linalg.LinAlgError:
+            return np.inf, x
+        if np.isfinite(cost) and np.all(np.isfinite(step)):
+            return cost, step
+    return np.inf, x
 
 
 def _axes(rows: NoisyRows, x: Reals) -> Reals:
@@ -205,10 +218,39 @@ def first_box(rows: NoisyRows, frame: Frame) -> Polytope | None:
     Polytope or None
         In z; contains every consistent one. None where the noise is too strong.
     """
+    metric = frame.axes.T @ _newton(rows, frame.origin)[2]
+    inverse = np.linalg.pinv(metric @ rows.regressors @ frame.axes) @ metric
+    found = _contraction(rows, frame, inverse)
+    return found or _contraction(rows, frame, _least_noise_inverse(rows, frame))
+
+
+def _least_noise_inverse(rows: NoisyRows, frame: Frame) -> Reals | None:
+    """Left inverse (q, R) whose rows sum the least noise, by linear programs.
+
+    The duals of max z_i subject to regressors z = noise: the least sum_m D_m abs(c_m).
+    """
+    x, count = frame.origin, rows.bound.size
+    scaled = rows.shape_of_noise(x) * rows.bound[None, :]
+    matrix = sps.hstack([sps.csr_array(rows.regressors @ frame.axes), -scaled]).tocsr()
+    bounds = [(None, None)] * x.size + [(-1.0, 1.0)] * count
+    zero = np.zeros(rows.target.size)
+    found = []
+    for i in range(x.size):
+        cost = np.zeros(x.size + count)
+        cost[i] = 1.0
+        result = linprog(cost, A_eq=matrix, b_eq=zero, bounds=bounds, method="highs")
+        if result.status != 0:
+            return None
+        found.append(np.asarray(result.eqlin.marginals, float))
+    return np.array(found)
+
+
+def _contraction(rows: NoisyRows, frame: Frame, inverse: Reals | None) -> Polytope | None:
+    """The box of one left inverse, None where it is no contraction."""
+    if inverse is None or not np.all(np.isfinite(inverse)):
+        return None
     q = frame.origin.size
-    metric = _newton(rows, frame.origin)[2]
-    clean = frame.axes.T @ metric
-    sums = sums_of(rows, np.linalg.pinv(clean @ rows.regressors @ frame.axes) @ clean, frame)
+    sums = sums_of(rows, inverse, frame)
     z0 = -sums.target
     if not np.all(np.isfinite(z0)):
         return None
