@@ -1,7 +1,7 @@
 """Controllers straight from data, with stability that is proved.
 
-    experiment (r, y) -> target signal s = M / (1 - M) r -> identify K from y to s -> Design
-    experiment (r, y), K, M -> set of consistent plants -> proof on the circle -> StabilityCertificate
+    r, y -> target signal s = M / (1 - M) r -> identify K from y to s -> Design
+    r, y, K, M -> set of consistent plants -> proof on the circle -> StabilityCertificate
 
 Examples
 --------
@@ -27,6 +27,7 @@ from .references import (
     reference_model,
     target_signal,
 )
+from .specification import Specification, SpecifiedModel, reference_model_from
 from .transfer import Transfer
 from .undershoot import Undershoot, undershoot
 
@@ -40,6 +41,8 @@ __all__ = [
     "Matching",
     "Polynomials",
     "Refuted",
+    "Specification",
+    "SpecifiedModel",
     "StabilityCertificate",
     "Transfer",
     "Undershoot",
@@ -49,6 +52,7 @@ __all__ = [
     "loop_margins",
     "loop_step",
     "reference_model",
+    "reference_model_from",
     "stability_certificate",
     "target_signal",
     "undershoot",

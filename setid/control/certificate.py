@@ -77,8 +77,8 @@ class StabilityCertificate:
     method : {"small_gain", "characteristic"}
     conditions : tuple of Condition
     bound : float
-        Proved bound of max abs(Delta) over all frequencies and all consistent plants; infinite where none is
-        proved, NaN where the method has none.
+        Proved bound of abs(Delta) over all frequencies and all consistent plants; infinite where
+        none is proved, NaN where the method has none.
     arcs : tuple of (from, to, bound)
         Bounds of abs(Delta) on arcs of the unit circle, rad a sample.
     controller, reference : Transfer

@@ -23,8 +23,9 @@ Reals = NDArray[np.float64]
 class Fixed:
     """A class with all its orders known, ready for identification.
 
-    The controller is K = N(theta) / (D(theta) known), where N has the coefficients b0, b1, ... and D the
-    coefficients a1, a2, ... of ``model``. The target signal is filtered with ``known`` first.
+    The controller is K = N(theta) / (D(theta) known), where N has the coefficients b0, b1, ...
+    and D the coefficients a1, a2, ... of ``model``. The target signal is filtered with ``known``
+    first.
 
     Parameters
     ----------
@@ -112,9 +113,9 @@ class LTI(Controller):
 
 @dataclass(frozen=True, slots=True)
 class PID(Controller):
-    """PID controllers in parallel form, Kp + Ki Ts / (1 - q^-1) + Kd (1 - q^-1) / (Ts + Tf - Tf q^-1).
+    """PID controllers in parallel form, linear in Kp, Ki and Kd.
 
-    They are linear in Kp, Ki and Kd. Integral by the backward rule, derivative through a
+    K = Kp + Ki Ts / (1 - q^-1) + Kd (1 - q^-1) / (Ts + Tf - Tf q^-1). Integral by the backward rule, derivative through a
     first-order filter of time constant ``filter`` (none when 0).
 
     Parameters

@@ -256,7 +256,8 @@ def design(
     """Find all controllers of a class that match a reference model on an experiment.
 
     With s = M / (1 - M) r, a controller K gives the closed loop M on this experiment if
-    s = K y, and y is the measured output less its noise: an identification of K with noise on its input only.
+    s = K y, and y is the measured output less its noise: an identification of K with noise on
+    its input only.
 
     Parameters
     ----------

@@ -69,6 +69,7 @@ def python_control(what: str) -> ModuleType:
         import control
     except ImportError as error:
         raise sp.SolverNotFound(
-            f"{what}: python-control is missing; install it with: pip install 'sparsepop-py[control]'"
+            f"{what}: python-control is missing; install it with: "
+            "pip install 'sparsepop-py[control]'"
         ) from error
     return control

@@ -113,9 +113,9 @@ def loop_margins(certificate: StabilityCertificate) -> LoopMargins:
 def loop_step(certificate: StabilityCertificate, samples: int = 50) -> LoopStep:
     """Bound the closed loop's step response for every consistent plant.
 
-    d = y - v with a nominal v obeys C d = N_K B r - C v, affine in theta; filtering with the nominal 1 / C
-    leaves the identity and a small rest, so that each sample is bounded by one linear program
-    and the samples before.
+    d = y - v with a nominal v obeys C d = N_K B r - C v, affine in theta; filtering with the
+    nominal 1 / C leaves the identity and a small rest, so that each sample is bounded by one
+    linear program and the samples before.
 
     Parameters
     ----------

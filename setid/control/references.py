@@ -232,8 +232,8 @@ def reference_model(
 ) -> Transfer:
     """Make a reference model of first or second order from its step response.
 
-    Without overshoot it is 1 / (1 + s / p), else wn^2 / (s^2 + 2 z wn s + wn^2), sampled with zero-order hold.
-    It is the slowest one that keeps every limit that is given.
+    Without overshoot it is 1 / (1 + s / p), else wn^2 / (s^2 + 2 z wn s + wn^2), sampled with
+    zero-order hold. It is the slowest one that keeps every limit that is given.
 
     Parameters
     ----------

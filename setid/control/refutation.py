@@ -138,7 +138,7 @@ def _proved(
     integrators: int,
     margin: float | None,
 ) -> bool:
-    """Whether the loop is unstable, the plant obeys what is assumed and is consistent: all proved."""
+    """Prove that the loop is unstable and that the plant is consistent and as assumed."""
     if integrators and sum(polynomials_of(model, theta)[0]) != 0:
         return False
     if is_schur(closed_loop_polynomial(controller, model, theta), _OUTSIDE):

@@ -154,8 +154,9 @@ def _tried(rows: NoisyRows, x: Reals) -> tuple[float, Reals]:
     """Cost and step at a point; an infinite cost where numbers overflow."""
     if np.all(np.abs(x) < _HUGE):
         try:
-            cost, step, _ = _newton(rows, x)
-        except np.linalg.LinAlgError:
+            with np.errstate(all="ignore"):
+                cost, step, _ = _newton(rows, x)
+        except (np.linalg.LinAlgError, ValueError):  # numbers that overflow
             return np.inf, x
         if np.isfinite(cost) and np.all(np.isfinite(step)):
             return cost, step

@@ -198,7 +198,7 @@ class Transfer:
     # ---- integrators --------------------------------------------------------------------
 
     def without_integrator(self) -> Transfer:
-        """This transfer function times (1 - q^-1); a pole at exactly z = 1 is cancelled."""
+        """Multiply with 1 - q^-1; a pole at exactly z = 1 is cancelled."""
         top = times(self.numerator, (Fraction(1), Fraction(-1)))
         return Transfer(top, self.denominator, self.Ts).reduced()
 
@@ -276,6 +276,8 @@ def _converted(given: Any, Ts: float | None, field: str) -> Transfer:
     step = 1.0 if Ts is None else Ts
     if isinstance(given, Transfer):
         return given
+    if isinstance(getattr(given, "model", None), Transfer):  # a SpecifiedModel
+        return given.model
     if hasattr(given, "num_list") or (hasattr(given, "num") and hasattr(given, "dt")):
         return _of_control(given, step, field)
     if isinstance(given, (tuple, list)) and len(given) == 2:

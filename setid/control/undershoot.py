@@ -1,8 +1,8 @@
 """Zeros outside the unit circle from a step response, without a model, proved.
 
 For a plant at rest with the step response y_0, y_1, ... to a step of height h at sample 0,
-G(z) = (1 - 1/z) sum_k y_k z^-k / h for real z > 1. Readings within a noise bound enclose the sum, so that
-a change of its sign between two numbers z proves a zero of G between them.
+G(z) = (1 - 1/z) sum_k y_k z^-k / h for real z > 1. Readings within a noise bound enclose the
+sum, so that a change of its sign between two numbers z proves a zero of G between them.
 """
 
 from __future__ import annotations
