@@ -214,6 +214,8 @@ def stability_certificate(
     model = plant_model(plant_order, delay)
     controller, reference, moved = _known(K, M, data.Ts, snap)
     poles = natural(integrators, "integrators", SetidError)
+    if poles > min(model.na[0][0], 1):
+        raise SetidError(f"integrators: found {poles}, expected 0 or 1, at most the plant's order")
     task = _Task(data, noise, model, controller, reference, margin, poles, method, begin)
     return task.run(begin + number(time_limit, "time_limit", SetidError), moved)
 

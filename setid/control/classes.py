@@ -115,7 +115,8 @@ class LTI(Controller):
 class PID(Controller):
     """PID controllers in parallel form, linear in Kp, Ki and Kd.
 
-    K = Kp + Ki Ts / (1 - q^-1) + Kd (1 - q^-1) / (Ts + Tf - Tf q^-1). Integral by the backward rule, derivative through a
+    K = Kp + Ki Ts / (1 - q^-1) + Kd (1 - q^-1) / (Ts + Tf - Tf q^-1). Integral by the backward
+    rule, derivative through a
     first-order filter of time constant ``filter`` (none when 0).
 
     Parameters

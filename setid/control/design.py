@@ -463,7 +463,8 @@ def _intervals(
     intervals = {}
     for place, name in enumerate(fixed.names):
         outer = (float(low[place]), float(high[place]))
-        inner, witnesses = None, (None, None)
+        inner: tuple[float, float] | None = None
+        witnesses: tuple[Reals | None, Reals | None] = (None, None)
         if plain:
             old = result.intervals[name]
             outer = max(outer[0], old.outer[0]), min(outer[1], old.outer[1])

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import highspy
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from .engine import frozen
 
@@ -114,11 +116,11 @@ class Polytope:
         while np.any(open_):
             k = int(np.flatnonzero(open_)[0])
             open_[k] = False
-            place = self._solve(wanted[k])
-            if place is not None:
+            basis = self._solve(wanted[k])
+            if basis is not None:
                 mine = open_.copy()
                 mine[k] = True
-                self._apply(place, wanted, found, mine, sure=k)
+                self._apply(basis, wanted, found, mine, sure=k)
                 open_ &= mine
         return found
 
@@ -194,7 +196,12 @@ class Polytope:
         linear.a_matrix_.index_ = np.tile(np.arange(p), m)
         linear.a_matrix_.value_ = (scaled / norm[:, None]).ravel()
         program = highspy.Highs()
-        options = {"output_flag": False, "threads": 1, "presolve": "off", "simplex_strategy": 4}
+        options: dict[str, Any] = {
+            "output_flag": False,
+            "threads": 1,
+            "presolve": "off",
+            "simplex_strategy": 4,
+        }
         for name, value in options.items():
             program.setOptionValue(name, value)
         for name in ("primal_feasibility_tolerance", "dual_feasibility_tolerance"):
@@ -250,16 +257,21 @@ class Polytope:
         return len(self._bases.rows) - 1
 
     def _farkas(self) -> Reals | None:
-        """Multipliers (m,) >= 0 that a solver proposes as proof that there is no point."""
-        program = self._start()
-        program.run()
-        has_ray, ray = program.getDualRay()[1:3]
-        if not has_ray:
+        """Multipliers (m,) >= 0 that a solver proposes as proof that there is no point.
+
+        They are duals of: the least t with matrix x - t <= right, in units of the box.
+        """
+        unit, middle = self._units()
+        scaled = self.matrix * unit
+        norm = np.maximum(np.abs(scaled).max(axis=1, initial=0.0), 1e-300)
+        table = np.column_stack([scaled / norm[:, None], -np.ones(norm.size)])
+        room = (self.right - self.matrix @ middle) / norm
+        bounds = [(-1.0, 1.0)] * unit.size + [(0.0, None)]
+        cost = np.append(np.zeros(unit.size), 1.0)
+        found = linprog(cost, A_ub=table, b_ub=room, bounds=bounds, method="highs")
+        if found.status != 0:
             return None
-        unit, _ = self._units()
-        norm = np.maximum(np.abs(self.matrix * unit).max(axis=1, initial=0.0), 1e-300)
-        options = [np.maximum(sign * np.array(ray), 0.0) / norm for sign in (1.0, -1.0)]
-        return min(options, key=self._gap)
+        return np.maximum(-np.asarray(found.ineqlin.marginals, float), 0.0) / norm
 
 
 def box_of(lower: Reals, upper: Reals) -> Polytope:

@@ -30,8 +30,8 @@ def target_signal(M: Any, r: ArrayLike) -> Reals:
     """Compute s = M / (1 - M) r, what the controller is to give for the plant's output.
 
     M / (1 - M) is formed as one fraction; a static gain of M within 1e-9 of 1 is taken as
-    exactly 1, so that the fraction has its integrator. The recursion runs in 240-bit fixed point, and each
-    sample is rounded once.
+    exactly 1, so that the fraction has its integrator. The recursion runs in 240-bit fixed
+    point, and each sample is rounded once.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from .engine import Formulation, IOData, Noise, TransferFunction, consistent, fo
 from .parameter_set import ParameterSet
 from .rows import noisy_rows
 from .small_gain import denominator_of
-from .sums import Frame, best_fit
+from .sums import Frame, best_fit, least_noise_fit
 from .transfer import Transfer, is_schur
 
 __all__ = ["unstable_plant"]
@@ -43,7 +43,7 @@ def unstable_plant(
         Where consistent parameters lie.
     integrators : int
     margin : float or None
-        The plant is to obey it.
+        The plant is to obey it; it is to be stable in any case.
     until : float
         Reading of ``time.monotonic``.
 
@@ -56,6 +56,7 @@ def unstable_plant(
     rows = noisy_rows(data, model, noise, integrators)
     frame = best_fit(rows) if found is None else found.frame
     formulation = formulate(data, model, noise)
+    frame = Frame(least_noise_fit(rows, frame.origin), frame.axes)
     start = _theta(rows.offset, rows.basis, frame.origin)
     if _level(formulation, start) > 1.0:
         return None
@@ -143,8 +144,7 @@ def _proved(
         return False
     if is_schur(closed_loop_polynomial(controller, model, theta), _OUTSIDE):
         return False
-    if margin is not None:
-        own = [Fraction(c) for c in denominator_of(model, integrators).at(theta)]
-        if not is_schur(own, Fraction(1) - Fraction(margin)):
-            return False
+    own = [Fraction(c) for c in denominator_of(model, integrators).at(theta)]
+    if not is_schur(own, Fraction(1) - Fraction(margin or 0.0)):
+        return False
     return consistent(formulation, theta) is not None

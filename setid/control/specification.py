@@ -2,7 +2,8 @@
 
 The closed loop's behaviour depends on T and S = 1 - T alone, so that T is designed for a
 fictitious plant that holds only what no controller can remove: the delay and the zeros outside
-the unit circle of the real one. All work is done in the plane of the bilinear transformation, where a delay of one
+the unit circle of the real one. All work is done in the plane of the bilinear transformation,
+where a delay of one
 sample is a zero at 2 / Ts, and goes back exactly.
 """
 
@@ -140,7 +141,8 @@ def reference_model_from(spec: Specification) -> SpecifiedModel:
     -------
     SpecifiedModel
         ``model`` has the delay and the zeros of the plant, and 1 - M has ``type`` zeros at exactly
-        z = 1. Where ``kept`` is False the limits contradict each other, or the zeros and the delay: relax one.
+        z = 1. Where ``kept`` is False the limits contradict each other, or the zeros and the
+        delay: relax one.
 
     Raises
     ------
@@ -252,7 +254,7 @@ def _bilinear(zeros: NDArray, poles: NDArray, gain: float, spec: Specification) 
 def _exact_type(model: Transfer, spec: Specification) -> Transfer:
     """M times a factor of order type - 1, so that 1 - M has ``type`` zeros at exactly z = 1."""
     top, below = model.numerator, model.denominator
-    n0, d0 = sum(top), sum(below)
+    n0, d0 = sum(top, Fraction(0)), sum(below, Fraction(0))
     if spec.type == 1:
         return Transfer([c * d0 / n0 for c in top], below, model.Ts)
     n1 = sum((i * c for i, c in enumerate(top)), Fraction(0))

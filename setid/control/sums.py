@@ -21,7 +21,16 @@ from scipy.optimize import linprog
 from .polytope import Polytope, box_of
 from .rows import NoisyRows
 
-__all__ = ["Frame", "Sums", "best_fit", "cover_by_sums", "first_box", "rows_on_box", "sums_of"]
+__all__ = [
+    "Frame",
+    "Sums",
+    "best_fit",
+    "cover_by_sums",
+    "first_box",
+    "least_noise_fit",
+    "rows_on_box",
+    "sums_of",
+]
 
 Reals = NDArray[np.float64]
 _EPS = 2.0**-52
@@ -29,6 +38,7 @@ _MOST_WHITE = 300  # whitened rows
 _ROUNDS = 25  # of shrinking the box
 _GAIN = 0.98  # of the widths: less is not worth another round
 _STEPS = 40  # Gauss-Newton
+_PROGRAMS = 5  # of a fit with the least largest noise
 _HUGE = 1e50  # of parameters that are tried
 _HALVINGS = 6  # of a step that makes the fit worse
 
@@ -133,7 +143,8 @@ def best_fit(rows: NoisyRows) -> Frame:
     B. De Moor, "Structured total least squares and L2 approximation problems", Linear
     Algebra and its Applications 188 (1993) 163-207.
     """
-    best = np.linalg.lstsq(rows.regressors, -rows.target, rcond=None)[0]
+    begin = np.linalg.lstsq(rows.regressors, -rows.target, rcond=None)[0]
+    best = np.asarray(begin, np.float64)
     least, step, _ = _newton(rows, best)
     for _ in range(_STEPS):
         for _ in range(_HALVINGS):
@@ -148,6 +159,33 @@ def best_fit(rows: NoisyRows) -> Frame:
         if small:
             break
     return Frame(best, _axes(rows, best))
+
+
+def least_noise_fit(rows: NoisyRows, x: Reals) -> Reals:
+    """Parameters (q,) whose largest noise sample is least, from a start, by linear programs.
+
+    Each program takes the rows linearised at the noise of the last one (computed, not proved).
+    """
+    count = rows.bound.size
+    cost = np.concatenate([np.zeros(x.size + count), [1.0]])
+    for _ in range(_PROGRAMS):
+        noise = _residual_noise(rows, x)
+        moved = np.stack([slope @ noise for slope in rows.slopes], axis=1)
+        shape = rows.shape_of_noise(x) * rows.bound[None, :]
+        columns = [sps.csr_array(rows.regressors - moved), -shape]
+        equal = sps.hstack([*columns, sps.csr_array((rows.target.size, 1))]).tocsr()
+        eye, one = sps.eye_array(count), sps.csr_array(np.ones((count, 1)))
+        blank = sps.csr_array((count, x.size))
+        below = sps.vstack([sps.hstack([blank, s * eye, -one]) for s in (1.0, -1.0)]).tocsr()
+        residual = rows.target + rows.regressors @ x
+        bounds = [(None, None)] * (x.size + count) + [(0.0, None)]
+        found = linprog(
+            cost, below, np.zeros(2 * count), equal, -residual, bounds=bounds, method="highs"
+        )
+        if found.status != 0:
+            break
+        x = x + found.x[: x.size]
+    return x
 
 
 def _tried(rows: NoisyRows, x: Reals) -> tuple[float, Reals]:

@@ -436,7 +436,7 @@ def is_schur(polynomial: Sequence[Fraction], radius: Fraction = Fraction(1)) -> 
 
 
 def _text(polynomial: Exact) -> str:
-    parts = []
+    parts = list[str]()
     for lag, c in enumerate(polynomial):
         if c == 0 and len(polynomial) > 1:
             continue

@@ -65,7 +65,7 @@ def undershoot(
     ----------
     step_record : IOData or array_like (N,)
         Output of a plant at rest, measured from the sample at which its input steps; with
-        IOData the input must be constant and not zero.
+        IOData the input is 0 up to the step and constant from it on.
     noise : Noise or float
         Bound of the output's noise.
     tail : (low, high), optional
@@ -124,14 +124,15 @@ def _response(record: IOData | ArrayLike) -> tuple[Reals, float, tuple[str, ...]
     """Response to a unit step, its height, and what was done to the data before."""
     if not isinstance(record, IOData):
         y = real_array(record, "step_record", DataError).ravel()
-        height, texts = 1.0, ()
+        height, texts = 1.0, tuple[str, ...]()
     else:
         if record.inputs != 1 or record.outputs != 1 or record.records != 1:
             raise DataError("step_record: expected one record with one input and one output")
         u, y = record.u.ravel(), record.y.ravel()
-        if np.ptp(u) != 0.0 or u[0] == 0.0 or np.isnan(u).any():
-            raise DataError("step_record.u: expected one constant value other than 0, a step")
-        height, texts = float(u[0]), record.assumptions
+        begin = int(np.argmax(u != 0.0))
+        if np.isnan(u).any() or u[begin] == 0.0 or np.ptp(u[begin:]) != 0.0:
+            raise DataError("step_record.u: expected zeros and then one constant value, a step")
+        height, y, texts = float(u[begin]), y[begin:], record.assumptions
     if y.size < 2 or np.isnan(y).any():
         raise DataError("step_record: expected at least two readings, none missing")
     return frozen(y if height > 0 else -y), abs(height), texts
@@ -142,7 +143,7 @@ def _bounds(record: IOData | ArrayLike, noise: Noise | float, y: Reals) -> Reals
     if np.any(np.asarray(given.input) > 0) or np.any(np.asarray(given.equation) > 0):
         raise NoiseError("noise: expected the output's noise alone")
     data = record if isinstance(record, IOData) else IOData(np.zeros(y.size), y)
-    return given.bounds(data)[0].ravel()
+    return given.bounds(data)[0].ravel()[-y.size :]
 
 
 def _zeros(
