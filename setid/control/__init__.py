@@ -27,6 +27,7 @@ from .references import (
     reference_model,
     target_signal,
 )
+from .report import report
 from .specification import Specification, SpecifiedModel, reference_model_from
 from .transfer import Transfer
 from .undershoot import Undershoot, undershoot
@@ -53,6 +54,7 @@ __all__ = [
     "loop_step",
     "reference_model",
     "reference_model_from",
+    "report",
     "stability_certificate",
     "target_signal",
     "undershoot",
