@@ -350,11 +350,11 @@ class _Task:
         )
         ones = self.controller.integrators, (1 - self.reference).reduced()
         count = _zeros_at_one(ones[1])
-        cancelled = is_schur(factor.denominator)
+        cancelled = self._poles_cancel() and is_schur(factor.denominator)
         second = Condition(
             "2 (Delta is stable)",
             None if cancelled else False,
-            f"K has {ones[0]} poles at z = 1, 1 - M has {count} zeros there"
+            f"poles at z = 1: {ones[0]} of K, {self.integrators} of P; zeros of 1 - M there: {count}"
             + (
                 "; F = K (1 - M) is stable"
                 if cancelled
@@ -363,6 +363,18 @@ class _Task:
         )
         third = Condition("3 (max abs(Delta) < 1)", None, "not proved")
         return (first, second, third), factor
+
+    def _poles_cancel(self) -> bool:
+        """Whether zeros of 1 - M alone cancel all unstable poles of K and of the integrator.
+
+        A zero of K at z = 1 must not stand in for one of 1 - M: it would hide the plant's
+        integrator from Delta, but not from the loop.
+        """
+        open_loop = (1 - self.reference).reduced().numerator
+        poles = list(self.controller.denominator)
+        for _ in range(self.integrators):
+            poles = _over_integrator(poles)
+        return is_schur(Transfer(open_loop, poles).reduced().denominator)
 
     def _judged(self, conditions: tuple[Condition, ...], outcome: Outcome) -> tuple[Condition, ...]:
         if self.method == "characteristic":
@@ -402,7 +414,8 @@ class _Task:
             return "a consistent plant makes an unstable loop, both proved"
         if found is None:
             text = "the data give no finite set of plants: the noise is strong"
-            return text if self.margin is not None else f"{_WITHOUT_MARGIN}; {text}"
+            bare = self.margin is None and self.method == "small_gain"
+            return f"{_WITHOUT_MARGIN}; {text}" if bare else text
         if found.empty:
             return "no plant of this structure is consistent with the record, proved"
         if outcome.proved:

@@ -195,7 +195,8 @@ def _start(
     known: tuple[Reals, Reals] | None,
 ) -> Polytope | None:
     """A polytope from a known box, or from that which rows and the margin give."""
-    kept = np.flatnonzero(np.count_nonzero(rows.basis, axis=1) == 1)
+    free = (np.count_nonzero(rows.basis, axis=1) == 1) & (rows.offset == 0.0)
+    kept = np.flatnonzero(free)  # the others follow from an integrator
     if known is not None:
         return frame.box_around(known[0][kept], known[1][kept])
     formulation: Formulation = setid.formulate(data, model, noise)

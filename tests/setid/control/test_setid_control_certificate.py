@@ -166,6 +166,20 @@ def test_a_declared_integrator_of_the_plant() -> None:
         assert any("declared" in text for text in found.assumptions)
 
 
+@pytest.mark.parametrize("method", ["small_gain", "characteristic"])
+def test_a_zero_of_the_controller_does_not_hide_the_plants_integrator(method: str) -> None:
+    """K has the zero z = 1 and the plant the pole: the loop keeps a pole at exactly z = 1."""
+    plant = control.Transfer([0, 0.5, 0.2], [1, -1.5, 0.5])
+    data, bound = experiment(50.0, 80, 1, plant)
+    derivative = control.Transfer([0.2, -0.2], [1.0])
+    reference = control.Transfer([0, 0.1], [1, -0.5])
+    assert not stabilises(derivative, plant)
+    found = control.stability_certificate(
+        data, derivative, reference, 2, bound, 0.05, method, delay=1, integrators=1, time_limit=1.0
+    )
+    assert found.verdict != "certified"
+
+
 def test_margins_and_steps_hold_for_the_true_plant() -> None:
     data, bound = experiment(50.0)
     found = control.stability_certificate(data, K, M, 4, bound, method="characteristic", delay=1)
