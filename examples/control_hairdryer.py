@@ -65,7 +65,7 @@ def main() -> None:
         f"""
 What an engineer learns: the certificate holds for the structure and the noise bound that were
 stated. They are assumptions, and more data can refute them. On the {rest.samples} samples that
-were not used the equation needs an error of {least.cost:.3f} V at least, if errors are put there."""
+were not used the equation needs an error of at least {least.cost:.3f} V, if errors are there."""
     )
 
 

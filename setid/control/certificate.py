@@ -354,7 +354,7 @@ class _Task:
         second = Condition(
             "2 (Delta is stable)",
             None if cancelled else False,
-            f"poles at z = 1: {ones[0]} of K, {self.integrators} of P; zeros of 1 - M there: {count}"
+            f"at z = 1: {ones[0]} poles of K, {self.integrators} of P, {count} zeros of 1 - M"
             + (
                 "; F = K (1 - M) is stable"
                 if cancelled

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -207,6 +209,20 @@ def test_wrong_input_is_refused() -> None:
         control.stability_certificate(data, K, M, 4, setid.Noise(output=bound, input=0.1))
     with pytest.raises(setid.ModelError, match="Ts"):
         control.stability_certificate(data, control.Transfer([1], [1], 0.5), M, 4, bound)
+
+
+def test_report_is_one_page_with_pictures(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib.pyplot").switch_backend("Agg")
+    data, bound = experiment(60.0)
+    options = setid.Options(time_limit=1.0, progress=False)
+    found = control.design(data, M, control.LTI(4), bound, options=options)
+    answer = certified(60.0, "small_gain")
+    page = tmp_path / "page.html"
+    control.report(page, found, [answer])
+    text = page.read_text(encoding="utf-8")
+    assert "certified" in text and text.count("<img") == 2 and "<pre>" in text
+    with pytest.raises(setid.SetidError, match="design"):
+        control.report(page, answer, [])  # type: ignore[arg-type]
 
 
 def test_pictures() -> None:
