@@ -39,7 +39,7 @@ from .references import (
     with_unit_gain,
 )
 from .rows import noisy_rows
-from .sums import best_fit
+from .sums import best_fit, least_noise_fit
 from .transfer import Transfer, as_transfer, simulate_exactly
 
 if TYPE_CHECKING:
@@ -157,8 +157,25 @@ class Design:
             If the set is empty or no member is known.
         """
         self._require_members()
-        theta = [Fraction(float(t)) for t in self.result.feasible]
-        return self.fixed.controller(theta, self.data.Ts)
+        try:
+            values = self.result.feasible
+        except SetidError:  # the engine had no time for a point: the least noise may give one
+            found = self._least_noise()
+            if found is None:
+                raise
+            values = found
+        return self.fixed.controller([Fraction(float(t)) for t in values], self.data.Ts)
+
+    def _least_noise(self) -> Reals | None:
+        """Parameters with the least largest noise, where they are proved to be consistent."""
+        formulation = self.result.formulation
+        if np.isnan(formulation.data.u).any():
+            return None
+        model, noise = self.fixed.model, formulation.noise
+        rows = noisy_rows(formulation.data, model, noise, self.fixed.integrators)
+        x = least_noise_fit(rows, best_fit(rows).origin)
+        theta = np.asarray(rows.offset + rows.basis @ x, np.float64)
+        return None if self.result.consistent(theta) is None else theta
 
     @property
     def estimate(self) -> Transfer:
