@@ -16,21 +16,25 @@ Examples
 'certified'
 """
 
-from .certificate import Condition, StabilityCertificate, stability_certificate
-from .classes import LTI, PID, Polynomials
-from .design import Design, Refuted, design
-from .loops import LoopMargins, LoopStep, loop_margins, loop_step
-from .references import (
+from setid.control.certificates.certificate import (
+    Condition,
+    StabilityCertificate,
+    stability_certificate,
+)
+from setid.control.classes import LTI, PID, Polynomials
+from setid.control.design import Design, Refuted, design
+from setid.control.loops import LoopMargins, LoopStep, loop_margins, loop_step
+from setid.control.references import (
     Matching,
     check_matching,
     ideal_controller,
     reference_model,
     target_signal,
 )
-from .report import report
-from .specification import Specification, SpecifiedModel, reference_model_from
-from .transfer import Transfer
-from .undershoot import Undershoot, undershoot
+from setid.control.report import report
+from setid.control.specification import Specification, SpecifiedModel, reference_model_from
+from setid.control.transfer import Transfer
+from setid.control.undershoot import Undershoot, undershoot
 
 __all__ = [
     "LTI",

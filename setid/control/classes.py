@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .engine import ModelError, TransferFunction, natural, number
-from .transfer import Exact, Transfer, times
+from setid.control.engine import ModelError, TransferFunction, natural, number
+from setid.control.transfer import Exact, Transfer, times
 
 __all__ = ["LTI", "PID", "Controller", "Fixed", "Polynomials"]
 

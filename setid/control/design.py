@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .classes import Controller, Fixed, is_class
-from .engine import (
+from setid.control.classes import Controller, Fixed, is_class
+from setid.control.engine import (
     Box,
     DataError,
     Identification,
@@ -26,21 +26,25 @@ from .engine import (
     ParameterInterval,
     Prior,
     SetidError,
-    attained_members,
     frozen,
 )
-from .parameter_set import ParameterSet, consistent_set, identified, tightened
-from .ratios import ratio_range, series_times
-from .references import (
+from setid.control.parameters.parameter_set import (
+    ParameterSet,
+    consistent_set,
+    identified,
+    tightened,
+)
+from setid.control.parameters.ratios import ratio_range, series_times
+from setid.control.parameters.rows import noisy_rows
+from setid.control.parameters.sums import best_fit, least_noise_fit
+from setid.control.references import (
     Matching,
     check_matching,
     closed_loop,
     loop_function,
     with_unit_gain,
 )
-from .rows import noisy_rows
-from .sums import best_fit, least_noise_fit
-from .transfer import Transfer, as_transfer, simulate_exactly
+from setid.control.transfer import Transfer, as_transfer, simulate_exactly
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -246,7 +250,7 @@ class Design:
 
     def plot(self, plant: Any, ax: Axes | None = None) -> Axes:
         """Draw the step response of the closed loop beside the reference model's."""
-        from .plots import plot_matching
+        from setid.control.plots import plot_matching
 
         return plot_matching(self.matching(plant), ax)
 
@@ -476,7 +480,7 @@ def _intervals(
     low, high = np.full(count, -np.inf), np.full(count, np.inf)
     if found is not None:
         low, high = found.ranges(np.zeros(count), rows)
-    known = attained_members(result) @ rows.T
+    known = result.attained @ rows.T
     intervals = {}
     for place, name in enumerate(fixed.names):
         outer = (float(low[place]), float(high[place]))

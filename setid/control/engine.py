@@ -5,21 +5,21 @@ from __future__ import annotations
 from types import ModuleType
 
 import sparsepop_py as sp
-
-from ..checks import frozen, natural, number, real_array, switch
-from ..data import IOData
-from ..errors import DataError, ModelError, NoiseError, SetidError
-from ..existence import consistent
-from ..formulation import Formulation, formulate
-from ..identify import identify
-from ..intervals import Identification, IntervalStatus, ParameterInterval
-from ..members import attained_members
-from ..models.lti import TransferFunction
-from ..noise import Noise
-from ..options import Options
-from ..plots import new_axes
-from ..priors import Box, Stable, parameters
-from ..priors.base import Prior
+from setid.data.checks import frozen, natural, number, real_array, switch
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.feasible_points.witness import consistent
+from setid.formulation.formulation import Formulation, formulate
+from setid.identify import identify
+from setid.models.lti import TransferFunction
+from setid.options import Options
+from setid.priors.base import Prior
+from setid.priors.coefficients import Box, parameters
+from setid.priors.transfer import Stable
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
+from sparsepop_py.plots import new_axes
 
 __all__ = [
     "Box",
@@ -37,7 +37,6 @@ __all__ = [
     "SetidError",
     "Stable",
     "TransferFunction",
-    "attained_members",
     "consistent",
     "formulate",
     "frozen",

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from .arcs import Family, ratio_on_arcs
-from .certificate import StabilityCertificate
-from .engine import SetidError, frozen, natural
-from .parameter_set import ParameterSet
-from .small_gain import lags_of
+from setid.control.certificates.arcs import Family, ratio_on_arcs
+from setid.control.certificates.certificate import StabilityCertificate
+from setid.control.certificates.small_gain import lags_of
+from setid.control.engine import SetidError, frozen, natural
+from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["LoopMargins", "LoopStep", "loop_margins", "loop_step"]
 

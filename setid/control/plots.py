@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .engine import new_axes
+from setid.control.engine import new_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .certificate import StabilityCertificate
-    from .loops import LoopStep
-    from .references import Matching
+    from setid.control.certificates.certificate import StabilityCertificate
+    from setid.control.loops import LoopStep
+    from setid.control.references import Matching
 
 __all__ = ["plot_certificate", "plot_loop_step", "plot_matching"]
 
@@ -43,8 +43,8 @@ def plot_certificate(certificate: StabilityCertificate, ax: Axes | None = None) 
 
 
 def _nominal(certificate: StabilityCertificate, omega: np.ndarray) -> np.ndarray:
-    from .characteristic import polynomials_of
-    from .transfer import Transfer
+    from setid.control.certificates.characteristic import polynomials_of
+    from setid.control.transfer import Transfer
 
     assert certificate.parameters is not None
     below, top = polynomials_of(certificate.model, certificate.parameters.centre)

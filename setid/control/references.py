@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from .engine import ModelError, SetidError, frozen, number, real_array
-from .transfer import Transfer, as_transfer, is_schur, simulate_exactly, times
+from setid.control.engine import ModelError, SetidError, frozen, number, real_array
+from setid.control.transfer import Transfer, as_transfer, is_schur, simulate_exactly, times
 
 __all__ = ["Matching", "check_matching", "ideal_controller", "reference_model", "target_signal"]
 

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .certificate import StabilityCertificate
-from .design import Design
-from .engine import SetidError
-from .loops import loop_margins, loop_step
-from .plots import plot_certificate, plot_loop_step
+from setid.control.certificates.certificate import StabilityCertificate
+from setid.control.design import Design
+from setid.control.engine import SetidError
+from setid.control.loops import loop_margins, loop_step
+from setid.control.plots import plot_certificate, plot_loop_step
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

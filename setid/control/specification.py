@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.control.engine import ModelError, SetidError, natural, number, python_control
+from setid.control.transfer import Transfer
 
-from .engine import ModelError, SetidError, natural, number, python_control
-from .transfer import Transfer
-
-__all__ = ["SpecifiedModel", "Specification", "reference_model_from"]
+__all__ = ["Specification", "SpecifiedModel", "reference_model_from"]
 
 Reals = NDArray[np.float64]
 _FASTEST = 20.0  # poles and zeros beyond this many times 2 / Ts are replaced by their gain
@@ -181,7 +180,7 @@ def _synthesis() -> ModuleType:
 
 def _mixed_sensitivity(
     module: ModuleType, spec: Specification
-) -> tuple[NDArray, float, NDArray, float]:
+) -> tuple[NDArray[Any], float, NDArray[Any], float]:
     """Zeros, static gain and poles of T in the bilinear plane, and gamma."""
     unit = 2.0 / spec.Ts
     far = [unit] * spec.delay + [unit * (z - 1.0) / (z + 1.0) for z in spec.zeros]
@@ -225,7 +224,7 @@ def _weights(module: ModuleType, spec: Specification, speed: float) -> tuple[Any
     return weight_s, module.tf([1.0, corner * gain / peak_t], [0.01, corner * gain])
 
 
-def _without_pairs(zeros: NDArray, poles: NDArray) -> tuple[NDArray, NDArray]:
+def _without_pairs(zeros: NDArray[Any], poles: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Zeros and poles without those that agree to six digits."""
     left, right = list(zeros), list(poles)
     for z in zeros:
@@ -236,7 +235,9 @@ def _without_pairs(zeros: NDArray, poles: NDArray) -> tuple[NDArray, NDArray]:
     return np.array(left), np.array(right)
 
 
-def _bilinear(zeros: NDArray, poles: NDArray, gain: float, spec: Specification) -> Transfer:
+def _bilinear(
+    zeros: NDArray[Any], poles: NDArray[Any], gain: float, spec: Specification
+) -> Transfer:
     """Back to z by s = 2 / Ts (z - 1) / (z + 1), the static gain kept."""
     unit = 2.0 / spec.Ts
     rest, below = (list(v) for v in (zeros, poles))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
-from .engine import ModelError, SetidError, frozen, number, python_control, real_array
+from setid.control.engine import ModelError, SetidError, frozen, number, python_control, real_array
 
 __all__ = ["Exact", "Transfer", "as_transfer", "is_schur", "simulate_exactly", "times"]
 

@@ -14,7 +14,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .engine import DataError, IOData, Noise, NoiseError, SetidError, frozen, real_array
+from setid.control.engine import (
+    DataError,
+    IOData,
+    Noise,
+    NoiseError,
+    SetidError,
+    frozen,
+    real_array,
+)
 
 __all__ = ["Undershoot", "undershoot"]
 

@@ -1,34 +1,34 @@
 """Networks trained anywhere, with statements that are proved."""
 
-from .contraction.stability import Stability, stability
-from .imports import from_arrays, from_equinox, from_jax_sysid, from_onnx, from_torch
-from .last_layers.equation_error import EquationError, equation_error
-from .last_layers.last_layer import LastLayer, last_layer
-from .last_layers.select import NetworkSelection, select
-from .models.network import Network
-from .models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from .models.regressor import NNARX, NNOE
-from .simulations.output_error import OutputError, output_error
-from .simulations.simulation import SimulationBand, simulate_band
-from .status import Status
-from .training.envelope import Envelope, envelope
-from .training.train import Trained, initial, train
-from .training.train_proved import ProvedTraining, train_proved
+from setid.neural.contraction.stability import Stability, stability
+from setid.neural.imports import from_arrays, from_equinox, from_jax_sysid, from_onnx, from_torch
+from setid.neural.last_layers.equation_error import EquationError, equation_error
+from setid.neural.last_layers.last_layer import LastLayer, last_layer
+from setid.neural.last_layers.select import NetworkSelection, select
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.models.regressor import NNARX, NNOE
+from setid.neural.simulations.output_error import OutputError, output_error
+from setid.neural.simulations.simulation import SimulationBand, simulate_band
+from setid.neural.status import Status
+from setid.neural.training.envelope import Envelope, envelope
+from setid.neural.training.train import Trained, initial, train
+from setid.neural.training.train_proved import ProvedTraining, train_proved
 
 __all__ = [
-    "Envelope",
-    "EquationError",
-    "ProvedTraining",
     "GRU",
     "LSTM",
-    "LastLayer",
     "NNARX",
     "NNOE",
     "Elman",
+    "Envelope",
+    "EquationError",
+    "LastLayer",
     "Network",
-    "NeuralStateSpace",
     "NetworkSelection",
+    "NeuralStateSpace",
     "OutputError",
+    "ProvedTraining",
     "SimulationBand",
     "Stability",
     "Status",

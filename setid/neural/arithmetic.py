@@ -29,9 +29,9 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sparsepop_py.linear import LinearModel
-from sparsepop_py.rounding import Interval, down, matmul, require_ieee, up
-from sparsepop_py.semidefinite import surely_semidefinite
+from sparsepop_py.lp.highs import LinearModel
+from sparsepop_py.verified.arithmetic.definiteness import surely_semidefinite
+from sparsepop_py.verified.arithmetic.interval import Interval, down, matmul, require_ieee, up
 
 __all__ = [
     "ACTIVATIONS",

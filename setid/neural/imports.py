@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
-
-from .models.network import Network
-from .models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from .training.shooting import optional
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.training.shooting import optional
 
 __all__ = ["from_arrays", "from_equinox", "from_jax_sysid", "from_onnx", "from_torch"]
 

@@ -29,10 +29,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arithmetic import Interval, enclose, matmul, row_sums, slope_range, surely_semidefinite, up
-from ..models.network import Network
-from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from ..models.regressor import RegressorNetwork
+from setid.neural.arithmetic import (
+    Interval,
+    enclose,
+    matmul,
+    row_sums,
+    slope_range,
+    surely_semidefinite,
+    up,
+)
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.models.regressor import RegressorNetwork
 
 __all__ = ["Comparison", "Weighted", "comparisons", "contraction", "norm", "output_slopes"]
 

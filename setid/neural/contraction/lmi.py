@@ -24,10 +24,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arithmetic import Interval, down, matmul, row_sums, slope_range, surely_semidefinite, up
-from ..models.network import Network
-from ..models.recurrent import Elman, NeuralStateSpace
-from ..models.regressor import RegressorNetwork
+from setid.neural.arithmetic import (
+    Interval,
+    down,
+    matmul,
+    row_sums,
+    slope_range,
+    surely_semidefinite,
+    up,
+)
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import Elman, NeuralStateSpace
+from setid.neural.models.regressor import RegressorNetwork
 
 __all__ = ["Lyapunov", "difference_system", "find_lyapunov", "prove_lyapunov", "size_bounds"]
 

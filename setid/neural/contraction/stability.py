@@ -9,13 +9,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
-
-from ..arithmetic import Interval, down, require_ieee, up
-from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from ..models.regressor import RegressorNetwork
-from ..status import Status, agreed
-from .comparison import Comparison, comparisons, contraction, output_slopes, rate_of
-from .lmi import Lyapunov, difference_system, find_lyapunov, prove_lyapunov, size_bounds
+from setid.neural.arithmetic import Interval, down, require_ieee, up
+from setid.neural.contraction.comparison import (
+    Comparison,
+    comparisons,
+    contraction,
+    output_slopes,
+    rate_of,
+)
+from setid.neural.contraction.lmi import (
+    Lyapunov,
+    difference_system,
+    find_lyapunov,
+    prove_lyapunov,
+    size_bounds,
+)
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.models.regressor import RegressorNetwork
+from setid.neural.status import Status, agreed
 
 __all__ = ["Condition", "Stability", "stability"]
 

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid import DataError, IOData, ModelError, Verification
-
-from ..arithmetic import Interval, require_ieee, up
-from ..models.regressor import RegressorNetwork, check_record, regressors
-from ..status import Status, agreed
+from setid.neural.arithmetic import Interval, require_ieee, up
+from setid.neural.models.regressor import RegressorNetwork, check_record, regressors
+from setid.neural.status import Status, agreed
 
 __all__ = ["EquationError", "equation_error", "rows_of"]
 

@@ -35,13 +35,9 @@ from setid import (
     Verification,
     parameter_box,
 )
-
-from ..arithmetic import Interval, down, require_ieee, up
-from ..models.network import Network
-from ..models.regressor import RegressorNetwork
-from ..status import Status, agreed
-from .equation_error import rows_of
-from .polytope import (
+from setid.neural.arithmetic import Interval, down, require_ieee, up
+from setid.neural.last_layers.equation_error import rows_of
+from setid.neural.last_layers.polytope import (
     Rows,
     least_factor,
     multipliers,
@@ -50,6 +46,9 @@ from .polytope import (
     prove_reach,
     surely_inside,
 )
+from setid.neural.models.network import Network
+from setid.neural.models.regressor import RegressorNetwork
+from setid.neural.status import Status, agreed
 
 __all__ = ["LastLayer", "LayerBand", "OutputSet", "last_layer"]
 

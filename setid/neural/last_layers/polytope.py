@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from ..arithmetic import Interval, LinearModel, down, matmul, up
+from setid.neural.arithmetic import Interval, LinearModel, down, matmul, up
 
 __all__ = [
     "Rows",

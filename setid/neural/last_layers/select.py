@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from setid import IOData, ModelError
-
-from ..models.regressor import NNARX
-from ..training.train import initial, train
-from .last_layer import LastLayer, last_layer
+from setid.neural.last_layers.last_layer import LastLayer, last_layer
+from setid.neural.models.regressor import NNARX
+from setid.neural.training.train import initial, train
 
 __all__ = ["Candidate", "NetworkSelection", "select"]
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError
-
-from ..arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
+from setid.neural.arithmetic import ACTIVATIONS, Interval, activate, enclose, matmul
 
 __all__ = ["Network", "affine", "finite_array"]
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError
-
-from ..arithmetic import ACTIVATIONS, activate
-from .network import Network, finite_array
-from .regressor import check_record
+from setid.neural.arithmetic import ACTIVATIONS, activate
+from setid.neural.models.network import Network, finite_array
+from setid.neural.models.regressor import check_record
 
 __all__ = ["GRU", "LSTM", "Elman", "NeuralStateSpace", "StateNetwork"]
 
@@ -439,7 +438,7 @@ class GRU(StateNetwork):
             "gates": gates,
             "inner": _matrix(inner, "candidate[3]", (width,)),
             "output": _readout(output, width),
-            "reset": cast(Reset, reset),
+            "reset": reset,
         }.items():
             object.__setattr__(self, key, value)
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError
-
-from .network import Network, finite_array
+from setid.neural.models.network import Network, finite_array
 
 __all__ = ["NNARX", "NNOE", "RegressorNetwork", "check_record", "regressors"]
 

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arithmetic import Interval, down, enclose, linearise, up
-from ..models.network import Network
+from setid.neural.arithmetic import Interval, down, enclose, linearise, up
+from setid.neural.models.network import Network
 
 __all__ = [
     "Form",

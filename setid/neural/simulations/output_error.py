@@ -20,13 +20,12 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from setid import DataError, IOData, ModelError, Verification
-
-from ..arithmetic import Interval, LinearModel, down, matmul, require_ieee, row_sums, up
-from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from ..models.regressor import RegressorNetwork, check_record
-from ..status import Status, agreed
-from .forms import Form
-from .simulation import initial_box, run_forms, simulate_band
+from setid.neural.arithmetic import Interval, LinearModel, down, matmul, require_ieee, row_sums, up
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.models.regressor import RegressorNetwork, check_record
+from setid.neural.simulations.forms import Form
+from setid.neural.simulations.simulation import initial_box, run_forms, simulate_band
+from setid.neural.status import Status, agreed
 
 __all__ = ["Node", "OutputError", "output_error"]
 

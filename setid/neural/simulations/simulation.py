@@ -15,13 +15,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError, Verification
-
-from ..arithmetic import Interval, down, enclose, require_ieee, up
-from ..models.network import Network, finite_array
-from ..models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
-from ..models.regressor import RegressorNetwork, check_record
-from ..status import Status, agreed
-from .forms import Form, activation, affine_map, clip, join, network_output, product, reduce
+from setid.neural.arithmetic import Interval, down, enclose, require_ieee, up
+from setid.neural.models.network import Network, finite_array
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.models.regressor import RegressorNetwork, check_record
+from setid.neural.simulations.forms import (
+    Form,
+    activation,
+    affine_map,
+    clip,
+    join,
+    network_output,
+    product,
+    reduce,
+)
+from setid.neural.status import Status, agreed
 
 __all__ = ["SimulationBand", "initial_box", "run_forms", "simulate_band"]
 

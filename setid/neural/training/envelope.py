@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import ModelError, Verification
-
-from ..arithmetic import Interval, enclose, slope_at, up
-from ..status import agreed
+from setid.neural.arithmetic import Interval, enclose, slope_at, up
+from setid.neural.status import agreed
 
 __all__ = ["Envelope", "envelope"]
 

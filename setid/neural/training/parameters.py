@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.network import Network
+from setid.neural.models.network import Network
 
 __all__ = ["flatten", "unflatten"]
 

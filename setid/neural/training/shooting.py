@@ -21,11 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid import IOData, ModelError
-
-from ..models.network import Network
-from ..models.recurrent import NeuralStateSpace
-from ..models.regressor import NNARX, NNOE, check_record
-from .parameters import flatten, unflatten
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import NeuralStateSpace
+from setid.neural.models.regressor import NNARX, NNOE, check_record
+from setid.neural.training.parameters import flatten, unflatten
 
 __all__ = ["by_ipopt", "by_jax_sysid", "optional"]
 

@@ -10,15 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from setid import DataError, IOData, ModelError
-
-from ..arithmetic import ACTIVATIONS, activate, slope_at
-from ..last_layers.equation_error import rows_of
-from ..models.network import Network
-from ..models.recurrent import NeuralStateSpace
-from ..models.regressor import NNARX, NNOE, RegressorNetwork, regressors
-from ..status import Status
-from .parameters import flatten, unflatten
-from .shooting import by_ipopt, by_jax_sysid
+from setid.neural.arithmetic import ACTIVATIONS, activate, slope_at
+from setid.neural.last_layers.equation_error import rows_of
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import NeuralStateSpace
+from setid.neural.models.regressor import NNARX, NNOE, RegressorNetwork, regressors
+from setid.neural.status import Status
+from setid.neural.training.parameters import flatten, unflatten
+from setid.neural.training.shooting import by_ipopt, by_jax_sysid
 
 __all__ = ["Trained", "initial", "train"]
 

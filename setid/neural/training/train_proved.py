@@ -19,14 +19,13 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from setid import IOData, ModelError, Verification
-
-from ..arithmetic import LinearModel, activate, require_ieee, up
-from ..last_layers.equation_error import equation_error, rows_of
-from ..models.network import Network
-from ..models.regressor import RegressorNetwork
-from ..status import Status, agreed
-from .patterns import PatternNode, Patterns, PatternSearch, prove_tree
-from .weight_boxes import WeightProgram, WeightSearch, prove_boxes
+from setid.neural.arithmetic import LinearModel, activate, require_ieee, up
+from setid.neural.last_layers.equation_error import equation_error, rows_of
+from setid.neural.models.network import Network
+from setid.neural.models.regressor import RegressorNetwork
+from setid.neural.status import Status, agreed
+from setid.neural.training.patterns import PatternNode, Patterns, PatternSearch, prove_tree
+from setid.neural.training.weight_boxes import WeightProgram, WeightSearch, prove_boxes
 
 __all__ = ["ProvedTraining", "train_proved"]
 

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from ..arithmetic import Interval, LinearModel, down, linearise, matmul, row_sums, up
+from setid.neural.arithmetic import Interval, LinearModel, down, linearise, matmul, row_sums, up
 
 __all__ = ["WeightNode", "WeightProgram", "WeightSearch", "prove_boxes"]
 

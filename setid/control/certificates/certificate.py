@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .cells import Claim, Outcome, prove_over_cells
-from .characteristic import Characteristic
-from .engine import (
+from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
+from setid.control.certificates.characteristic import Characteristic
+from setid.control.certificates.refutation import unstable_plant
+from setid.control.certificates.small_gain import SmallGain
+from setid.control.engine import (
     IOData,
     ModelError,
     Noise,
@@ -25,11 +27,14 @@ from .engine import (
     natural,
     number,
 )
-from .parameter_set import ParameterSet, consistent_set, identified, tightened
-from .references import with_unit_gain
-from .refutation import unstable_plant
-from .small_gain import SmallGain
-from .transfer import Transfer, as_transfer, is_schur
+from setid.control.parameters.parameter_set import (
+    ParameterSet,
+    consistent_set,
+    identified,
+    tightened,
+)
+from setid.control.references import with_unit_gain
+from setid.control.transfer import Transfer, as_transfer, is_schur
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,7 +134,7 @@ class StabilityCertificate:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the bound of abs(Delta) over frequency (needs matplotlib)."""
-        from .plots import plot_certificate
+        from setid.control.plots import plot_certificate
 
         return plot_certificate(self, ax)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import setid
-
-from .engine import (
+from setid.control.engine import (
     Box,
     Formulation,
     Identification,
@@ -23,9 +23,9 @@ from .engine import (
     identify,
     parameters,
 )
-from .polytope import Polytope
-from .rows import NoisyRows, noisy_rows
-from .sums import Frame, best_fit, cover_by_sums, first_box
+from setid.control.parameters.polytope import Polytope
+from setid.control.parameters.rows import NoisyRows, noisy_rows
+from setid.control.parameters.sums import Frame, best_fit, cover_by_sums, first_box
 
 __all__ = ["ParameterSet", "consistent_set"]
 
@@ -70,7 +70,9 @@ class ParameterSet:
         """Parameters (p,) in the middle of the polytope's box."""
         return self.theta(self.polytope.centre)
 
-    def in_frame(self, constants: NDArray, weights: NDArray) -> tuple[NDArray, NDArray, Reals]:
+    def in_frame(
+        self, constants: NDArray[Any], weights: NDArray[Any]
+    ) -> tuple[NDArray[Any], NDArray[Any], Reals]:
         """Functions constants + weights theta as functions of z.
 
         Parameters
@@ -160,7 +162,7 @@ def consistent_set(
     Examples
     --------
     >>> import numpy as np, setid
-    >>> from setid.control.parameter_set import consistent_set
+    >>> from setid.control.parameters.parameter_set import consistent_set
     >>> u = np.random.default_rng(0).uniform(-1, 1, 40)
     >>> model = setid.TransferFunction(1, 1, nk=1)
     >>> data = setid.IOData(u, setid.simulate(model, [-0.5, 1.0], u))
@@ -249,7 +251,7 @@ def identified(
     integrators: int,
     options: Options,
     margin: float | None = None,
-    priors: tuple = (),
+    priors: tuple[Any, ...] = (),
 ) -> Identification:
     """Identify with the engine, starting from what sums of rows prove.
 

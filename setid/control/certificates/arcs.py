@@ -16,7 +16,7 @@ from math import comb, factorial, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from .parameter_set import ParameterSet
+from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["Arc", "Family", "first_arcs", "ratio_on_arcs", "zero_free"]
 

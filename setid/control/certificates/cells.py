@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from .arcs import Family
-from .parameter_set import ParameterSet
+from setid.control.certificates.arcs import Family
+from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["Attempt", "Claim", "Outcome", "prove_over_cells"]
 

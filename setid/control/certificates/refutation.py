@@ -8,13 +8,13 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from .characteristic import closed_loop_polynomial, polynomials_of
-from .engine import Formulation, IOData, Noise, TransferFunction, consistent, formulate
-from .parameter_set import ParameterSet
-from .rows import noisy_rows
-from .small_gain import denominator_of
-from .sums import Frame, best_fit, least_noise_fit
-from .transfer import Transfer, is_schur
+from setid.control.certificates.characteristic import closed_loop_polynomial, polynomials_of
+from setid.control.certificates.small_gain import denominator_of
+from setid.control.engine import Formulation, IOData, Noise, TransferFunction, consistent, formulate
+from setid.control.parameters.parameter_set import ParameterSet
+from setid.control.parameters.rows import noisy_rows
+from setid.control.parameters.sums import Frame, best_fit, least_noise_fit
+from setid.control.transfer import Transfer, is_schur
 
 __all__ = ["unstable_plant"]
 

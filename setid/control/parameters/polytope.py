@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from .engine import frozen
+from setid.control.engine import frozen
 
 __all__ = ["Polytope"]
 
@@ -44,7 +44,7 @@ class Polytope:
     Examples
     --------
     >>> import numpy as np
-    >>> from setid.control.polytope import Polytope
+    >>> from setid.control.parameters.polytope import Polytope
     >>> triangle = Polytope(np.zeros(2), np.ones(2), np.array([[1.0, 1.0]]), np.ones(1))
     >>> low, high = triangle.ranges(np.array([[1.0, 2.0]]))
     >>> float(round(low[0], 9) + 0.0), float(round(high[0], 9))

@@ -15,11 +15,11 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from .arcs import Family, ratio_on_arcs, zero_free
-from .cells import Attempt
-from .engine import TransferFunction
-from .parameter_set import ParameterSet
-from .transfer import Transfer, is_schur, times
+from setid.control.certificates.arcs import Family, ratio_on_arcs, zero_free
+from setid.control.certificates.cells import Attempt
+from setid.control.engine import TransferFunction
+from setid.control.parameters.parameter_set import ParameterSet
+from setid.control.transfer import Transfer, is_schur, times
 
 __all__ = ["SmallGain", "denominator_of", "lags_of"]
 

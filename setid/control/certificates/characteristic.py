@@ -15,12 +15,12 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from .arcs import Family, zero_free
-from .cells import Attempt
-from .engine import TransferFunction
-from .parameter_set import ParameterSet
-from .small_gain import lags_of
-from .transfer import Transfer, is_schur, times
+from setid.control.certificates.arcs import Family, zero_free
+from setid.control.certificates.cells import Attempt
+from setid.control.certificates.small_gain import lags_of
+from setid.control.engine import TransferFunction
+from setid.control.parameters.parameter_set import ParameterSet
+from setid.control.transfer import Transfer, is_schur, times
 
 __all__ = ["Characteristic", "closed_loop_polynomial", "polynomials_of"]
 

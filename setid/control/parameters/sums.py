@@ -18,8 +18,8 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from .polytope import Polytope, box_of
-from .rows import NoisyRows
+from setid.control.parameters.polytope import Polytope, box_of
+from setid.control.parameters.rows import NoisyRows
 
 __all__ = [
     "Frame",

@@ -7,7 +7,7 @@ from math import inf, nan, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from .parameter_set import ParameterSet
+from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["ratio_range", "series_times"]
 
@@ -64,7 +64,7 @@ def series_times(
 
     Examples
     --------
-    >>> from setid.control.ratios import series_times
+    >>> from setid.control.parameters.ratios import series_times
     >>> [tuple(round(v, 6) for v in ends) for ends in series_times((4.0, 4.0), (0.75, 0.75))]
     [(3.0, 3.0), (1.0, 1.0)]
     """

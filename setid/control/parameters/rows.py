@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from .engine import DataError, IOData, ModelError, Noise, TransferFunction, frozen
+from setid.control.engine import DataError, IOData, ModelError, Noise, TransferFunction, frozen
 
 __all__ = ["NoisyRows", "noisy_rows"]
 
@@ -129,13 +130,15 @@ def _orders(data: IOData, model: TransferFunction, integrators: int) -> tuple[in
     return na, nb, nk
 
 
-def _lagged(signal: Reals, lag: int, sign: float, rows: NDArray, begins: NDArray) -> Reals:
+def _lagged(
+    signal: Reals, lag: int, sign: float, rows: NDArray[Any], begins: NDArray[Any]
+) -> Reals:
     inside = rows - lag >= begins[rows]
     return np.where(inside, sign * signal[np.maximum(rows - lag, 0)], 0.0)
 
 
 def _noise_matrix(
-    samples: int, group: int, lag: int, sign: float, rows: NDArray, begins: NDArray
+    samples: int, group: int, lag: int, sign: float, rows: NDArray[Any], begins: NDArray[Any]
 ) -> sps.csr_array:
     """Coefficients of the noise of one lagged signal; groups: output, input, equation."""
     inside = np.flatnonzero(rows - lag >= begins[rows])
