@@ -1,5 +1,6 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
+from . import control, neural
 from .bands.blocks import (
     SignalBand,
     StaticBand,
@@ -82,7 +83,7 @@ from .feasible_set.projections import (
     Projection,
     project,
 )
-from .feasible_set.sign_tree import (
+from .feasible_set.start import (
     parameter_box,
 )
 from .formulation.assembly import (
@@ -149,9 +150,6 @@ from .priors.registry import (
     read_prior,
     register_prior,
 )
-from .proofs.directions import (
-    DirectionBox,
-)
 from .proofs.evidence import (
     Evidence,
     Verification,
@@ -163,7 +161,8 @@ from .proofs.intervals import (
 from .proofs.normalisation import (
     unidentifiable,
 )
-from .proofs.sign_tree import (
+from .proofs.parameter_box import (
+    DirectionBox,
     ParameterBox,
 )
 from .result.identification import (
@@ -245,6 +244,7 @@ __all__ = [
     "central",
     "compare",
     "consistency",
+    "control",
     "convert",
     "convert_intervals",
     "discretisation_error",
@@ -261,6 +261,7 @@ __all__ = [
     "least_squares",
     "linf",
     "members",
+    "neural",
     "parameter_box",
     "parameters",
     "predict",

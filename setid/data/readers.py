@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from setid.data.checks import real_array
@@ -41,6 +40,8 @@ def read_mat_columns(
     DataError
         If a variable is missing or not a real matrix.
     """
+    import scipy.io  # loaded by those who read such files
+
     try:
         version = scipy.io.matlab.matfile_version(os.fspath(path))
         found = {} if version[0] > 1 else scipy.io.loadmat(os.fspath(path))

@@ -140,8 +140,8 @@ def _residuals(problem: Problem) -> Any:
     residuals = [to_structs(Problem(residual))[0] for _, residual in problem.squares]
     lower, upper = to_structs(problem)[2:]
     again = from_structs(residuals, [], lower, upper)
-    same = again.fingerprint == Problem(problem.objective, (), again.lower, again.upper).fingerprint
-    return cell(residuals, row=True) if same else None
+    here = Problem(problem.objective, (), again.lower, again.upper, squares=problem.squares)
+    return cell(residuals, row=True) if again.fingerprint == here.fingerprint else None
 
 
 def _problem(variables: dict[str, Any], path: str | Path) -> Problem:

@@ -410,6 +410,7 @@ def _times(result: Result, read: float, given: Input) -> CpuTime:
     spent = result.timings
     conversion = sum(spent.get(stage, 0.0) for stage in ("presolve", "relax", "assemble"))
     local = sum(spent.get(stage, 0.0) for stage in ("search", "extract", "refine"))
-    solver, certify = spent.get("solve", 0.0), spent.get("certify", 0.0)
+    solver = spent.get("solve", 0.0)
+    certify = spent.get("certify", 0.0) + spent.get("verify", 0.0)
     total = conversion + solver + certify
     return CpuTime(conversion, solver, certify, read, local, total, given.single)

@@ -18,6 +18,7 @@ import numpy as np
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.io import json_codecs as codecs
+from sparsepop_py.io import json_version2 as version2
 from sparsepop_py.io.json_certificates import CERTIFICATE
 from sparsepop_py.io.json_codecs import (
     Codec,
@@ -38,7 +39,7 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION = "sparsepop-py", 2
+_FORMAT, _VERSION, _OLDER = "sparsepop-py", 3, 2
 _DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
 
 
@@ -78,7 +79,10 @@ def to_json(value: Problem | Certificate | Result) -> str:
 
 
 def from_json(source: str) -> Any:
-    """Read the JSON text of :func:`to_json`.
+    """Read the JSON text of :func:`to_json`, of this version or of version 2.
+
+    The certificate of a result of version 2 gets the fingerprint of today, if it had that of
+    the result's problem. A certificate alone keeps its own: ``verify`` knows it.
 
     Parameters
     ----------
@@ -96,23 +100,41 @@ def from_json(source: str) -> Any:
     Examples
     --------
     >>> import sparsepop_py as sp
-    >>> x, = sp.variables(1)
-    >>> sp.from_json(sp.to_json(sp.Problem(x**2, lower=-1)))
-    <Problem: 1 variables, 0 inequalities, 0 equalities, degree 2>
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.from_json(sp.to_json(sp.Problem(x * y, [x + y <= 1])))
+    >>> print(problem)
+    min x1*x2
+      s.t. 1 - x1 - x2 >= 0
     """
     try:
         found = json.loads(source)
-    except (ValueError, RecursionError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise ProblemError(f"JSON: {error}") from error
     if codecs.field_of(found, "format", "JSON") != _FORMAT:
         raise codecs.wrong("JSON.format", found["format"], repr(_FORMAT))
-    if codecs.field_of(found, "version", "JSON") != _VERSION:
-        raise codecs.wrong("JSON.version", found["version"], str(_VERSION))
+    version = codecs.field_of(found, "version", "JSON")
+    if type(version) is not int or version not in (_OLDER, _VERSION):
+        raise codecs.wrong("JSON.version", version, f"{_VERSION} or {_OLDER}")
     name = codecs.field_of(found, "is", "JSON")
     for known, codec in _KINDS.values():
         if name == known:
-            return codec.read(codecs.field_of(found, name, "JSON"), name)
+            content = codecs.field_of(found, name, "JSON")
+            if version == _OLDER:
+                _upgrade(name, content)
+            return codec.read(content, name)
     raise codecs.wrong("JSON.is", name, "one of " + ", ".join(n for n, _ in _KINDS.values()))
+
+
+def _upgrade(name: str, content: Any) -> None:
+    """Turn the content of a text of version 2 into that of today, in place."""
+    if name == "certificate":
+        version2.rename(content)
+    elif name == "result":
+        certificates = codecs.field_of(content, "certificate", name)
+        version2.rename(certificates)
+        version2.rename_skipped(content.get("options"))
+        problem = PROBLEM.read(codecs.field_of(content, "problem", name), f"{name}.problem")
+        version2.refingerprint(certificates, problem)
 
 
 def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:

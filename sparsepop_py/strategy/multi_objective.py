@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +66,8 @@ class MultiObjectiveSearch:
         Improves candidate vectors before local searches.
     points : list of ProvedPoint
         Known feasible points; with any, no local search runs before the first turn.
+    known : dict
+        What verification of certificates found, for those that quote them.
     """
 
     problem: Problem
@@ -75,10 +78,11 @@ class MultiObjectiveSearch:
     stages: Stages
     deadline: Deadline
     report: Callable[[int, SearchState], None] | None = None
-    repair: Callable[[NDArray], NDArray] | None = None
+    repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
+    known: dict[Any, Any] = field(default_factory=dict)
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
@@ -222,13 +226,18 @@ class MultiObjectiveSearch:
         gained = certificate.bound - (box.lo[variable] if side > 0 else -box.hi[variable])
         if gained <= 1e-4 * (box.hi[variable] - box.lo[variable]):
             return
+        with self.stages.stage("verify"):
+            certificate = certificate.settled(auto.context.problem, self.known)
+            auto.outcome = replace(auto.outcome, certificate=certificate)
+        if certificate is None:
+            return
         with self.stages.stage("presolve"):
             self.quoted[variable, side] = certificate
             bounds = tuple((v, s, proof) for (v, s), proof in self.quoted.items())
             variables, sides = np.array(list(self.quoted), np.int64).T
             values = np.array([proof.bound for _, _, proof in bounds])
             known = Known(bounds)
-            # their certificates were made by the code that verifies them: no need to replay
+            # their certificates are verified: no need to replay
             box = shrunk(self.base.box, variables, sides, values)
             replay = Replay(self.problem, None)
             if is_empty(box):
@@ -322,7 +331,7 @@ def _obbt_rounds(
         STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
     ):
         mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
-        seen: list[NDArray] = []
+        seen: list[NDArray[Any]] = []
         smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
         if step is not None and is_empty(smaller):
             break
@@ -347,7 +356,7 @@ def _obbt_rounds(
     return replace(model, proof=BoxProof(tuple(steps)), box=box), active
 
 
-def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
     """Choose starts of local searches: random, or the middle of the box with a star."""
     if Products.of(problem).has_star:
         return [box.middle()]

@@ -139,7 +139,9 @@ def test_least_squares() -> None:
     residuals = [struct([[2, 0], [0, 1]], [-1, 1]), struct([[0, 0], [1, 0]], [1, -1])]
     problem = from_structs(residuals, [], [-5, -5], [5, 5])
     x, y = sp.variables(2)
-    assert problem.fingerprint == sp.Problem((y - x**2) ** 2 + (1 - x) ** 2, (), -5, 5).fingerprint
+    parts = [y - x**2, 1 - x]
+    objective = sp.total(part**2 for part in parts)
+    assert problem.fingerprint == sp.Problem(objective, (), -5, 5, squares=parts).fingerprint
     assert [(w, str(p)) for w, p in problem.squares] == [(1, "x2 - x1^2"), (1, "1 - x1")]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 
 __all__ = ["rounded"]
 
@@ -32,7 +32,17 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Tr
     >>> rounded(-0.50000001, upwards=False, digits=7, scientific=False)
     '-0.5000001'
     """
-    if math.isfinite(value):
-        direction = ROUND_CEILING if upwards else ROUND_FLOOR
-        value = float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
-    return f"{value:+.{digits - 1}e}" if scientific else f"{value:.{digits}g}"
+    form = f"+.{digits - 1}e" if scientific else f".{digits}g"
+    if not math.isfinite(value):
+        return format(value, form)
+    direction = ROUND_CEILING if upwards else ROUND_FLOOR
+    shown = float(Context(prec=digits, rounding=direction).create_decimal_from_float(value))
+    outwards = math.inf if upwards else -math.inf
+    while _inside(format(shown, form), value, upwards):  # subnormal numbers have few digits
+        shown = math.nextafter(shown, outwards)
+    return format(shown, form)
+
+
+def _inside(text: str, value: float, upwards: bool) -> bool:
+    """Whether what is shown lies on the wrong side of the value."""
+    return Decimal(text) < Decimal(value) if upwards else Decimal(text) > Decimal(value)

@@ -17,14 +17,14 @@ claim weak.) Without any cutoff, leaves that are all empty prove that nothing is
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -37,6 +37,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sub
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "prove", "split_box"]
 
 Argument = Identity | LinearDual | ExactGram
+_OLDER = "it was written by an older version, with that version's fingerprint"
 
 
 class Verdict(NamedTuple):
@@ -234,13 +235,17 @@ class Certificate:
         -------
         Verdict
             ``ok`` is true exactly when the problem is the one that was certified and the
-            recomputed bound is at least the claimed one.
+            recomputed bound is at least the claimed one. A certificate of an older version
+            is recognised by the hash of that version, which different problems may share;
+            what is recomputed holds for ``problem`` all the same.
         """
-        if problem.fingerprint != self.fingerprint:
-            return Verdict(False, -np.inf, "the certificate belongs to another problem")
+        old = not self.fingerprint.startswith("v2:")
+        if self.fingerprint != (fingerprint_v1(problem) if old else problem.fingerprint):
+            reason = "the certificate belongs to another problem"
+            return Verdict(False, -np.inf, f"{reason}; {_OLDER}" if old else reason)
         recomputed, _, reason = self.recompute(problem, known)
         if recomputed >= self.bound:
-            return Verdict(True, recomputed, "")
+            return Verdict(True, recomputed, _OLDER if old else "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
 
@@ -277,6 +282,25 @@ class Certificate:
                 raise
         found: tuple[float, float, str] = known[key][1]
         return found
+
+    def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
+        """Lower the claim to what verification reaches; None where that is nothing.
+
+        A search shrinks its box while the cutoff falls, and verification replays all steps with
+        the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
+
+        Parameters
+        ----------
+        problem : Problem
+            What the certificate is about.
+        known : dict, optional
+            As in :meth:`verify`.
+        """
+        bound, correction, _ = self.recompute(problem, known)
+        if bound >= self.bound:
+            return self
+        lowered = claim(Proved(bound, correction, ""))
+        return replace(self, bound=lowered) if lowered > -np.inf else None
 
     def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
         """Recompute node by node, so that memory does not grow; see :meth:`recompute`."""

@@ -45,7 +45,7 @@ def test_error_values_of_spreadsheets_are_missing_samples(tmp_path: Path, marker
 def test_what_is_proved_of_the_published_record_holds_the_truth(tmp_path: Path) -> None:
     data = setid.IOData.from_csv(written(tmp_path, report("#N/A,<y>")), "u", "y")
     model, noise = setid.TransferFunction(na=1, nb=1, nk=0), setid.Noise(equation=0.011)
-    found = {p.name: p.outer for p in setid.identify(data, model, noise).intervals}
+    found = {name: p.outer for name, p in setid.identify(data, model, noise).intervals.items()}
     gain = next(outer for name, outer in found.items() if name.startswith("b"))
     assert gain[0] <= 0.5 <= gain[1]
 
