@@ -121,7 +121,10 @@ def _balanced(polynomial: sp.Polynomial) -> tuple[sp.Polynomial, float]:
 
 
 def _with(polynomial: sp.Polynomial, values: Reals) -> sp.Polynomial:
-    return sp.Polynomial(polynomial.words, frozen(values), polynomial.dimension, polynomial.names)
+    # raw, since zeros and infinities are found by _safe
+    return sp.Polynomial._of_sorted(
+        polynomial.words, frozen(values), polynomial.dimension, polynomial.names
+    )
 
 
 def _safe(polynomial: sp.Polynomial) -> bool:
