@@ -177,3 +177,77 @@ def test_derivatives_are_by_variables(variable: Any) -> None:
 def test_derivatives_take_integers_of_numpy() -> None:
     x, y = sp.variables(2)
     assert str((x**2 + y).derivative(np.int8(0))) == "2*x1"
+
+
+# ---- what solving makes --------------------------------------------------------------------------
+
+
+def test_proved_points_copy_and_freeze() -> None:
+    x, y = sp.variables(2)
+    problem = sp.Problem(x * y, [x + y == 1], 0, 1)
+    given_, rows, solved = np.array([0.25, 0.0]), np.array([0]), np.array([1])
+    point = sp.ProvedPoint(given_, np.inf, 0.0, "exact", rows, solved).recheck(problem)
+    assert point is not None and point.value == 0.1875  # x2 = 3/4
+    copied = sp.ProvedPoint(given_, np.inf, 0.0, "exact", rows, solved)
+    given_[0], rows[0], solved[0] = 7.0, 5, 9
+    assert copied.recheck(problem).value == 0.1875
+    with pytest.raises(ValueError, match="read-only"):
+        copied.x[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"x": np.zeros((1, 2))}, r"x: found float64 of shape \(1, 2\), expected 1 dimension"),
+        ({"x": ["a", "b"]}, "x: found <U1"),
+        ({"x": [[0.0], 1.0]}, "x: found object"),
+        ({"rows": np.array([0.5])}, "rows: found float64"),
+        ({"solved": np.array([True])}, "solved: found bool"),
+        ({"proof": "hope"}, "proof: found 'hope'"),
+        ({"proof": None}, "proof: found None"),
+    ],
+)
+def test_proved_points_of_other_types_are_refused(change: dict[str, Any], message: str) -> None:
+    none = np.zeros(0, int)
+    fields = {"x": [0.0, 1.0], "rows": none, "solved": none, "proof": "exact", **change}
+    with pytest.raises(ProblemError, match=message):
+        sp.ProvedPoint(value=0.0, radius=0.0, **fields)
+
+
+def test_cliques_and_points_keep_arrays_of_their_own() -> None:
+    x = sp.variables(3)
+    cliques = sp.find_cliques(sp.Problem(x[0] * x[1], [x[1] + x[2] <= 1]))
+    home = cliques.home.copy()
+    again = replace(cliques, home=home, members=list(cliques.members))
+    home[0] = 0
+    assert again.home.tolist() == cliques.home.tolist() == [1]
+    assert isinstance(again.members, tuple)
+    with pytest.raises(ProblemError, match="home: found float64"):
+        replace(cliques, home=np.array([0.5]))
+    with pytest.raises(ProblemError, match="tree: found 1 parents, expected one of 2 cliques"):
+        replace(cliques, tree=np.array([-1]))
+    place = np.zeros(2)
+    point = sp.Point(place, 0.0, 0.0)
+    place[0] = 5.0
+    assert point.x.tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [({"fingerprint": 7}, "fingerprint: found int"), ({"root": None}, "root: found NoneType")],
+)
+def test_certificates_of_other_types_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ProblemError, match=message):
+        Certificate(**{"fingerprint": "v2:0", "bound": 0.0, **change})
+
+
+def test_parts_of_trees_are_tuples_of_nodes() -> None:
+    low, high = Node(), Node()
+    children = [low, high]
+    node = Node(branch=(0, 0.5), children=children)  # type: ignore[arg-type]
+    children.clear()
+    assert node.children == (low, high)
+    with pytest.raises(ProblemError, match="children: found NoneType, expected a Node"):
+        Node(branch=(0, 0.5), children=(None, low))  # type: ignore[arg-type]
+    with pytest.raises(ProblemError, match="box: found tuple, expected a BoxProof"):
+        Node(())  # type: ignore[arg-type]
