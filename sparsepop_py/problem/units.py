@@ -113,7 +113,10 @@ def _balanced(polynomial: Polynomial) -> tuple[Polynomial, float]:
 
 
 def _with(polynomial: Polynomial, values: Reals) -> Polynomial:
-    return Polynomial(polynomial.words, frozen(values), polynomial.dimension, polynomial.names)
+    # raw, since zeros and infinities are looked for afterwards
+    return Polynomial._of_sorted(
+        polynomial.words, frozen(values), polynomial.dimension, polynomial.names
+    )
 
 
 def _safe(polynomial: Polynomial) -> bool:

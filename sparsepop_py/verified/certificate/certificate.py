@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
@@ -104,6 +105,14 @@ class Node:
     empty: bool = False
     branch: tuple[int, float] | None = None
     children: tuple[Node, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.__dict__["children"] = tuple(self.children)
+        if not isinstance(self.box, BoxProof):
+            raise ProblemError(f"box: found {type(self.box).__name__}, expected a BoxProof")
+        for child in self.children:
+            if not isinstance(child, Node):
+                raise ProblemError(f"children: found {type(child).__name__}, expected a Node")
 
     def __iter__(self) -> Iterator[Node]:
         """Iterate over the node and all its descendants."""
@@ -220,6 +229,15 @@ class Certificate:
     cutoff: float | None = None
     correction: float = 0.0
     assumptions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.__dict__["assumptions"] = tuple(self.assumptions)
+        for name, kind in (("fingerprint", str), ("root", Node)):
+            value = getattr(self, name)
+            if not isinstance(value, kind):
+                raise ProblemError(
+                    f"{name}: found {type(value).__name__}, expected {kind.__name__}"
+                )
 
     def verify(self, problem: Problem, known: dict[Any, Any] | None = None) -> Verdict:
         """Recompute the bound from the problem's exact doubles, without any solver.
