@@ -1,6 +1,6 @@
 """Large problems: proved gap, CPU seconds and peak memory, each in a process of its own.
 
-``python -m benchmarks.chains`` prints the tables of docs/benchmarks.md.
+``python -m benchmarks.chains`` prints the tables of docs/benchmarks/large_problems.md.
 """
 
 from __future__ import annotations

@@ -82,7 +82,7 @@ from .feasible_set.projections import (
     Projection,
     project,
 )
-from .feasible_set.sign_tree import (
+from .feasible_set.start import (
     parameter_box,
 )
 from .formulation.assembly import (
@@ -149,9 +149,6 @@ from .priors.registry import (
     read_prior,
     register_prior,
 )
-from .proofs.directions import (
-    DirectionBox,
-)
 from .proofs.evidence import (
     Evidence,
     Verification,
@@ -163,7 +160,8 @@ from .proofs.intervals import (
 from .proofs.normalisation import (
     unidentifiable,
 )
-from .proofs.sign_tree import (
+from .proofs.parameter_box import (
+    DirectionBox,
     ParameterBox,
 )
 from .result.identification import (

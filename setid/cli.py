@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import sparsepop_py as sp
 from setid.consistency import Consistency, consistency
 from setid.data.noise import Noise
-from setid.data.readers import text_lines
 from setid.data.record import IOData
+from setid.data.tables import has_names
 from setid.errors import DataError, ModelError, NoiseError, SetidError
 from setid.identify import identify
 from setid.models.continuous import ContinuousTransferFunction, Hold, Method
@@ -23,13 +21,23 @@ from setid.models.equations import Initial, Structure
 from setid.models.lti import TransferFunction
 from setid.models.registry import families, family_of
 from setid.options import Options
-from setid.plots.axes import require_matplotlib
 from setid.plots.intervals import plot_intervals
 from setid.priors import DCGain, Stable
 from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
+from sparsepop_py.cli import (
+    EXIT_INPUT,
+    EXIT_MISSING,
+    EXIT_OPEN,
+    EXIT_PROVED,
+    check_picture,
+    json_number,
+    run_commands,
+    version,
+)
+from sparsepop_py.errors import check_writable
 
 __all__ = [
     "EXIT_EMPTY",
@@ -42,10 +50,6 @@ __all__ = [
     "structure_from",
 ]
 
-EXIT_PROVED = 0
-EXIT_OPEN = 1
-EXIT_INPUT = 2
-EXIT_MISSING = 3
 EXIT_EMPTY = 4
 
 _NOISE = {
@@ -84,19 +88,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     >>> main(["identify", "nowhere.csv", "--na", "1", "--nb", "1", "--output-noise", "1"])
     2
     """
-    try:
-        arguments = _parser().parse_args(argv)
-    except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
-        return int(stop.code or 0)
-    try:
-        code: int = arguments.run(arguments)
-    except (SetidError, sp.ProblemError, OSError) as error:
-        print(f"setid: {error}", file=sys.stderr)
-        return EXIT_INPUT
-    except sp.SolverNotFound as error:
-        print(f"setid: {error}", file=sys.stderr)
-        return EXIT_MISSING
-    return code
+    return run_commands("setid", _parser(), argv, (SetidError, sp.ProblemError))
 
 
 # ---- arguments --------------------------------------------------------------------------
@@ -110,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_CODES,
         formatter_class=layout,
     )
-    parser.add_argument("--version", action="version", version=f"sparsepop-py {_version()}")
+    parser.add_argument("--version", action="version", version=f"sparsepop-py {version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
         ("identify", _identify, "prove an interval for each parameter"),
@@ -148,13 +140,6 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     group.add_argument("--relative", action="store_true", help="bounds are shares of readings")
 
 
-def _version() -> str:
-    try:
-        return metadata.version("sparsepop-py")
-    except metadata.PackageNotFoundError:
-        return "(not installed)"
-
-
 def _record(arguments: argparse.Namespace) -> IOData:
     defaults = _default_columns(arguments.record)
     inputs = _columns(arguments.input) or [defaults[0]]
@@ -176,10 +161,8 @@ def _columns(given: list[str] | None) -> list[str | int]:
 
 
 def _default_columns(path: str) -> tuple[str | int, str | int]:
-    """U and y where the first line holds names, else the first two columns."""
-    first = next((line for _, line in text_lines(path)), "")
-    named = any(character.isalpha() and character not in "eEnNaA" for character in first)
-    return ("u", "y") if named else (0, 1)
+    """Take u and y where the first line holds names, else the first two columns."""
+    return ("u", "y") if has_names(path) else (0, 1)
 
 
 def _parts(
@@ -216,22 +199,11 @@ def _options(arguments: argparse.Namespace) -> Options:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Whether the results can be written, before the work and not after it."""
-    picture = getattr(arguments, "plot", None)
-    if picture:
-        _check_suffix(picture)
-    for option, path in (("--json", arguments.json), ("--plot", picture)):
-        if path and path != "-" and (Path(path).is_dir() or not Path(path).parent.is_dir()):
-            raise SetidError(f"{option}: found {path!r}, expected a file in an existing directory")
-
-
-def _check_suffix(picture: str) -> None:
-    known = require_matplotlib().FigureCanvasBase.get_supported_filetypes()
-    if Path(picture).suffix.removeprefix(".").lower() not in known:
-        raise SetidError(
-            f"--plot: found {picture!r}, expected a file that ends in one of "
-            + ", ".join(f".{name}" for name in known)
-        )
+    """Refuse results that cannot be written, before the work and not after it."""
+    if getattr(arguments, "plot", None):
+        check_picture(arguments.plot)
+    if arguments.json and arguments.json != "-":
+        check_writable(arguments.json, "--json")
 
 
 def _identify(arguments: argparse.Namespace) -> int:
@@ -266,8 +238,10 @@ def _as_record(path: str, result: Identification, checked: Verification | None) 
         "status": str(result.status),
         "intervals": {
             name: {
-                "outer": [_number(end) for end in interval.outer],
-                "inner": None if interval.inner is None else [_number(e) for e in interval.inner],
+                "outer": [json_number(end) for end in interval.outer],
+                "inner": None
+                if interval.inner is None
+                else [json_number(e) for e in interval.inner],
                 "status": str(interval.status),
             }
             for name, interval in result.intervals.items()
@@ -297,19 +271,12 @@ def _as_scale(path: str, found: Consistency) -> dict[str, Any]:
     return {
         "file": path,
         "model": repr(found.formulation.model),
-        "scale": [_number(end) for end in found.scale],
+        "scale": [json_number(end) for end in found.scale],
         "explains": found.explains,
         "theta": theta,
         "samples": [list(map(int, pair)) for pair in found.samples],
         "assumptions": list(found.assumptions),
     }
-
-
-def _number(value: float) -> float | str | None:
-    """A number that JSON knows, infinities as the strings that ``float`` reads."""
-    if math.isnan(value):
-        return None
-    return float(value) if math.isfinite(value) else str(float(value))
 
 
 def _write(path: str | None, record: dict[str, Any], text: str) -> None:

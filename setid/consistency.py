@@ -21,7 +21,6 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.feasible_points.estimators import least_squares, linf
 from setid.feasible_points.witness import consistent, least_noise
-from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
@@ -45,6 +44,7 @@ from setid.proofs.noise_scale import (
     verify_scale,
 )
 from setid.proofs.parameter_box import start_of
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
 __all__ = ["Consistency", "consistency"]
 

@@ -3,7 +3,7 @@
 from . import problems
 from .algebra.matrix_constraints import psd, second_order
 from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
-from .bounding.exact_linear import LinearBound, linear_bounds
+from .bounding.exact_linear import linear_bounds
 from .compat.mat import read_mat, write_mat
 from .compat.output import SparsePOPOutput
 from .compat.sparsepop import sparsePOP
@@ -31,6 +31,7 @@ from .result import Point, Result, Status
 from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
 from .verified.certificate.certificate import Certificate, Verdict
+from .verified.certificate.linear_bound import LinearBound
 from .verified.points.feasible_point import ProvedPoint
 
 __all__ = [

@@ -45,7 +45,7 @@ def spent() -> float:
 
 
 class Deadline:
-    """Know when a solve has to end: after some wall time, or after some work.
+    """Deadline of a solve: after some wall time, or after some work. Mutable.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Deadline:
 
     @property
     def counts_work(self) -> bool:
-        """Whether decisions rest on work and not on clocks."""
+        """True if decisions rest on work and not on clocks."""
         return self._last is not None
 
     def now(self) -> float:
@@ -96,6 +96,6 @@ class Deadline:
 
     @property
     def over(self) -> bool:
-        """Whether a limit has passed."""
+        """True if a limit has passed."""
         late = self._end is not None and time.monotonic() >= self._end
         return late or (self._last is not None and spent() >= self._last)

@@ -24,7 +24,17 @@ from sparsepop_py.solvers import solver_names
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.display import rounded
 
-__all__ = ["EXIT_INPUT", "EXIT_MISSING", "EXIT_OPEN", "EXIT_PROVED", "main"]
+__all__ = [
+    "EXIT_INPUT",
+    "EXIT_MISSING",
+    "EXIT_OPEN",
+    "EXIT_PROVED",
+    "check_picture",
+    "json_number",
+    "main",
+    "run_commands",
+    "version",
+]
 
 EXIT_PROVED = 0
 EXIT_OPEN = 1
@@ -58,17 +68,44 @@ def main(argv: Sequence[str] | None = None) -> int:
     >>> main(["solve", "nowhere.gms"])
     2
     """
+    return run_commands("sparsepop", _parser(), argv, (ProblemError, FormatError))
+
+
+def run_commands(
+    program: str,
+    parser: argparse.ArgumentParser,
+    argv: Sequence[str] | None,
+    wrong_input: tuple[type[Exception], ...],
+) -> int:
+    """Parse arguments and run the command that they name, with messages for people.
+
+    Parameters
+    ----------
+    program : str
+        Name in front of messages on standard error.
+    parser : argparse.ArgumentParser
+        Each command sets ``run``, a function of the parsed arguments that returns an exit code.
+    argv : sequence of str or None
+        Those of the process for None.
+    wrong_input : tuple of exception types
+        What ends with code 2 and its message; missing software ends with code 3.
+
+    Returns
+    -------
+    int
+    """
     try:
-        arguments = _parser().parse_args(argv)
+        arguments = parser.parse_args(argv)
     except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
         return int(stop.code or 0)
+    wrong: tuple[type[Exception], ...] = (*wrong_input, OSError)
     try:
         code: int = arguments.run(arguments)
-    except (ProblemError, FormatError, OSError) as error:
-        print(f"sparsepop: {error}", file=sys.stderr)
+    except wrong as error:
+        print(f"{program}: {error}", file=sys.stderr)
         return EXIT_INPUT
     except SolverNotFound as error:
-        print(f"sparsepop: {error}", file=sys.stderr)
+        print(f"{program}: {error}", file=sys.stderr)
         return EXIT_MISSING
     return code
 
@@ -80,7 +117,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"sparsepop-py {_version()}")
+    parser.add_argument("--version", action="version", version=f"sparsepop-py {version()}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
         ("solve", _solve, "prove a bound, find a point, and print both"),
@@ -122,7 +159,8 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
 
 
-def _version() -> str:
+def version() -> str:
+    """Find the installed version, for ``--version``."""
     try:
         return metadata.version("sparsepop-py")
     except metadata.PackageNotFoundError:
@@ -132,7 +170,19 @@ def _version() -> str:
 # ---- solve ------------------------------------------------------------------------------
 
 
-def _check_picture(path: str) -> None:
+def check_picture(path: str) -> None:
+    """Refuse a path that no picture can be written to, before the work.
+
+    Parameters
+    ----------
+    path : str
+        Of the option ``--plot``.
+
+    Raises
+    ------
+    ProblemError
+        If the folder does not exist or the ending is unknown.
+    """
     known = plots.require_matplotlib().FigureCanvasBase.get_supported_filetypes()
     check_writable(path, "--plot")
     if Path(path).suffix.removeprefix(".").lower() not in known:
@@ -142,7 +192,7 @@ def _check_picture(path: str) -> None:
 
 def _solve(arguments: argparse.Namespace) -> int:
     if arguments.plot:
-        _check_picture(arguments.plot)  # before the work, not after it
+        check_picture(arguments.plot)  # before the work, not after it
     problem = read(arguments.file)
     options = Options(
         order=arguments.order,
@@ -206,8 +256,13 @@ def _point(result: Result) -> list[str]:
     return lines
 
 
-def _number(value: float) -> float | str | None:
-    """Convert a number to JSON, infinities to the strings that ``float`` reads."""
+def json_number(value: float) -> float | str | None:
+    """Convert a number to JSON, infinities to the strings that ``float`` reads.
+
+    Parameters
+    ----------
+    value : float
+    """
     if math.isnan(value):
         return None
     return value if math.isfinite(value) else str(value)
@@ -235,14 +290,14 @@ def _record(path: str, result: Result) -> dict[str, Any]:
         "sense": problem.sense,
         "status": str(result.status),
         "message": result.status.message,
-        "lower_bound": _number(low),
-        "upper_bound": _number(high),
-        "gap": _number(result.gap),
+        "lower_bound": json_number(low),
+        "upper_bound": json_number(high),
+        "gap": json_number(result.gap),
         "attained": result.attained is not None,
         "certificate_verified": verified,
         "names": list(problem.names),
         "x": None if result.x is None else result.x.tolist(),
-        "violation": None if result.x is None else _number(problem.violation(result.x)),
+        "violation": None if result.x is None else json_number(problem.violation(result.x)),
         "sizes": sizes,
         "timings": result.timings,
         "notes": list(result.notes),

@@ -1,4 +1,4 @@
-"""Read and write problems in any registered file format, chosen by the ending of the name.
+"""Read and write problems in any registered file format, by file ending.
 
 To add a format, write a file with a :class:`Format` and enter it in ``FORMATS`` by its ending.
 """
@@ -65,7 +65,7 @@ FORMATS: Registry[Format] = Registry(
 
 
 def read(path: PathLike) -> Problem:
-    """Read a problem from a file, in the format that the ending of its name says.
+    """Read a problem from a file, in the format of its ending.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def read(path: PathLike) -> Problem:
 
 
 def write(problem: Problem, path: PathLike) -> None:
-    """Write a problem to a file, in the format that the ending of its name says.
+    """Write a problem to a file, in the format of its ending.
 
     Parameters
     ----------

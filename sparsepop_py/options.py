@@ -94,7 +94,8 @@ class Options:
         ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
-        far is returned, with status LIMIT where the gap is open.
+        far is returned, with status LIMIT where the gap is open. The last verification of
+        the certificate comes on top.
     work_limit : float, optional
         Units of work, each about a second of one core, counted by a fixed model
         (:mod:`sparsepop_py.budget`). With it, and without ``time_limit``, no decision rests on a

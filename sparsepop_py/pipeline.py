@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, tee
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ __all__ = ["solve", "solve_each"]
 
 @one_thread
 def solve(
-    problem: Problem, options: Options | None = None, *, start: NDArray | None = None
+    problem: Problem, options: Options | None = None, *, start: NDArray[Any] | None = None
 ) -> Result:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
@@ -93,7 +94,7 @@ def solve(
     context = SolveContext(
         problem, options, Stages(options.progress), Deadline(options.time_limit, options.work_limit)
     )
-    return _result(_solve_one(context, _start_vectors(problem, start), None))
+    return _result(_solve_one(context, _start_vectors(problem, start), None), {})
 
 
 @one_thread
@@ -102,8 +103,8 @@ def solve_each(
     objectives: Sequence[Polynomial],
     options: Options | None = None,
     *,
-    start: NDArray | None = None,
-    repair: Callable[[NDArray], NDArray] | None = None,
+    start: NDArray[Any] | None = None,
+    repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None,
     points: Sequence[ProvedPoint] = (),
     branch_on: Sequence[int] | None = None,
     on_progress: Callable[[int, float, float], None] | None = None,
@@ -187,7 +188,8 @@ def solve_each(
             repair=repair,
             points=[p for p in (point.recheck(problem) for point in points) if p is not None],
         )
-        return [_result(state) for state in search.run()]
+        states = search.run()
+        return [_result(state, search.known) for state in states]
     model = None
     if (finite(box) or options.effort == "plain") and not is_empty(box):
         try:
@@ -195,7 +197,7 @@ def solve_each(
                 model = build_relaxations(problem, tuple(objectives), first, options)
         except KeyboardInterrupt:
             deadline.stop()
-    states: list[SearchState] = []
+    states = []
     for number, objective in enumerate(objectives):
         own = Stages(options.progress)
         own.seconds.update(stages.seconds if not states else {})
@@ -205,7 +207,8 @@ def solve_each(
         if INTERRUPTED in states[-1].notes:
             deadline.stop()  # the others end with what is known
         report(number, states[-1])
-    return [_result(state) for state in _with_widths(states, objectives, options)]
+    known: dict[Any, Any] = {}
+    return [_result(state, known) for state in _with_widths(states, objectives, options)]
 
 
 @dataclass(frozen=True)
@@ -264,7 +267,7 @@ def _with_widths(
     return done
 
 
-def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.float64]]:
+def _start_vectors(problem: Problem, start: NDArray[Any] | None) -> list[NDArray[np.float64]]:
     if start is None:
         return []
     try:
@@ -278,9 +281,11 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
     return [vector]
 
 
-def _solve_one(context: SolveContext, starts: list[NDArray], shared: Model | None) -> SearchState:
+def _solve_one(
+    context: SolveContext, starts: list[NDArray[Any]], shared: Model | None
+) -> SearchState:
     """Search an incumbent, then loop over relaxations; an interrupt keeps what is proved."""
-    problem, candidates = context.problem, list[NDArray]()
+    problem, candidates = context.problem, list[NDArray[Any]]()
     try:
         with context.stages.stage("search"):
             box = shared.box if shared else Interval(problem.lower, problem.upper)
@@ -297,8 +302,35 @@ def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArr
     yield from random_starts(problem, box, options)  # a box is found only if they are asked for
 
 
-def _result(state: SearchState) -> Result:
-    context, bound, candidates = state.context, state.outcome, state.candidates
+def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
+    """Lower the claims of a state, also those on the way, to what verification confirms.
+
+    An interrupt here asks for the result, which this is the last step to; a second one ends it.
+    """
+    problem, outcome = state.context.problem, state.outcome
+    certificate = outcome.certificate
+    if certificate is None:
+        return state
+    with state.context.stages.stage("verify"):
+        try:
+            settled = certificate.settled(problem, known)
+        except KeyboardInterrupt:
+            state.context.deadline.stop()
+            settled = certificate.settled(problem, known)
+    state.context.stages.close()
+    if settled is certificate:
+        return state
+    most = lower_bound(settled)
+    history = tuple(
+        replace(entry, lower_bound=min(entry.lower_bound, most)) for entry in state.history
+    )
+    return replace(state, outcome=replace(outcome, certificate=settled), history=history)
+
+
+def _result(state: SearchState, known: dict[Any, Any]) -> Result:
+    """Make the result; its bound is what verification recomputes, with the shared ``known``."""
+    state = _verified(state, known)
+    context, bound = state.context, state.outcome
     problem, best = context.problem, context.best
     lower = lower_bound(bound.certificate)
     upper = best.value if best is not None else np.inf
@@ -307,20 +339,8 @@ def _result(state: SearchState) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    notes = [*bound.model.notes, *state.notes]
-    if context.deadline.stopped and not state.notes:
-        notes.append(INTERRUPTED)
-    status = Status.BOUNDED
-    if lower == np.inf:
-        status = Status.INFEASIBLE
-    elif context.closed(lower):
-        status = Status.OPTIMAL
-    elif lower == -np.inf:
-        status, note = _unproved(problem, bound, best)
-        notes += note
-    elif context.deadline.over or state.notes:
-        status = Status.LIMIT
-    points = _points(problem, best, candidates)
+    status, notes = _status(state, lower)
+    points = _points(problem, best, state.candidates)
     return Result(
         problem=problem,
         options=context.options,
@@ -336,8 +356,26 @@ def _result(state: SearchState) -> Result:
         solver_value=bound.value,
         history=state.history,
         timings=context.stages.seconds,
-        notes=tuple(notes),
+        notes=notes,
     )
+
+
+def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
+    context, bound = state.context, state.outcome
+    notes = [*bound.model.notes, *state.notes]
+    if context.deadline.stopped and not state.notes:
+        notes.append(INTERRUPTED)
+    status = Status.BOUNDED
+    if lower == np.inf:
+        status = Status.INFEASIBLE
+    elif context.closed(lower):
+        status = Status.OPTIMAL
+    elif lower == -np.inf:
+        status, note = _unproved(context.problem, bound, context.best)
+        notes += note
+    elif context.deadline.over or state.notes:
+        status = Status.LIMIT
+    return status, tuple(notes)
 
 
 def _unproved(
@@ -358,7 +396,7 @@ def _unproved(
 
 
 def _points(
-    problem: Problem, best: ProvedPoint | None, candidates: list[NDArray]
+    problem: Problem, best: ProvedPoint | None, candidates: list[NDArray[Any]]
 ) -> tuple[Point, ...]:
     """Select distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []

@@ -22,7 +22,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_history", "plot_result", "require_matplotlib", "save_plot"]
+__all__ = ["new_axes", "plot_history", "plot_result", "require_matplotlib", "save_plot"]
 
 _GRID = 241  # points a side of the plane
 _LARGEST_WINDOW = 1e3  # wider boxes are no help for the eye: the points choose the window
@@ -52,12 +52,19 @@ def require_matplotlib() -> ModuleType:
     return pyplot
 
 
-def _one_axis(ax: Axes | None) -> Axes:
-    """Return the given axes, or those of a new figure."""
+def new_axes(ax: Axes | None, size: tuple[float, float] = (7.0, 5.2)) -> Axes:
+    """Take the given axes, or make those of a new figure.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes or None
+    size : (float, float)
+        Of a new figure, in inches.
+    """
     pyplot = require_matplotlib()
     if ax is not None:
         return ax
-    return pyplot.subplots(figsize=(7.0, 5.2), layout="constrained")[1]
+    return pyplot.subplots(figsize=size, layout="constrained")[1]
 
 
 def plot_history(result: Result, ax: Axes | None = None) -> Axes:
@@ -78,7 +85,7 @@ def plot_history(result: Result, ax: Axes | None = None) -> Axes:
     SolverNotFound
         If matplotlib is not installed.
     """
-    ax = _one_axis(ax)
+    ax = new_axes(ax)
     seconds = np.cumsum([entry.seconds for entry in result.history])
     gaps = np.array([entry.upper_bound - entry.lower_bound for entry in result.history])
     shown = np.where(np.isfinite(gaps), np.maximum(gaps, 1e-16), np.nan)
@@ -121,7 +128,7 @@ def plot_result(result: Result, ax: Axes | None = None) -> Axes:
     >>> plot_result(result).get_xlabel()  # doctest: +SKIP
     'x1'
     """
-    ax = _one_axis(ax)
+    ax = new_axes(ax)
     if result.problem.dimension == 1:
         _curve(result, ax)
     elif result.problem.dimension == 2:
@@ -279,7 +286,7 @@ def _plane(result: Result, ax: Axes) -> None:
     _finish(result, ax)
 
 
-def _equations(problem: Problem, X: Any, Y: Any, points: NDArray, ax: Axes) -> None:
+def _equations(problem: Problem, X: Any, Y: Any, points: NDArray[Any], ax: Axes) -> None:
     drawn = False
     for row, equal in zip(problem.constraints, problem.equality, strict=True):
         values = row.polynomial(points).reshape(X.shape)

@@ -7,7 +7,35 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["Stages"]
+__all__ = ["Line", "Stages"]
+
+
+class Line:
+    """One line on standard error that changes in place.
+
+    Parameters
+    ----------
+    show : bool
+        Draw the line; ignored unless standard error is a terminal.
+    """
+
+    def __init__(self, show: bool) -> None:
+        self._show = show and sys.stderr.isatty()
+
+    def draw(self, text: str) -> None:
+        """Replace the text of the line.
+
+        Parameters
+        ----------
+        text : str
+        """
+        if self._show:
+            sys.stderr.write(f"\r\x1b[K{text}")
+            sys.stderr.flush()
+
+    def close(self) -> None:
+        """Erase the line."""
+        self.draw("")
 
 
 class Stages:
@@ -21,14 +49,12 @@ class Stages:
 
     def __init__(self, show: bool = False) -> None:
         self.seconds: dict[str, float] = {}
-        self._show = show and sys.stderr.isatty()
+        self._line = Line(show)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Time the body of a with statement for the stage of that name."""
-        if self._show:
-            sys.stderr.write(f"\r\x1b[K{name} ...")
-            sys.stderr.flush()
+        self._line.draw(f"{name} ...")
         start = time.process_time()
         try:
             yield
@@ -38,6 +64,4 @@ class Stages:
 
     def close(self) -> None:
         """Erase the line."""
-        if self._show:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._line.close()

@@ -31,7 +31,7 @@ def hill():
 
 
 def chain():
-    """Three cliques, a cut-off, products: min -> 0 at (1, 1, 1, 1) of squares, expanded."""
+    """Three cliques, a cutoff, products: min -> 0 at (1, 1, 1, 1) of squares, expanded."""
     x = sp.variables(4)
     f = sp.total((x[i + 1] - x[i] ** 2) ** 2 + (1 - x[i]) ** 2 for i in range(3))
     return sp.Problem(f, [x[0] * x[1] >= 0.5], lower=-2, upper=2)

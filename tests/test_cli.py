@@ -20,7 +20,7 @@ FILES = {
     + BOX
     + "* Solve m using NLP maximizing objvar;\n",
     "empty": HEAD + "e1.. objvar - x1 =E= 0; e2.. x1 + x2 =E= 7;\n" + BOX,
-    "endless": HEAD + "e1.. objvar - x1 =E= 0; e2.. x1 + x2 =L= 7;\n",
+    "unbounded": HEAD + "e1.. objvar - x1 =E= 0; e2.. x1 + x2 =L= 7;\n",
     # Motzkin's polynomial: bounds come only from a box, which --plain does not look for
     "open": HEAD + "e1.. objvar - x1^4*x2^2 - x1^2*x2^4 + 3*x1^2*x2^2 =E= 1; e2.. x1 + x2 =L= 9;\n",
     "broken": HEAD + "e1.. objvar - x1 =Q= 0;\n",
@@ -48,7 +48,7 @@ def run(folder: pathlib.Path, command: str, name: str, *options: str) -> int:
         ("closed", ["--order", "2", "--dense"], EXIT_PROVED),
         ("closed", ["--solver", "clarabel-moment"], EXIT_PROVED),
         ("empty", [], EXIT_PROVED),
-        ("endless", [], EXIT_PROVED),
+        ("unbounded", [], EXIT_PROVED),
         ("open", ["--plain"], EXIT_OPEN),
     ],
 )
@@ -155,7 +155,7 @@ def test_json(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.parametrize(
     ("name", "status", "lower", "upper"),
-    [("empty", "INFEASIBLE", "inf", "inf"), ("endless", "UNBOUNDED", "-inf", "-inf")],
+    [("empty", "INFEASIBLE", "inf", "inf"), ("unbounded", "UNBOUNDED", "-inf", "-inf")],
 )
 def test_json_of_infinities(
     folder: pathlib.Path,

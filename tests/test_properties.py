@@ -196,8 +196,8 @@ def test_propagation_from_nothing_keeps_every_feasible_point(seed):
     """The same rows without the bounds: what shrinks must still hold the grid's points."""
     case = random_case(seed)
     problem = case.problem
-    endless = Interval(np.full(problem.dimension, -np.inf), np.full(problem.dimension, np.inf))
-    box, _ = propagate(box_rows(problem, case.least), endless, limit=30)
+    unbounded = Interval(np.full(problem.dimension, -np.inf), np.full(problem.dimension, np.inf))
+    box, _ = propagate(box_rows(problem, case.least), unbounded, limit=30)
     kept = case.points[case.values <= case.least]
     assert np.all(kept >= box.lo)
     assert np.all(kept <= box.hi)

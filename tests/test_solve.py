@@ -105,7 +105,7 @@ def expanded(problem):
     return sp.Problem(problem.objective, problem.constraints, problem.lower, problem.upper)
 
 
-ENDLESS = {
+UNBOUNDED_SETS = {
     "quartic chain": (lambda: double_well_chain(5), 2, 0.0),
     "broyden tridiagonal": (lambda: expanded(problems.broyden_tridiagonal(4)), 2, 0.0),
     "six-hump camel": (
@@ -136,9 +136,9 @@ ENDLESS = {
 }
 
 
-@pytest.mark.parametrize("name", ENDLESS)
+@pytest.mark.parametrize("name", UNBOUNDED_SETS)
 def test_bounds_are_proved_without_a_box(name):
-    make, order, optimum = ENDLESS[name]
+    make, order, optimum = UNBOUNDED_SETS[name]
     problem = make()
     assert not problem.squares
     assert not np.isfinite(problem.lower).any()
@@ -309,7 +309,7 @@ def test_objectives_share_one_relaxation():
         for a, b in ((result, alone), (alone, result)):
             assert a.lower_bound <= b.upper_bound
         assert result.lower_bound == pytest.approx(alone.lower_bound, abs=2e-6)
-        # nothing of one objective's cut-off is in the box that all share
+        # nothing of one objective's cutoff is in the box that all share
         assert result.certificate.cutoff is None
         assert not result.certificate.box.uses_cutoff
         assert result.problem.fingerprint == single.fingerprint

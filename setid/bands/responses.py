@@ -7,7 +7,7 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +34,6 @@ Kind = Literal["proved", "sampled"]
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 _EPS = float(np.finfo(float).eps)
-_ROUNDING = 1e-13  # relative; more than exp(-j omega Ts lag) loses for lags up to 50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +73,7 @@ class FrequencyBand:
         with np.errstate(divide="ignore"):
             return np.asarray(20.0 * np.log10(self.magnitude), np.float64)
 
-    def plot(self, kind: str = "bode") -> NDArray | Axes:
+    def plot(self, kind: str = "bode") -> NDArray[Any] | Axes:
         """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes."""
         from setid.plots.responses import plot_frequency_band
 
@@ -169,7 +168,7 @@ def frequency_band(
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)
     if kind == "proved":
         a, b = frequency_weights(model, output, input, frequencies, data.Ts)
-        found = _proved(cover_of(result), theta, a, b)
+        found = _proved(cover_of(result), theta, a, b, _rounding(model, output, input))
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
@@ -197,8 +196,20 @@ def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:
     return magnitude, np.stack([turns.min(axis=0), turns.max(axis=0)], axis=1), responses.T
 
 
+def _rounding(model: Structure, output: int, input: int) -> float:
+    """Bound the relative error of exp(-j omega Ts lag), of sums over theta and of quotients.
+
+    The angle omega Ts lag <= pi lag is rounded twice, each time by at most half an ulp, and moves
+    the point of the unit circle by as much; (j omega)^-lag loses less. The factor 8 leaves room
+    for the exponential and for products with weights, the count of parameters for sums.
+    """
+    transfer = transfer_of(model, output, input)
+    lag = max(transfer.delay + len(transfer.numerator), len(transfer.denominator))
+    return _EPS * (8.0 * np.pi * lag + 4.0 * len(model.parameters) + 64.0)
+
+
 def _proved(
-    cover: Cover, theta: Reals, a: Complexes, b: Complexes
+    cover: Cover, theta: Reals, a: Complexes, b: Complexes, rounding: float
 ) -> tuple[Reals, Reals, Complexes]:
     """Gains, turns about the nominal phase, corners; see the notes of frequency_band."""
     d0 = 1.0 + b @ theta
@@ -211,6 +222,7 @@ def _proved(
         cover,
         np.concatenate([-g / (d0 * turn), 1.0 / d0]),
         np.concatenate([(a - g[:, None] * b) / scale, b / d0[:, None]]),
+        rounding,
     )
     count = len(a)
     found = [
@@ -224,13 +236,13 @@ def _proved(
 
 
 def _rectangles(
-    cover: Cover, constants: Complexes, weights: Complexes
+    cover: Cover, constants: Complexes, weights: Complexes, rounding: float
 ) -> tuple[Complexes, Complexes]:
     """Lower left and upper right corners of constant + weights'theta, proved, (K,) each."""
     count = len(constants)
     ranges = supports(cover, np.concatenate([weights.real, weights.imag]))
     size = np.abs(weights) @ np.where(np.isfinite(cover.magnitude), cover.magnitude, 0.0)
-    slack = _ROUNDING * (np.abs(constants) + size)  # exponentials, products, quotients
+    slack = rounding * (np.abs(constants) + size)
     real, imaginary = ranges[:count], ranges[count:]
     low = constants.real + real[:, 0] - slack, constants.imag + imaginary[:, 0] - slack
     high = constants.real + real[:, 1] + slack, constants.imag + imaginary[:, 1] + slack

@@ -68,7 +68,7 @@ class FrozenMapping(Mapping[K, V]):
         return repr(self._items)
 
 
-def frozen(array: NDArray) -> NDArray:
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, made read-only."""
     array.flags.writeable = False
     return array

@@ -188,12 +188,18 @@ class Noise:
         output = _spread(self.output, "output", data.samples, data.outputs)
         input = _spread(self.input, "input", data.samples, data.inputs)
         if self.relative:
-            output, input = output * np.abs(data.y), input * np.abs(data.u)
+            output, input = _parts_of(output, data.y), _parts_of(input, data.u)
         if self.model_error:
             output = np.nextafter(output + self.model_error, np.inf)
         output = np.where(np.isnan(data.y), 0.0, output)
         input = np.where(np.isnan(data.u), 0.0, input)
         return output, input, _spread(self.equation, "equation", data.samples, data.outputs)
+
+
+def _parts_of(share: NDArray[np.float64], samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Multiply shares with sizes of samples, rounded up so that no noise is lost."""
+    bound = share * np.abs(samples)
+    return np.where((share > 0) & (samples != 0), np.nextafter(bound, np.inf), bound)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of
-from setid.data.readers import Column, listed, read_csv_columns, read_mat_columns, stacked
+from setid.data.readers import listed, read_mat_columns, stacked
+from setid.data.tables import Column, read_table
 from setid.errors import DataError, SetidWarning
 
 if TYPE_CHECKING:
@@ -155,17 +156,28 @@ class IOData:
         inputs: Column | Sequence[Column],
         outputs: Column | Sequence[Column],
         Ts: float = 1.0,
+        *,
+        decimal: str = ".",
+        header: int | None = None,
     ) -> IOData:
         r"""Read a record from a text table.
 
         Parameters
         ----------
         path : path-like
-            Separated by commas, semicolons, tabs or blanks; the first line may hold names.
+            Separated by semicolons, tabs, commas or blanks; the first line may hold names.
+            Comments (``#``, ``%``) and blank lines may stand above the table, never inside it:
+            each line inside is a sample. What was skipped stands in ``assumptions``.
         inputs, outputs : str, int, or sequence of these
-            Columns by name or by number from 0. Empty fields are missing samples.
+            Columns by name or by number from 0. Empty fields and the error values of
+            spreadsheets (``#N/A``) are missing samples.
         Ts : float
             Sampling time.
+        decimal : {".", ","}
+            The decimal mark; with a comma, commas separate nothing.
+        header : int, optional
+            Lines before the first sample, of which the first holds the names (a second may
+            hold units). By default one if the first line holds no number.
 
         Raises
         ------
@@ -183,8 +195,9 @@ class IOData:
         array([0. , nan, 0.7])
         """
         left, right = listed(inputs), listed(outputs)
-        columns = read_csv_columns(path, [*left, *right])
-        return cls(stacked(columns[: len(left)]), stacked(columns[len(left) :]), Ts)
+        table = read_table(path, [*left, *right], decimal, header)
+        u, y = stacked(table.columns[: len(left)]), stacked(table.columns[len(left) :])
+        return cls(u, y, Ts, assumptions=table.skipped)
 
     @classmethod
     def from_mat(
@@ -327,7 +340,7 @@ class IOData:
         inside = self.starts[(self.starts > begin) & (self.starts < end)] - begin
         return self._like(self.u[part], self.y[part], starts=np.append(0, inside))
 
-    def _like(self, u: NDArray, y: NDArray, **changes: Any) -> IOData:
+    def _like(self, u: NDArray[Any], y: NDArray[Any], **changes: Any) -> IOData:
         kept: dict[str, Any] = {
             "Ts": self.Ts,
             "assumptions": self.assumptions,

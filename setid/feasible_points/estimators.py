@@ -16,9 +16,11 @@ from scipy.linalg import solve_triangular
 from setid.data.checks import frozen, number
 from setid.data.record import IOData
 from setid.errors import DataError, SetidError
-from setid.feasible_set.linear_programs import left_inverse, minimise
 from setid.formulation.regression import Regression, regression_of_data
 from setid.models.equations import Structure
+from sparsepop_py.lp.highs import LinearSolution
+from sparsepop_py.lp.scaled import solve_scaled
+from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
 __all__ = ["Estimate", "l1", "least_squares", "linf", "recursive_least_squares"]
 
@@ -182,7 +184,7 @@ def l1(data: IOData, model: Structure) -> Estimate:
     eye = sps.eye_array(b.size)
     below = sps.vstack([sps.hstack([a, -eye]), sps.hstack([-a, -eye])]).tocsr()
     cost = np.concatenate([np.zeros(a.shape[1]), np.ones(b.size)])
-    theta = _solved(minimise(cost, (below, np.concatenate([b, -b]))))[: a.shape[1]]
+    theta = _solved(solve_scaled(cost, (below, np.concatenate([b, -b]))))[: a.shape[1]]
     return _estimate(rows, theta, float(np.abs(_residuals(rows, theta)).sum()))
 
 
@@ -207,14 +209,14 @@ def linf(data: IOData, model: Structure) -> Estimate:
     one = sps.csr_array(np.ones((b.size, 1)))
     below = sps.vstack([sps.hstack([a, -one]), sps.hstack([-a, -one])]).tocsr()
     cost = np.append(np.zeros(a.shape[1]), 1.0)
-    theta = _solved(minimise(cost, (below, np.concatenate([b, -b]))))[:-1]
+    theta = _solved(solve_scaled(cost, (below, np.concatenate([b, -b]))))[:-1]
     return _estimate(rows, theta, float(np.abs(_residuals(rows, theta)).max()))
 
 
-def _solved(solution: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    if solution is None:
+def _solved(found: LinearSolution) -> NDArray[np.float64]:
+    if found.status != "solved":
         raise DataError("data: the linear program has no solution; are numbers near overflow?")
-    return solution
+    return found.x
 
 
 def _residuals(rows: Regression, theta: NDArray[np.float64]) -> NDArray[np.float64]:

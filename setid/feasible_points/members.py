@@ -16,9 +16,9 @@ from setid.data.checks import frozen, natural
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.witness import Witness, least_noise
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.linear_programs import minimise
 from setid.formulation.formulation import Formulation
 from setid.proofs.existence import admitted
+from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = [
     "ROUNDING",
@@ -179,10 +179,10 @@ def projection_estimate(result: FeasibleSet) -> Reals:
     low, high = result.outer_box
     cost = np.append(np.zeros(low.size), 1.0)
     bounds = np.append(low, 0.0), np.append(high, inf)
-    found = minimise(cost, (sps.csr_array(matrix), right), None, bounds)
-    if found is None:
+    found = solve_scaled(cost, (sps.csr_array(matrix), right), None, bounds)
+    if found.status != "solved":
         raise SetidError("result: the linear program has no solution; are numbers near overflow?")
-    return found[:-1]
+    return found.x[:-1]
 
 
 def nominal(result: FeasibleSet) -> Reals:

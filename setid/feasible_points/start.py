@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.errors import ModelError
 from setid.feasible_points.witness import least_noise
-from setid.feasible_set.linear_programs import left_inverse
 from setid.formulation.formulation import Formulation
+from sparsepop_py.uncertain_rows.sign_tree import left_inverse
 
 __all__ = ["candidates", "first_point", "repair"]
 

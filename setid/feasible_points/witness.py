@@ -11,8 +11,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.errors import ModelError, SetidError
-from setid.feasible_set.linear_programs import minimise
+from setid.errors import ModelError
 from setid.formulation.completion import (
     Affine,
     affine,
@@ -25,6 +24,7 @@ from setid.formulation.completion import (
 )
 from setid.formulation.formulation import Formulation
 from setid.proofs.existence import admitted, proved_point
+from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["Witness", "consistent", "least_noise"]
 
@@ -150,19 +150,16 @@ def _least_step(
     loose = scaled[free] | defined_unknowns(formulation)[free]
     lower = np.where(loose, -np.inf, problem.lower[free])
     upper = np.where(loose, np.inf, problem.upper[free])
-    try:
-        solution = minimise(
-            np.append(np.zeros(free.size), 1.0),
-            (below, right),
-            (
-                sps.hstack([rows.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr(),
-                -rows.constant[equal],
-            ),
-            (np.append(lower, 0.0), np.append(upper, np.inf)),
-        )
-    except SetidError:  # the solver gave up: no witness, which proves nothing either way
+    tied = sps.hstack([rows.matrix[equal], sps.csr_array((equal.size, 1))]).tocsr()
+    found = solve_scaled(
+        np.append(np.zeros(free.size), 1.0),
+        (below, right),
+        (tied, -rows.constant[equal]),
+        (np.append(lower, 0.0), np.append(upper, np.inf)),
+    )
+    if found.status != "solved":  # no witness, which proves nothing either way
         return None
-    return None if solution is None else (solution[:-1], float(solution[-1]))
+    return found.x[:-1], float(found.x[-1])
 
 
 def consistent(

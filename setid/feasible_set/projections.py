@@ -19,11 +19,11 @@ import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.linear_programs import minimise
 from setid.feasible_set.supports import cover_of, supports
 from setid.formulation.units import in_units
 from setid.proofs.existence import admitted
 from setid.proofs.supports import Cover
+from sparsepop_py.lp.scaled import solve_scaled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -206,10 +206,10 @@ def _farthest(cover: Cover, pair: list[int], normal: Reals) -> Reals:
     cost[pair] = -normal * cover.spread[pair]
     below = sps.csr_array(cover.matrix * cover.spread), cover.right - cover.matrix @ cover.centre
     ones = np.ones(cover.lower.size)
-    found = minimise(cost, below, None, (-ones, ones))
-    if found is None:
+    found = solve_scaled(cost, below, None, (-ones, ones))
+    if found.status != "solved":
         raise SetidError("result: the rows of the cover contradict each other")
-    return (cover.centre + cover.spread * found)[pair]
+    return (cover.centre + cover.spread * found.x)[pair]
 
 
 def _distinct(corners: list[Reals], width: Reals) -> list[Reals]:

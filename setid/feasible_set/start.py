@@ -6,15 +6,15 @@ from math import inf
 
 import numpy as np
 
-from setid.feasible_set.directions import direction_box
-from setid.feasible_set.lifted_products import completed, lifted_box
-from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation
-from setid.proofs.lifted_products import lifted_rows
+from setid.formulation.units import coupled_rows
 from setid.proofs.output_cells import cell_box
-from setid.proofs.parameter_box import ProvedBox, start_of
+from setid.proofs.parameter_box import ProvedBox, product_rows, start_of
+from sparsepop_py.uncertain_rows.directions import direction_box
+from sparsepop_py.uncertain_rows.lifted_products import complete_box, lifted_box
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
-__all__ = ["find_box"]
+__all__ = ["find_box", "parameter_box"]
 
 
 def find_box(formulation: Formulation, until: float = inf) -> ProvedBox | None:
@@ -26,15 +26,18 @@ def find_box(formulation: Formulation, until: float = inf) -> ProvedBox | None:
     until : float
         Reading of ``time.monotonic`` at which all work ends.
     """
-    start = start_of(formulation)
-    if formulation.smoothed is not None:
-        first = parameter_box(formulation.smoothed, start, until)
+    start, rows = start_of(formulation), formulation.smoothed
+    if rows is not None:
+        first = parameter_box(rows, start, until)
         unbounded = np.any(np.isinf([first.lower, first.upper])) and not first.empty
-        return (direction_box(formulation, first, until) if unbounded else None) or first
+        if not unbounded:
+            return first
+        return direction_box(rows, coupled_rows(formulation), first, until) or first
     cells = cell_box(formulation, start, until)
     if cells is not None:
         return cells
-    rows = lifted_rows(formulation)
-    if rows is None:
+    products = product_rows(formulation)
+    if products is None:
         return None
-    return completed(lifted_box(rows, start, until), formulation, rows, until)
+    box = lifted_box(products, start, until)
+    return complete_box(box, coupled_rows(formulation), products, until)

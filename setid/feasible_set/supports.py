@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.linear_programs import minimise
 from setid.proofs import supports as proved
 from setid.proofs.supports import Cover
+from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["Proposer", "cover_of", "supports"]
 
@@ -46,7 +47,7 @@ def cover_of(result: FeasibleSet) -> Cover:
     return proved.cover(result.formulation, *result.outer_box)
 
 
-def supports(cover: Cover, directions: NDArray | list[list[float]]) -> Reals:
+def supports(cover: Cover, directions: NDArray[Any] | list[list[float]]) -> Reals:
     """Proved least and largest value of linear functions of theta.
 
     Parameters
@@ -109,12 +110,10 @@ class Proposer:
     def _solved(self, goal: Reals) -> Reals:
         none = (sps.csr_array((0, self._cost.size)), np.zeros(0))
         bounds = np.zeros(self._cost.size), np.full(self._cost.size, np.inf)
-        try:
-            found = minimise(self._cost, none, (self._sparse, goal), bounds)
-        except SetidError:
-            found = None  # an unbounded dual: the rows are (nearly) contradictory
-        if found is None:
+        solution = solve_scaled(self._cost, none, (self._sparse, goal), bounds)
+        if solution.status != "solved":  # an unbounded dual: rows are (nearly) contradictory
             return np.zeros(self._cost.size)
+        found = solution.x
         basis = np.flatnonzero(found > 1e-12)
         if basis.size == goal.size:
             block = self._columns[:, basis]

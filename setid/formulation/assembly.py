@@ -17,7 +17,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, PriorError
 from setid.formulation.compiler import Planned, assemble, bands, equalities, plan, used_samples
 from setid.formulation.layout import Layout, LayoutBuilder
-from setid.formulation.products import MonomialRows, build_products
+from setid.formulation.products import build_products
 from setid.formulation.regression import (
     Regression,
     build_regression,
@@ -29,6 +29,7 @@ from setid.formulation.smoothing import smoothed
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Structure
 from setid.priors.base import Facts, Prior
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
 __all__ = ["Built", "Rows", "build"]
 
@@ -72,7 +73,7 @@ class Built(NamedTuple):
     rows: Rows
     regression: Regression | None
     smoothed: Regression | None
-    products: MonomialRows | None
+    products: ProductRows | None
     equations: tuple[Equation, ...]
     dropped: int
 

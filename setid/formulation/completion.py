@@ -30,7 +30,6 @@ __all__ = [
     "noise_shares",
     "place_slack",
     "polished",
-    "redefined",
     "solve_definitions",
 ]
 
@@ -130,24 +129,6 @@ def solve_definitions(x: NDArray[np.float64], formulation: Stated) -> None:
             trial = x.copy()
             trial[open_] = 0.0
             x[open_] = -polynomial(trial)
-
-
-def redefined(formulation: Stated, x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vector with samples of internal signals as their rows give them from the rest.
-
-    Parameters
-    ----------
-    formulation : Stated
-    x : (n,) float
-    """
-    found, rows, groups = x.copy(), formulation.rows, formulation.layout.groups
-    for row, name in enumerate(rows.equation):
-        if name in groups:
-            sample = formulation.data.starts[rows.record[row] - 1] + rows.sample[row] - 1
-            own = groups[name][sample]
-            found[own] = 0.0
-            found[own] = -formulation.problem.constraints[row].polynomial(found)
-    return found
 
 
 class Affine(NamedTuple):

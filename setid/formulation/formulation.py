@@ -20,7 +20,6 @@ from setid.formulation.assembly import Rows, build
 from setid.formulation.completion import complete_point
 from setid.formulation.layout import Layout
 from setid.formulation.printing import equation_text
-from setid.formulation.products import MonomialRows
 from setid.formulation.regression import Regression, check_channels
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
@@ -28,6 +27,7 @@ from setid.models.equations import Equation, Structure
 from setid.priors.base import Prior, listed
 from setid.priors.coefficients import Given
 from setid.priors.normalisation import UnitGain
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
 
 __all__ = ["Formulation", "Structs", "formulate", "settled", "to_structs"]
 
@@ -53,7 +53,7 @@ class Formulation:
     smoothed : Regression or None
         The same rows, and where they are differences over time also their sums through
         low-pass filters (:mod:`setid.formulation.smoothing`): what boxes of the parameters rest on.
-    products : MonomialRows or None
+    products : ProductRows or None
         The same in products of parameters, for block structures whose internal signals can
         be eliminated.
     data, model, noise, priors
@@ -81,7 +81,7 @@ class Formulation:
     rows: Rows
     regression: Regression | None
     smoothed: Regression | None
-    products: MonomialRows | None
+    products: ProductRows | None
     data: IOData
     model: Structure
     noise: Noise
@@ -322,7 +322,10 @@ def formulate(
         noise=noise,
         priors=wanted,
         dropped=built.dropped,
-        assumptions=_assumptions(data, model, noise, wanted, built.dropped),
+        assumptions=(
+            *_assumptions(data, model, noise, wanted, built.dropped),
+            *_rounded_products(data, built.equations),
+        ),
         _equations=built.equations,
     )
 
@@ -436,3 +439,46 @@ def _assumptions(
     if dropped:
         texts.append(f"{dropped} equations with missing samples are left out")
     return tuple(dict.fromkeys(texts))
+
+
+def _rounded_products(data: IOData, equations: Sequence[Equation]) -> tuple[str, ...]:
+    """Say where coefficients are products of samples that no double holds.
+
+    Rows are statements about the rounded products. Where the noise bounds are small, that is not
+    the same as the statement about the samples: with no noise at all, exact data may fail it.
+    """
+    signals = {f"y{k + 1}": data.y[:, k] for k in range(data.outputs)}
+    signals |= {f"u{k + 1}": data.u[:, k] for k in range(data.inputs)}
+    monomials = {item.signals for equation in equations for item in equation.terms}
+    inexact = 0
+    for factors in (m for m in monomials if len(m) > 1 and all(f.signal in signals for f in m)):
+        longest = max(factor.lag for factor in factors)
+        values = [signals[f.signal][longest - f.lag : data.samples - f.lag] for f in factors]
+        inexact += int(np.count_nonzero(_is_rounded(values)))
+    if not inexact:
+        return ()
+    return (
+        f"{inexact} products of samples are rounded to nearest doubles, each by at most 1.2e-16 of "
+        "its size: equation errors are bounded for the rounded products",
+    )
+
+
+def _is_rounded(values: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """Whether a product of arrays, taken from the left, is no double (Dekker 1971, mul12)."""
+    product, lost = values[0], np.zeros(values[0].size, bool)
+    with np.errstate(all="ignore"):
+        for other in values[1:]:
+            found = product * other
+            one, two = _halves(product), _halves(other)
+            error = one[0] * two[0] - found + one[0] * two[1] + one[1] * two[0] + one[1] * two[1]
+            tiny = (np.abs(found) < 1e-290) & (product != 0) & (other != 0)
+            lost |= (error != 0) | tiny
+            product = found
+    return lost & ~np.isnan(product)
+
+
+def _halves(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Split doubles into two of 26 bits each (Veltkamp)."""
+    high = x * 134217729.0
+    high = high - (high - x)
+    return high, x - high

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-
 import numpy as np
 
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.formulation.layout import Layout
 from setid.models.equations import Equation, Lagged, channel_of
+from sparsepop_py.verified.arithmetic import display
 
 __all__ = ["equation_text", "rounded"]
 
@@ -17,11 +16,16 @@ _NOISE = {"y": "eta", "u": "xi"}
 
 
 def rounded(value: float, up: bool, digits: int = 8) -> str:
-    """A number in the given digits, rounded in one direction."""
-    if not np.isfinite(value):
-        return str(float(value))
-    context = Context(prec=digits, rounding=ROUND_CEILING if up else ROUND_FLOOR)
-    return f"{float(context.create_decimal(Decimal(float(value)))):.{digits}g}"
+    """Write a number in the given digits, rounded in one direction.
+
+    Parameters
+    ----------
+    value : float
+    up : bool
+        Towards plus infinity; otherwise towards minus infinity.
+    digits : int
+    """
+    return display.rounded(value, up, digits, scientific=False)
 
 
 def equation_text(

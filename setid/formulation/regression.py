@@ -16,6 +16,7 @@ from setid.formulation.signals import Integers, Reals, Signal, measured, product
 from setid.models.block import BlockStructured
 from setid.models.continuous import ContinuousTransferFunction, at_rate
 from setid.models.equations import Structure
+from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
 
 __all__ = [
     "Regression",
@@ -29,7 +30,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Regression:
+class Regression(UncertainRows):
     """Rows |target + regressors theta| <= radius + radii |theta|, which every theta obeys.
 
     Whatever the noise does within its bounds, a parameter vector that is consistent with
@@ -54,20 +55,10 @@ class Regression:
         Record, sample in it and output, from 1.
     """
 
-    names: tuple[str, ...]
-    target: Reals
-    regressors: Reals
-    radius: Reals
-    radii: Reals
     row: Integers
     record: Integers
     sample: Integers
     output: Integers
-
-    def margin(self, theta: NDArray[np.float64]) -> Reals:
-        """Row by row, right side minus left side: negative where theta violates it."""
-        width = self.radius + self.radii @ np.abs(theta)
-        return width - np.abs(self.target + self.regressors @ theta)
 
 
 def usable_samples(

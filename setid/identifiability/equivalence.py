@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from setid.errors import ModelError
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.formulation.interval_arithmetic import (
-    Ends,
-)
 from setid.models.block import BlockStructured, Lure, Normalise
 from setid.proofs.normalisation import convert_ends, scaled_signals
+from sparsepop_py.verified.arithmetic.scalar_interval import (
+    Ends,
+)
 
 __all__ = ["convert", "convert_intervals", "equivalent"]
 

@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
-from setid.feasible_set.lifted_products import lifted_box
-from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation
-from setid.formulation.products import MonomialRows
 from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
-from setid.proofs.lifted_products import LiftedBox, lifted_rows
 from setid.proofs.output_cells import CellBox
-from setid.proofs.parameter_box import ProvedBox, problem_on_box, start_of
-from setid.proofs.sign_tree import ParameterBox
+from setid.proofs.parameter_box import ProvedBox, problem_on_box, product_rows, start_of
+from sparsepop_py.uncertain_rows.lifted_products import lifted_box
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["conflicting_rows", "conflicting_samples"]
 
 Keys = tuple[tuple[int, int], ...]
-Known = Regression | MonomialRows
+Known = Regression | ProductRows
 _ARRAYS = tuple(item.name for item in fields(Regression) if item.name != "names")
 
 
@@ -53,11 +53,23 @@ def conflicting_rows(formulation: Formulation, box: ProvedBox) -> Keys:
     if isinstance(box, CellBox) or known is None:
         return ()
     if isinstance(box, LiftedBox):
-        found = box.conflicting(known) if isinstance(known, MonomialRows) else []
+        found = _keys(box, known) if isinstance(known, ProductRows) else []
     else:
-        found = [] if smoothed is None else box.conflicting(smoothed)
+        found = [] if smoothed is None else _keys(box, smoothed)
     empty = bool(found) and _box(known, set(found), start_of(formulation)).empty
     return tuple(found) if empty else ()
+
+
+def _keys(box: ProvedBox, rows: Known) -> list[tuple[int, int]]:
+    """(record, sample) of the rows that prove emptiness, most frequent first."""
+    assert not isinstance(box, CellBox)
+    known = rows.regression if isinstance(rows, ProductRows) else rows
+    assert isinstance(known, Regression)
+    count: dict[tuple[int, int], int] = {}
+    for row, times in box.used_rows(known).items():
+        key = int(known.record[row]), int(known.sample[row])
+        count[key] = count.get(key, 0) + times
+    return sorted(count, key=lambda key: (-count[key], key))
 
 
 def conflicting_samples(
@@ -103,7 +115,7 @@ def conflicting_samples(
 
 def _known(formulation: Formulation) -> Known | None:
     """Rows in theta, or in its monomials, that belong to single samples."""
-    return formulation.regression or lifted_rows(formulation)
+    return formulation.regression or product_rows(formulation)
 
 
 def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
@@ -133,7 +145,8 @@ def _box(
     known: Known, kept: set[tuple[int, int]], start: NDArray[np.float64]
 ) -> ParameterBox | LiftedBox:
     """The box that the rows of some samples give."""
-    if isinstance(known, MonomialRows):
+    if isinstance(known, ProductRows):
+        assert isinstance(known.regression, Regression)
         return lifted_box(replace(known, regression=_part(known.regression, kept)), start)
     return parameter_box(_part(known, kept), start)
 

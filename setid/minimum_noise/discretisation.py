@@ -23,7 +23,6 @@ from setid.data.record import IOData
 from setid.errors import ModelError
 from setid.feasible_points.start import candidates
 from setid.feasible_points.witness import least_noise
-from setid.feasible_set.sign_tree import parameter_box
 from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import in_units
 from setid.minimum_noise.factor import on_box
@@ -34,6 +33,7 @@ from setid.priors.base import Prior, listed
 from setid.proofs.noise_scale import admitted_point, problem_with_factor
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
 __all__ = ["discretisation_error", "estimate_delta", "remark", "with_estimate"]
 

@@ -5,22 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.record import IOData
-from setid.feasible_set.directions import units_of_rows
-from setid.feasible_set.sign_tree import parameter_box
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.options import Options
 from setid.proofs.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import ProvedBox, start_of
-from setid.proofs.sign_tree import ParameterBox
+from sparsepop_py.uncertain_rows.directions import units_of_rows
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["least_factor", "search_factor", "on_box", "refuted_factor", "rounding_factor"]
 
@@ -33,7 +33,7 @@ _LEAST = 2.0**-6  # of a factor without a finite box: what is tried next is its 
 _DIGITS = 2.0**-46  # of the readings: noise that rounding alone explains
 
 
-def rounding_factor(data: IOData, bounds: tuple[NDArray, ...]) -> float:
+def rounding_factor(data: IOData, bounds: tuple[NDArray[Any], ...]) -> float:
     """The factor with which noise is as small as the rounding of readings; less means nothing."""
     sizes = np.nanmax(np.abs(data.y)), np.nanmax(np.abs(data.u)), np.nanmax(np.abs(data.y))
     parts = [size / b[b > 0].max() for size, b in zip(sizes, bounds, strict=True) if np.any(b > 0)]

@@ -1,4 +1,4 @@
-"""The one door of setid to matplotlib: axes, colours and fills of all pictures.
+"""Axes, colours and fills of all pictures of setid.
 
 Proved sets are filled in blue, what is attained or sampled is orange. Every legend says
 which it is. Functions return axes and change nothing but them.
@@ -6,13 +6,12 @@ which it is. Functions return axes and change nothing but them.
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-import sparsepop_py as sp
+from sparsepop_py.plots import new_axes, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,23 +33,6 @@ PROVED, ATTAINED, READING = "#0072B2", "#D55E00", "black"  # Okabe and Ito
 COLOUR = {"proved": PROVED, "sampled": ATTAINED}
 
 
-def require_matplotlib() -> ModuleType:
-    """Import matplotlib.pyplot.
-
-    Raises
-    ------
-    SolverNotFound
-        If matplotlib is missing; the message says how to install it.
-    """
-    try:
-        import matplotlib.pyplot as plt
-    except ImportError as error:
-        raise sp.SolverNotFound(
-            "plot: matplotlib is missing; install it with: pip install 'sparsepop-py[plot]'"
-        ) from error
-    return plt
-
-
 def over_time(data: IOData, count: int, height: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Make axes one below the other, each of that height, with the times of all samples (N,)."""
     _, grid = require_matplotlib().subplots(
@@ -66,14 +48,6 @@ def over_time(data: IOData, count: int, height: float) -> tuple[NDArray[Any], ND
         axis.grid(alpha=0.3)
     axes[-1].set_xlabel("time")
     return axes, np.asarray((np.arange(data.samples) + data.record) * data.Ts, np.float64)
-
-
-def new_axes(ax: Axes | None, size: tuple[float, float] = (7.0, 4.5)) -> Axes:
-    """Take the given axes, or make those of a new figure."""
-    plt = require_matplotlib()
-    if ax is not None:
-        return ax
-    return plt.subplots(figsize=size, layout="constrained")[1]
 
 
 def fill_between(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
@@ -12,7 +13,7 @@ from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.unbounded import Unbounded
 
-__all__ = ["Evidence", "Verification"]
+__all__ = ["EndProof", "Evidence", "Verification"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,19 @@ class Verification:
         return self.ok
 
 
+class EndProof(NamedTuple):
+    """What proves one end of an interval, and what attains it.
+
+    Parameters
+    ----------
+    certificate : sparsepop_py.Certificate or None
+    attained : sparsepop_py.ProvedPoint or None
+    """
+
+    certificate: sp.Certificate | None
+    attained: sp.ProvedPoint | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
     """Claims about a record with all that they rest on; nothing in it is trusted.
@@ -55,7 +69,7 @@ class Evidence:
         The box of the parameters from the data alone, with its proof.
     bounds : tuple of sparsepop_py.LinearBound
         For linear problems: exact bounds of theta_1, -theta_1, theta_2, ...
-    results : tuple of sparsepop_py.Result
+    ends : tuple of EndProof
         Otherwise: certificates and attained points of theta_1, -theta_1, theta_2, ..., in the
         units of :func:`setid.formulation.units.in_units`.
     unbounded : Unbounded or None
@@ -71,10 +85,15 @@ class Evidence:
     problem: sp.Problem
     box: ProvedBox | None = None
     bounds: tuple[sp.LinearBound, ...] = ()
-    results: tuple[sp.Result, ...] = ()
+    ends: tuple[EndProof, ...] = ()
     unbounded: Unbounded | None = None
     reference: Evidence | None = None
     nonzero: Nonzero | None = None
+
+    @property
+    def evidence(self) -> Evidence:
+        """Itself, so that :func:`setid.verify` takes it as it takes a result."""
+        return self
 
     @property
     def empty(self) -> bool:

@@ -27,7 +27,11 @@ from numpy.typing import NDArray
 
 from setid.errors import ModelError
 from setid.formulation.formulation import Formulation, formulate
-from setid.formulation.interval_arithmetic import (
+from setid.models.block import BlockStructured, Lure, Normalise
+from setid.proofs.output_cells import CellBox
+from setid.proofs.parameter_box import start_of
+from setid.simulation.simulate import simulate
+from sparsepop_py.verified.arithmetic.scalar_interval import (
     Ends,
     odd_root,
     plus,
@@ -36,12 +40,8 @@ from setid.formulation.interval_arithmetic import (
     sum_of,
     times,
 )
-from setid.formulation.products import MonomialRows
-from setid.models.block import BlockStructured, Lure, Normalise
-from setid.proofs.output_cells import CellBox
-from setid.proofs.parameter_box import start_of
-from setid.proofs.sign_tree import ParameterBox
-from setid.simulation.simulate import simulate
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
     "Nonzero",
@@ -304,12 +304,12 @@ def normalised_by(model: BlockStructured, choice: Normalise) -> BlockStructured:
     return model.normalised([*parts, choice])  # type: ignore[list-item]
 
 
-def products_with(rows: MonomialRows, box: ParameterBox) -> set[int]:
+def products_with(rows: ProductRows, box: ParameterBox) -> set[int]:
     """Parameters (from 0) in products of two that a box of the products proves not to be zero.
 
     Parameters
     ----------
-    rows : MonomialRows
+    rows : ProductRows
     box : ParameterBox
         Of its columns.
     """

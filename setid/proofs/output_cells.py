@@ -17,19 +17,19 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.formulation.interval_arithmetic import Ends
-from setid.formulation.products import Total, contracted
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
-from setid.proofs.base import Bounds
 from setid.proofs.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
+from sparsepop_py.verified.arithmetic.scalar_interval import Ends
+from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.products import Total, contracted
 
 __all__ = ["CellBox", "Parts", "cell_box", "parts_of"]
 
@@ -144,7 +144,7 @@ class CellBox(Bounds):
     Parameters
     ----------
     names, lower, upper
-        As of :class:`setid.proofs.base.Bounds`.
+        As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
     unknowns : (K,) int
         Numbers of the samples of the internal signal.
     low, high : (K,) float
@@ -227,7 +227,9 @@ def _first_cells(parts: Parts, poles: Reals) -> Reals:
     return np.array(faces)
 
 
-def _measured(parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray) -> tuple:
+def _measured(
+    parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray[Any]
+) -> tuple[Any, ...]:
     upto = int(rows[-1]) + 1
     found = enclosed(
         cells,
@@ -244,7 +246,7 @@ def _pruned(
     parts: Parts,
     formulation: Formulation,
     cells: Reals,
-    known: NDArray,
+    known: NDArray[Any],
     until: float,
     rounds: int,
 ) -> tuple[Reals, Fitted | None, int]:
@@ -269,7 +271,7 @@ def _halved(
     parts: Parts,
     formulation: Formulation,
     cells: Reals,
-    rows: NDArray,
+    rows: NDArray[Any],
     until: float,
     rounds: int,
 ) -> tuple[Reals, int, bool]:
@@ -298,7 +300,7 @@ def _halved(
 
 
 def _effects(
-    found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray, noise: Reals
+    found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray[Any], noise: Reals
 ) -> Reals:
     """How much each coordinate of a cell moves outputs, in noise bounds, shape (C, d)."""
     z = np.abs(found.centre[:, rows]) + 1e-300
@@ -311,7 +313,7 @@ def _effects(
     return np.where(width, np.maximum(np.nan_to_num(effect, nan=1e300, posinf=1e300), 1e-300), -1.0)
 
 
-def _halves(cells: Reals, place: NDArray) -> Reals:
+def _halves(cells: Reals, place: NDArray[Any]) -> Reals:
     every = np.arange(len(cells))
     middle = cells[every, :, place].mean(axis=1)
     left, right = cells.copy(), cells.copy()

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
-from setid.proofs.directions import DirectionBox
-from setid.proofs.lifted_products import LiftedBox, lifted_rows
+from setid.formulation.regression import Regression
+from setid.formulation.units import coupled_rows
 from setid.proofs.output_cells import CellBox
-from setid.proofs.sign_tree import ParameterBox
+from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
+from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
+from sparsepop_py.verified.uncertain_rows.products import ProductRows
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
-__all__ = ["ProvedBox", "box_follows", "problem_on_box", "objectives", "start_of"]
+__all__ = [
+    "DirectionBox",
+    "ParameterBox",
+    "ProvedBox",
+    "box_follows",
+    "objectives",
+    "problem_on_box",
+    "product_rows",
+    "start_of",
+]
 
 ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, from the data
 
@@ -20,12 +35,46 @@ ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     """Whether the box is proved by data and priors, without any solver."""
     start = start_of(formulation)
-    if isinstance(box, ParameterBox):
-        return formulation.smoothed is not None and box.verify(formulation.smoothed, start)
-    if isinstance(box, CellBox | DirectionBox):
+    if isinstance(box, CellBox):
         return box.verify(formulation, start)
-    rows = lifted_rows(formulation)
-    return rows is not None and box.verify(rows, start, formulation)
+    if isinstance(box, LiftedBox):
+        products = product_rows(formulation)
+        return products is not None and box.verify(products, start, coupled_rows(formulation))
+    rows = formulation.smoothed
+    if rows is None:
+        return False
+    if isinstance(box, DirectionBox):
+        return box.verify(rows, coupled_rows(formulation), start)
+    return box.verify(rows, start)
+
+
+def product_rows(formulation: Formulation) -> ProductRows | None:
+    """State the rows of the data in products of parameters.
+
+    Parameters
+    ----------
+    formulation : Formulation
+
+    Returns
+    -------
+    ProductRows or None
+        With rows that know their samples. None where an unknown other than theta has no finite
+        bounds, or no row is left.
+    """
+    if formulation.products is not None:
+        return formulation.products
+    found = lifted_rows(coupled_rows(formulation), formulation.parameters)
+    if found is None:
+        return None
+    rows, problem = formulation.rows, formulation.problem
+    kept = np.flatnonzero((rows.sample > 0) & problem.equality)
+    channel = np.array([int(rows.equation[row].strip("y") or 1) for row in kept], np.int64)
+    record, sample = rows.record[kept], rows.sample[kept]
+    where = formulation.data.starts[record - 1] + sample - 1
+    known = found.regression
+    fields = known.names, known.target, known.regressors, known.radius, known.radii
+    places = (frozen(np.array(array)) for array in (where, record, sample, channel))
+    return replace(found, regression=Regression(*fields, *places))
 
 
 def start_of(formulation: Formulation) -> NDArray[np.float64]:

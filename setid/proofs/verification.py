@@ -106,11 +106,11 @@ def _verify_results(claims: Evidence, again: Formulation, scaled: InUnits) -> Ve
         return Verification(False, f"it is not proved that {', '.join(claimed)} are unbounded")
     problem, known = scaled.problem, dict[int, Any]()
     count = 2 * len(again.parameters)
-    if len(claims.results) not in (0, count):
-        return Verification(False, "results are missing")
+    if len(claims.ends) not in (0, count):
+        return Verification(False, "proofs of ends are missing")
     ends = [(problem_low(problem, number), inf) for number in range(count)]
     asked, points = objectives(again), list[sp.ProvedPoint]()
-    for number, found in enumerate(claims.results):
+    for number, found in enumerate(claims.ends):
         about = problem.with_objective(scaled.asked(asked[number])[0])
         lower, upper = problem_low(problem, number), inf
         if found.certificate is not None:

@@ -19,7 +19,7 @@ import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.evidence import EndProof, Evidence, Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
@@ -118,7 +118,7 @@ class Identification(FeasibleSet):
             problem=self.problem,
             box=self.box,
             bounds=self.bounds,
-            results=self.results,
+            ends=tuple(EndProof(r.certificate, r.attained) for r in self.results),
             unbounded=self.unbounded,
             reference=None if self.reference is None else self.reference.evidence,
             nonzero=self.nonzero,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
+
+from sparsepop_py.progress import Line
 
 __all__ = ["Progress"]
 
@@ -26,14 +27,12 @@ class Progress:
     def __init__(self, names: Sequence[str], tol: float, show: bool) -> None:
         self._names, self._tol = list(names), tol
         self._ends = [(float("-inf"), float("inf"))] * (2 * len(self._names))
-        self._show = show and sys.stderr.isatty()
+        self._shown = Line(show)
 
     def report(self, index: int, lower_bound: float, upper_bound: float) -> None:
         """Note what is proved and attained of one objective."""
         self._ends[index] = (lower_bound, upper_bound)
-        if self._show:
-            sys.stderr.write(f"\r\x1b[K{self.line(index)}")
-            sys.stderr.flush()
+        self._shown.draw(self.line(index))
 
     @property
     def settled(self) -> int:
@@ -57,6 +56,4 @@ class Progress:
 
     def close(self) -> None:
         """Erase the line."""
-        if self._show:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._shown.close()

@@ -81,7 +81,7 @@ def frequency_weights(
 def _step(transfer: Transfer, omega: Reals, Ts: float, lag: int) -> Complexes:
     """q^-lag at exp(j omega Ts), or s^-lag at j omega in continuous time."""
     if transfer.continuous:
-        return np.asarray((1j * omega) ** -lag, np.complex128)
+        return np.asarray(omega**-lag * (1, -1j, -1, 1j)[lag % 4], np.complex128)
     return np.asarray(np.exp(-1j * omega * Ts * lag), np.complex128)
 
 

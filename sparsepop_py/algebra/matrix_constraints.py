@@ -42,24 +42,25 @@ class SymbolicCone:
 
 
 def second_order(*entries: Any, name: str = "") -> Constraint | SymbolicCone:
-    """The constraint f1 >= |(f2, ..., fk)|, the Euclidean norm.
+    """Constrain f1 >= |(f2, ..., fk)|, the Euclidean norm.
 
     Parameters
     ----------
     *entries : Polynomial, number or sympy expression
         The axis f1 and the rest, or one sequence of all of them.
     name : str
+        Used in messages.
 
     Returns
     -------
     Constraint
         Of kind ``SECOND_ORDER``, whose polynomial is f1; ``f1 >= 0`` where there is no rest.
-        For sympy expressions, what a Problem of sympy expressions takes for one.
+        For sympy expressions, an object that a Problem of sympy expressions accepts.
 
     Raises
     ------
     ProblemError
-        If an entry is nothing of that, or none is a polynomial.
+        If an entry is none of these, or none is a polynomial.
 
     Examples
     --------
@@ -76,25 +77,26 @@ def second_order(*entries: Any, name: str = "") -> Constraint | SymbolicCone:
 
 
 def psd(matrix: Any, name: str = "") -> Constraint | SymbolicCone:
-    """The constraint that a symmetric matrix of polynomials is positive semidefinite.
+    """Constrain a symmetric matrix of polynomials to be positive semidefinite.
 
     Parameters
     ----------
     matrix : (m, m) nested sequences, array or sympy Matrix
         Polynomials, numbers or sympy expressions.
     name : str
+        Used in messages.
 
     Returns
     -------
     Constraint
         Of kind ``PSD``. Its polynomial is the trace, or a diagonal entry where the
         coefficients of the trace are no doubles. ``p >= 0`` for a matrix of one entry.
-        For sympy expressions, what a Problem of sympy expressions takes for one.
+        For sympy expressions, an object that a Problem of sympy expressions accepts.
 
     Raises
     ------
     ProblemError
-        If the matrix is not square or not symmetric, an entry is nothing of that, or none
+        If the matrix is not square or not symmetric, an entry is none of these, or none
         is a polynomial.
 
     Examples
@@ -127,7 +129,7 @@ def psd(matrix: Any, name: str = "") -> Constraint | SymbolicCone:
 
 
 def cone(kind: Kind, entries: Sequence[Polynomial], name: str = "") -> Constraint:
-    """The matrix constraint with these entries, as :class:`Constraint` orders them."""
+    """Build the matrix constraint with these entries, ordered as in :class:`Constraint`."""
     if len(entries) == 1:
         return Constraint(entries[0], Kind.NONNEGATIVE, name)
     implied = entries[0]
@@ -183,7 +185,7 @@ def _diagonal(count: int) -> list[int]:
 
 
 def _exact_sum(polynomials: Sequence[Polynomial]) -> Polynomial | None:
-    """The sum if all its coefficients are doubles: a rounded one might cut off points."""
+    """Add polynomials if all sums are doubles: a rounded one might lose points."""
     sums: dict[tuple[int, ...], Fraction] = {}
     for p in polynomials:
         for word, value in zip(p.words.tolist(), p.coefficients.tolist(), strict=True):
@@ -226,7 +228,7 @@ class Matrices:
 
     @staticmethod
     def of(constraints: Sequence[Constraint], dimension: int) -> Matrices:
-        """Those of constraints in ``dimension`` variables."""
+        """Collect the matrices of constraints in ``dimension`` variables."""
         held = {k: c for k, c in enumerate(constraints) if c.entries}  # mostly none of many
         entries = [p for c in held.values() for p in c.entries]
         stacked, zero = PolynomialSystem.stack(entries, dimension), len(entries)
@@ -255,7 +257,9 @@ class Matrices:
         """The constraints that have a matrix."""
         return np.flatnonzero(self.side)
 
-    def entry(self, constraint: NDArray, i: NDArray, j: NDArray) -> NDArray[np.int64]:
+    def entry(
+        self, constraint: NDArray[Any], i: NDArray[Any], j: NDArray[Any]
+    ) -> NDArray[np.int64]:
         """Row of ``system`` in row i and column j of the matrix of each constraint."""
         return self.table[self.first[constraint] + i * self.side[constraint] + j]
 
@@ -265,9 +269,9 @@ class Matrices:
         return self.table[first : first + side**2].reshape(side, side)
 
     def least_eigenvalue(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The least eigenvalue of all matrices at points (N, n), in floating point, (N,).
+        """Compute the least eigenvalue of all matrices at points (N, n), shape (N,).
 
-        Infinite without any matrix, and -inf where an entry is no number.
+        In floating point; infinite without any matrix, and -inf where an entry is no number.
         """
         if not self.constraints.size:
             return np.full(points.shape[0], np.inf)
@@ -292,7 +296,15 @@ class Matrices:
     def cuts(
         self, x: NDArray[np.float64], near: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], sps.csr_array]:
-        """Values v' G v at ``x`` and their gradients (C, n), for eigenvectors v of G ``near``."""
+        """Evaluate v' G v and its gradients (C, n) for eigenvectors v of G.
+
+        Parameters
+        ----------
+        x : (n,) float
+            The point of values and gradients.
+        near : (n,) float
+            The point of the eigenvectors.
+        """
         values, jacobian = self.system.values(x), self.system.jacobian(x)
         there = self.system.values(near)
         found, rows = [np.zeros(0)], [np.zeros((0, self.system.size))]
@@ -308,7 +320,7 @@ class Matrices:
         return np.concatenate(found), sps.csr_array(weights @ jacobian)
 
     def propagation(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Which entries are non-negative, and triples of entries a, b, c with a^2 <= b c."""
+        """Find non-negative entries, and entries a, b, c with a^2 <= b c."""
         diagonal = np.zeros(self.system.size, bool)
         triples: set[tuple[int, int, int]] = set()
         for k in self.constraints:

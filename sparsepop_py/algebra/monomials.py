@@ -11,6 +11,7 @@ array of shape (T, D), so that everything here is vectorised.
 from __future__ import annotations
 
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -40,7 +41,7 @@ __all__ = [
 
 
 def lookup(words: Words, table: Words, dimension: int) -> NDArray[np.int64]:
-    """Row of each word in a graded table of distinct words, -1 where it is not there."""
+    """Find the row of each word in a graded table, -1 for none."""
     width = table.shape[1]
     words = widen(trim(words), width)
     outside = degrees(words) > width
@@ -87,8 +88,8 @@ def multiply(left: Words, right: Words) -> Words:
     return product
 
 
-def pack(words: Words, dimension: int) -> NDArray:
-    """One sortable key a word, shape (T, D) -> (T,); equal widths give comparable keys.
+def pack(words: Words, dimension: int) -> NDArray[Any]:
+    """Pack words (T, D) to sortable keys (T,); equal widths give comparable keys.
 
     Keys are 64-bit integers where they fit and fixed-width byte strings otherwise.
     """
@@ -112,8 +113,8 @@ def collect(words: Words, dimension: int) -> tuple[Words, NDArray[np.int64]]:
     return words[first], inverse.ravel()
 
 
-def evaluate(words: Words, points: NDArray) -> NDArray:
-    """Values of the words at ``points`` of shape (n,) or (N, n), giving (T,) or (N, T)."""
+def evaluate(words: Words, points: NDArray[Any]) -> NDArray[Any]:
+    """Evaluate words at ``points``: (n,) gives (T,), (N, n) gives (N, T)."""
     if points.ndim == 1:  # local searches call it thousands of times
         letters = np.concatenate([_ONE, points]).take(words.T)
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
@@ -137,8 +138,8 @@ def runs(words: Words) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np
     return row, words[row, column].astype(np.int64) - 1, ends - position
 
 
-def are_exponents(values: NDArray) -> NDArray[np.bool_]:
-    """Which values are powers that words can hold: whole numbers from 0 to LARGEST_POWER."""
+def are_exponents(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Mark whole numbers from 0 to LARGEST_POWER: powers that words can hold."""
     return (values >= 0) & (values <= LARGEST_POWER) & (values == np.floor(values))
 
 
@@ -165,7 +166,16 @@ def to_exponents(words: Words, dimension: int) -> sps.csr_array:
 
 
 def full_basis(variables: int, degree: int) -> Words:
-    """All monomials of degree at most ``degree`` in local variables 1..variables, graded.
+    """List all monomials up to a degree in variables 1..variables, graded.
+
+    Parameters
+    ----------
+    variables : int
+    degree : int
+
+    Returns
+    -------
+    (s, degree) int32
 
     Examples
     --------

@@ -28,7 +28,15 @@ __all__ = ["Constraint", "Kind", "Polynomial", "total", "variables"]
 
 
 class Kind(Enum):
-    """What a constraint asks of its polynomial p, and of its matrix G if it has one."""
+    """Kinds of constraints on a polynomial p or a matrix G.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> (x == 1).kind, (x >= 1).kind.is_matrix
+    (<Kind.ZERO: 'p == 0'>, False)
+    """
 
     NONNEGATIVE = "p >= 0"
     ZERO = "p == 0"
@@ -37,13 +45,13 @@ class Kind(Enum):
 
     @property
     def is_matrix(self) -> bool:
-        """Whether the constraint says that a matrix of polynomials is positive semidefinite."""
+        """True if a matrix of polynomials has to be positive semidefinite."""
         return self in (Kind.SECOND_ORDER, Kind.PSD)
 
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """A polynomial that has to be non-negative or zero, or a matrix that has to be semidefinite.
+    """Constraint: a polynomial non-negative or zero, or a semidefinite matrix.
 
     Comparisons of polynomials make constraints; ``bool()`` of one raises, so that
     ``0 <= x <= 1`` cannot silently lose half of itself. Matrices are made by
@@ -52,7 +60,7 @@ class Constraint:
     Parameters
     ----------
     polynomial : Polynomial
-        With a matrix: something that follows from it and is asked for as well, ``p >= 0``.
+        With a matrix: a polynomial that follows from it and is asked for as well, ``p >= 0``.
     kind : Kind
     name : str
         Used in messages; empty when not given.
@@ -64,6 +72,16 @@ class Constraint:
     ------
     ProblemError
         If kind and entries do not belong together.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> constraint = x**2 + y**2 <= 1
+    >>> print(constraint)
+    1 - x1^2 - x2^2 >= 0
+    >>> constraint.degree, constraint.side
+    (2, 0)
     """
 
     polynomial: Polynomial
@@ -96,10 +114,20 @@ class Constraint:
         return max(p.degree for p in (self.polynomial, *self.entries))
 
     def position(self, i: int, j: int) -> int | None:
-        """Which of ``entries`` stands in row i and column j of the matrix, None for a zero.
+        """Locate row i and column j of the matrix in ``entries``.
 
         A second-order cone is the matrix with f1 on its diagonal and f2, ..., fk beside it
         in the first row and column: its least eigenvalue is f1 - |(f2, ..., fk)|.
+
+        Parameters
+        ----------
+        i, j : int
+            From 0.
+
+        Returns
+        -------
+        int or None
+            None for an entry that is zero.
         """
         i, j = max(i, j), min(i, j)
         if self.kind is Kind.PSD:
@@ -125,14 +153,14 @@ class Constraint:
         return f"{label}{self.polynomial} {relation} 0"
 
 
-def _frozen(array: NDArray) -> NDArray:
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     array.flags.writeable = False
     return array
 
 
 @dataclass(frozen=True, eq=False, repr=False, slots=False)
 class Polynomial:
-    """A real polynomial in ``dimension`` variables.
+    """Real polynomial in ``dimension`` variables, sparse and immutable.
 
     Build one with :func:`variables` and arithmetic, :meth:`from_terms`, or
     :func:`sparsepop_py.parse`.
@@ -176,7 +204,27 @@ class Polynomial:
         dimension: int,
         names: tuple[str, ...] | None = None,
     ) -> Polynomial:
-        """Merge equal words, drop zero coefficients and freeze the result."""
+        """Build a polynomial from monomials as words; equal ones are merged.
+
+        Parameters
+        ----------
+        words : (T, D) int32
+            Monomials, see :mod:`sparsepop_py.algebra.monomials`.
+        coefficients : (T,) float
+        dimension : int
+            Number of variables n.
+        names : tuple of str, optional
+
+        Returns
+        -------
+        Polynomial
+            Without zero coefficients, with read-only arrays.
+
+        Raises
+        ------
+        ProblemError
+            If a coefficient or a sum of coefficients is not finite.
+        """
         if not np.all(np.isfinite(coefficients)):
             bad = coefficients[~np.isfinite(coefficients)][0]
             raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
@@ -195,7 +243,18 @@ class Polynomial:
         coefficients: ArrayLike,
         names: Sequence[str] | None = None,
     ) -> Polynomial:
-        """Polynomial from an exponent matrix (T, n), dense or sparse, and coefficients (T,).
+        """Build a polynomial from a matrix of exponents and coefficients.
+
+        Parameters
+        ----------
+        exponents : (T, n) array_like or sparse
+            Non-negative integers, one row a term.
+        coefficients : (T,) array_like
+        names : sequence of str, optional
+
+        Returns
+        -------
+        Polynomial
 
         Raises
         ------
@@ -272,7 +331,7 @@ class Polynomial:
         return 0.0
 
     def __call__(self, x: ArrayLike) -> Any:
-        """Value at ``x`` of shape (n,), a float, or of shape (N, n), an array (N,)."""
+        """Evaluate at ``x``: (n,) gives a float, (N, n) an array (N,)."""
         points = np.asarray(x, float)
         if points.ndim not in (1, 2) or points.shape[-1] != self.dimension:
             raise ProblemError(
@@ -348,7 +407,22 @@ class Polynomial:
         return result
 
     def derivative(self, variable: int) -> Polynomial:
-        """Partial derivative with respect to the variable of index ``variable`` (from 0)."""
+        """Differentiate with respect to one variable.
+
+        Parameters
+        ----------
+        variable : int
+            Its index, from 0.
+
+        Returns
+        -------
+        Polynomial
+
+        Raises
+        ------
+        ProblemError
+            If there is no such variable.
+        """
         if not 0 <= variable < self.dimension:
             raise ProblemError(f"variable: found {variable}, expected 0..{self.dimension - 1}")
         letter = variable + 1
@@ -409,7 +483,17 @@ class Polynomial:
         return f"<Polynomial of {self.terms} terms, degree {self.degree}>"
 
     def name(self, variable: int) -> str:
-        """Name of the variable of index ``variable`` (from 0)."""
+        """Return the name of a variable.
+
+        Parameters
+        ----------
+        variable : int
+            Its index, from 0.
+
+        Returns
+        -------
+        str
+        """
         return self.names[variable] if self.names else f"x{variable + 1}"
 
 
@@ -419,7 +503,7 @@ def _check_names(names: Sequence[str], n: int) -> None:
 
 
 def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, ...]:
-    """The variables x1, ..., xn as polynomials.
+    """Create the variables x1, ..., xn as polynomials.
 
     Parameters
     ----------
@@ -427,6 +511,11 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
         Number of variables, at least 1.
     names : sequence of str, optional
         n distinct names; ``x1`` ... ``xn`` when left out.
+
+    Returns
+    -------
+    tuple of Polynomial
+        Of length n.
 
     Raises
     ------
@@ -452,12 +541,21 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
 
 
 def total(terms: Iterable[Polynomial | float]) -> Polynomial:
-    """Sum of polynomials (and numbers) in one pass.
+    """Add polynomials (and numbers) in one pass.
 
     Parameters
     ----------
     terms : iterable of Polynomial or float
         At least one of them a Polynomial.
+
+    Returns
+    -------
+    Polynomial
+
+    Raises
+    ------
+    ProblemError
+        If none is a Polynomial, or their variables differ.
 
     Examples
     --------

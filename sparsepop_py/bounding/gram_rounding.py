@@ -25,6 +25,7 @@ from scipy.sparse.linalg import spsolve
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.assemble import assemble, split_dual
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, stacked_groups
@@ -34,10 +35,6 @@ from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
 __all__ = ["estimate", "exact_grams"]
-
-_BITS = (0, 2, 6, 12)  # binary places that entries are rounded to
-_SHIFT = 1e-10  # relative; keeps singular matrices from stopping an estimate
-_TRACE = 0.1  # weight of the trace beside the constant: it prefers few squares
 
 
 def exact_grams(
@@ -73,7 +70,7 @@ def _rounded(
     matrix = sps.csc_array(sps.diags_array(rows) @ program.A)
     columns = 1.0 / np.maximum(abs(matrix).max(axis=0).toarray().ravel(), 1e-300)
     matrix = sps.csc_array(matrix @ sps.diags_array(columns))
-    traced = rows * program.b + _TRACE * np.concatenate(
+    traced = rows * program.b + BOUNDING.trace * np.concatenate(
         [np.tile(np.equal(*group.pairs), group.count) for group in sparse.groups]
     )
     normed = replace(program, q=columns * program.q, A=matrix, b=traced)
@@ -81,7 +78,7 @@ def _rounded(
     if solution.status not in ("solved", "almost"):
         return
     basis, first, second, value = _entries(sparse, rows * solution.z)
-    for bits in _BITS:
+    for bits in BOUNDING.bits:
         yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
@@ -171,6 +168,6 @@ def estimate(gram: ExactGram, objective: Polynomial) -> float:
     upper = sps.csc_array((value, (gram.first, gram.second)), shape=(size, size))
     matrix = sps.csc_array(upper + sps.triu(upper, 1).T)
     inner, row = matrix[1:][:, 1:], matrix[[0]].toarray().ravel()[1:]
-    shift = _SHIFT * np.maximum(1.0, np.abs(inner.diagonal()))
+    shift = BOUNDING.shift * np.maximum(1.0, np.abs(inner.diagonal()))
     hidden = row @ spsolve(sps.csc_array(inner + sps.diags_array(shift)), row)
     return float(objective.constant_term - hidden)

@@ -6,11 +6,13 @@ box -> scale -> cliques -> relax -> assemble -> solve -> certify
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.context import SolveContext
 from sparsepop_py.options import Options
@@ -55,12 +57,8 @@ __all__ = [
     "closed_without_relaxation",
 ]
 
-_SHARES = (1e-5, 1e-7, 1e-9)  # of the largest multiplier; smaller ones may be left out
-_ROUGH = 1e-4  # accuracy that is enough of a solver whose gap is that of its safe value
-_MOMENTS = 100  # from which residuals add up to more than the gap that a solver leaves
 _WHOLE: tuple[Joined, ...] = ("constraints",)
 _SMALLER: tuple[Joined, ...] = (*_WHOLE, "monomials")  # cliques tried, till a relaxation fits
-_MARGINS = (1e-8, 1e-6, 1e-4)  # margins tried, relative to the scaled objective, without a box
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +161,7 @@ def bound_box(
     boxed = bool(np.all(scaled.scaling.boxed))
     scaled_objective, size = scale_objective(context.problem.objective, scaled.scaling)
     switches = context.options.switches
-    shares = (0.0,) if boxed else _MARGINS if switches is None else (0.0, *_MARGINS)
+    shares = (0.0,) if boxed else BOUNDING.margins if switches is None else (0.0, *BOUNDING.margins)
     first: BoxBound | None = None
     for share in shares:
         with context.stages.stage("assemble"):
@@ -242,7 +240,7 @@ def short_if(needed: float, replay: Replay, box: Interval, box_bound: BoxBound) 
         return box_bound
     if not -np.inf < needed <= claim(box_bound.proved):
         return box_bound
-    for share in _SHARES:
+    for share in BOUNDING.short_shares:
         short = shortened(long, share)
         proved = prove(replay, box, short, box_bound.node.empty)
         if claim(proved) >= needed:
@@ -261,8 +259,8 @@ def _accuracy(context: SolveContext, size: float, solver: str, moments: int) -> 
     if context.best is None or context.options.effort != "auto":
         return 1e-9
     if solver == "cliquetree":
-        return float(np.clip(1e-2 * context.allowed / size, 1e-9, _ROUGH))
-    many = max(1.0, moments / _MOMENTS) ** 0.5
+        return float(np.clip(1e-2 * context.allowed / size, 1e-9, BOUNDING.rough_accuracy))
+    many = max(1.0, moments / BOUNDING.moments) ** 0.5
     return float(np.clip(1e-2 * context.allowed / (size * many), 1e-9, 1e-6))
 
 
@@ -409,7 +407,7 @@ def build_relaxations(
     objectives: tuple[Polynomial, ...],
     model: Model,
     options: Options,
-    typical: NDArray | None = None,
+    typical: NDArray[Any] | None = None,
 ) -> Model:
     """Scale the problem to the box of a model and build the relaxations on it.
 

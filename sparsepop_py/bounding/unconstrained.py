@@ -25,6 +25,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
     stronger,
 )
+from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.context import SolveContext
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
@@ -37,17 +38,11 @@ from sparsepop_py.verified.certificate.steps import BoxProof
 
 __all__ = ["unconstrained_bound", "good_enough"]
 
-_ACCURACIES = (1e-7, 1e-6, 1e-5, 1e-4)  # where solvers stop, one after the other
-_SHARES = (1e-3, 1e-2, 1e-1, 1.0)  # steps from the most accurate matrices into the interior
-_MANY = 300  # variables from which a box takes too long to gain the last digits
-_SMALL = 1e-4  # relative gap that is nearly closed, with many variables
-_FEW = 40  # monomials up to which rational elimination takes no time
-
 
 def good_enough(context: SolveContext, bound: float) -> bool:
     """Check whether a bound closes the gap, or nearly so with many variables."""
-    nearly = _SMALL * max(1.0, abs(context.upper))
-    large = context.problem.dimension > _MANY
+    nearly = BOUNDING.small_gap * max(1.0, abs(context.upper))
+    large = context.problem.dimension > BOUNDING.many_variables
     return context.closed(bound) or (large and bound >= context.upper - nearly)
 
 
@@ -81,7 +76,7 @@ def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
     box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     with context.stages.stage("certify"):
         for gram in exact_grams(f, relaxation, context.deadline.left):
-            slow = gram.basis.shape[0] > _FEW and context.best is not None
+            slow = gram.basis.shape[0] > BOUNDING.few_monomials and context.best is not None
             if slow and not good_enough(context, estimate(gram, f)):
                 continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)
@@ -100,14 +95,14 @@ def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> C
     with context.stages.stage("assemble"):
         program = assemble(relaxation, minimised)
     sharp: NDArray[np.float64] | None = None
-    for accuracy in _ACCURACIES:
+    for accuracy in BOUNDING.accuracies:
         with context.stages.stage("solve"):
             solution = solve_conic(program, solver, context.deadline.left, accuracy)
         if solution.status not in ("solved", "almost") or context.deadline.over:
             break
         sharp = solution.z if sharp is None else sharp
         with context.stages.stage("certify"):
-            for share in _SHARES:
+            for share in BOUNDING.interior_steps:
                 z, floor = floored(relaxation, program, sharp + share * (solution.z - sharp))
                 if floor:
                     break

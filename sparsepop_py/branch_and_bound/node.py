@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.relaxation_bound import bound_box, short_if
+from sparsepop_py.branch_and_bound.settings import BRANCHING
 from sparsepop_py.budget import spend, spent
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
@@ -32,12 +33,6 @@ from sparsepop_py.verified.certificate.certificate import Argument, Proved, clai
 from sparsepop_py.verified.certificate.steps import Replay, Step, tighten
 
 __all__ = ["NodeSettings", "ProcessedNode", "process_node"]
-
-_SWEEPS = 6  # of propagation over a node
-_NODE_WORK = 5e-3  # units of work of a node beside its programs
-_ROUNDS = 6  # of OBBT by a semidefinite relaxation on one node
-_AGAIN = 0.7  # another round of OBBT follows where one left less of the widths
-_HALF = 0.5  # share of the error that a bound may have, aimed at: the rest is a margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +123,7 @@ def process_node(
     """
     before = spent()
     found = _processed(context, settings, box, cutoff)
-    spend(_NODE_WORK + 1e-6 * context.problem.rows.words.shape[0])
+    spend(BRANCHING.node_work + 1e-6 * context.problem.rows.words.shape[0])
     return replace(found, work=spent() - before)
 
 
@@ -138,7 +133,7 @@ def _processed(
     replay = Replay(context.problem, cutoff)
     steps: tuple[Step, ...] = ()
     with context.stages.stage("branch"):
-        smaller, step = tighten(replay, box, _SWEEPS)
+        smaller, step = tighten(replay, box, BRANCHING.sweeps)
         if shrinks(box, smaller):
             box, steps = smaller, (step,)
     found = ProcessedNode(steps, box, prove(replay, box, None, False), None)
@@ -226,7 +221,7 @@ def _obbt_sdp(
 ) -> ProcessedNode:
     """Bound a node and tighten its box by one relaxation, in turns while that gains."""
     cutoff = replay.cutoff
-    for _ in range(_ROUNDS):
+    for _ in range(BRANCHING.obbt_rounds):
         found = _semidefinite(context, settings, spec, replay, found)
         if _done(found, cutoff) or context.deadline.over:
             return found
@@ -246,7 +241,7 @@ def _obbt_sdp(
         alone = prove(replay, found.box, None, False)  # +inf where the box is empty
         if alone.bound > found.proved.bound:  # the objective is a variable
             found = replace(found, proved=alone, argument=None, empty=False)
-        if _done(found, cutoff) or made.left > _AGAIN:
+        if _done(found, cutoff) or made.left > BRANCHING.again:
             break
     return found
 
@@ -255,4 +250,4 @@ def _enough(context: SolveContext, cutoff: float | None, bound: float) -> float:
     """Estimate the share of the widths at which the bound reaches the cutoff, else 0."""
     if cutoff is None or not -np.inf < bound < context.upper < np.inf:
         return 0.0
-    return _HALF * (context.upper - cutoff) / (context.upper - bound)
+    return BRANCHING.error_share * (context.upper - cutoff) / (context.upper - bound)

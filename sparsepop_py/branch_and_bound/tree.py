@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
+from sparsepop_py.branch_and_bound.settings import BRANCHING
 from sparsepop_py.budget import spend
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
@@ -41,12 +42,6 @@ from sparsepop_py.verified.certificate.certificate import (
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step
 
 __all__ = ["Search"]
-
-_MIDDLE = 0.4  # weight of the middle of the interval in the branching point
-_PRIOR = 0.8  # share of the widths that tightening is expected to leave, before any was measured
-_USELESS = 0.93  # OBBT by linear programs that leaves this share on average is given up
-_LOOSE = 0.85  # ... by semidefinite relaxations, which take longer
-_EDGE = 0.2  # a branching point keeps this share of the width from both ends
 
 
 @dataclass(eq=False)
@@ -88,11 +83,11 @@ class Search:
     settings: NodeSettings
     proof: BoxProof
     box: Interval
-    search_incumbent: Callable[[SolveContext, list[NDArray]], SolveContext]
+    search_incumbent: Callable[[SolveContext, list[NDArray[Any]]], SolveContext]
     start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
     count: int = 0
     seen: int = 0
-    left: float = _PRIOR
+    left: float = BRANCHING.prior_left
     _closed: float = np.inf
     _heap: list[tuple[float, int, _OpenNode]] = field(default_factory=list)
     _root: _OpenNode = field(init=False)
@@ -182,9 +177,10 @@ class Search:
         node.steps, node.box = found.steps, found.box
         if np.isfinite(found.left):
             self.left += 0.2 * (found.left - self.left)
-            if self.settings.obbt_sdp is not None and self.left > _LOOSE:
-                self.settings, self.left = replace(self.settings, obbt_sdp=None), _PRIOR
-            elif self.left > _USELESS:
+            if self.settings.obbt_sdp is not None and self.left > BRANCHING.useless_sdp:
+                self.settings = replace(self.settings, obbt_sdp=None)
+                self.left = BRANCHING.prior_left
+            elif self.left > BRANCHING.useless_lp:
                 self.settings = replace(self.settings, obbt_lp=False)
         if found.proved.bound >= node.proved.bound or is_empty(found.box):
             node.proved, node.argument, node.empty = found.proved, found.argument, found.empty
@@ -237,8 +233,8 @@ class Search:
         v = int(chosen[np.argmax(score)])
         point = middle = 0.5 * box.lo[v] + 0.5 * box.hi[v]
         if found.point is not None:
-            point = _MIDDLE * middle + (1.0 - _MIDDLE) * float(found.point[v])
-        edge = _EDGE * (box.hi[v] - box.lo[v])
+            point = BRANCHING.middle * middle + (1.0 - BRANCHING.middle) * float(found.point[v])
+        edge = BRANCHING.edge * (box.hi[v] - box.lo[v])
         return v, float(np.clip(point, box.lo[v] + edge, box.hi[v] - edge))
 
     def certificate(self) -> Certificate | None:

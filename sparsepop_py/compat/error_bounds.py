@@ -1,6 +1,6 @@
 """Proved balls around minimisers (``errorBdIdx`` of SparsePOP).
 
-Every feasible x with f(x) <= level satisfies |x_I - centre_I|^2 <= zeta, where zeta is an upper
+Every feasible x with f(x) <= cutoff satisfies |x_I - centre_I|^2 <= zeta, where zeta is an upper
 bound of the largest distance: the negative of a certified lower bound.
 """
 
@@ -50,17 +50,17 @@ def index_sets(given: Any, n: int) -> list[list[int]]:
 def error_bounds(
     problem: Problem,
     centre: NDArray[np.float64],
-    level: float,
+    cutoff: float,
     sets: Sequence[Sequence[int]],
     options: Options,
 ) -> list[Result]:
-    """Solve for the largest distances from a centre where f <= level, one for each set.
+    """Bound the largest distances from a centre where f <= cutoff, by sets.
 
     Parameters
     ----------
     problem : Problem
     centre : (n,) float
-    level : float
+    cutoff : float
     sets : sequence of sequences of int
         Variables, from 0.
     options : Options
@@ -82,15 +82,15 @@ def error_bounds(
     >>> 2 - 2**0.5 < -ball.lower_bound < 2 - 2**0.5 + 1e-4
     True
     """
-    below = Constraint(_below(problem.objective, level), Kind.NONNEGATIVE, "f <= fValueUbd")
+    below = Constraint(_below(problem.objective, cutoff), Kind.NONNEGATIVE, "f <= fValueUbd")
     rows = [*problem.constraints, below]
     inside = Problem(problem.objective, rows, problem.lower, problem.upper, problem.names)
     return solve_each(inside, [_distance(centre, chosen) for chosen in sets], options)
 
 
-def _below(objective: Polynomial, level: float) -> Polynomial:
-    """The row level - f, its constant rounded up: non-negative wherever f <= level."""
-    constant = Fraction(level) - Fraction(objective.constant_term)
+def _below(objective: Polynomial, cutoff: float) -> Polynomial:
+    """Build the row cutoff - f, rounded up: non-negative wherever f <= cutoff."""
+    constant = Fraction(cutoff) - Fraction(objective.constant_term)
     return total([-(objective - objective.constant_term), _above(constant)])
 
 

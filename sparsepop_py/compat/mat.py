@@ -88,6 +88,15 @@ def read_mat(path: str | Path) -> Any:
         If the file is missing or is no such file.
     ProblemError
         If a struct in it is malformed.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> x, = sp.variables(1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sp.write_mat(sp.Problem(x**2, lower=-1), pathlib.Path(folder) / "square.mat")
+    ...     sp.read_mat(pathlib.Path(folder) / "square.mat")
+    <Problem: 1 variables, 0 inequalities, 0 equalities, degree 2>
     """
     try:
         with open(path, "rb") as file:
@@ -125,14 +134,14 @@ def _of_problem(problem: Problem) -> dict[str, Any]:
 
 
 def _residuals(problem: Problem) -> Any:
-    """The residuals as a cell, where they make the very same objective again."""
+    """Put the residuals into a cell, if they make the very same objective again."""
     if len(problem.squares) < 2 or any(weight != 1.0 for weight, _ in problem.squares):
         return None
     residuals = [to_structs(Problem(residual))[0] for _, residual in problem.squares]
     lower, upper = to_structs(problem)[2:]
     again = from_structs(residuals, [], lower, upper)
-    same = again.fingerprint == Problem(problem.objective, (), again.lower, again.upper).fingerprint
-    return cell(residuals, row=True) if same else None
+    here = Problem(problem.objective, (), again.lower, again.upper, squares=problem.squares)
+    return cell(residuals, row=True) if again.fingerprint == here.fingerprint else None
 
 
 def _problem(variables: dict[str, Any], path: str | Path) -> Problem:
@@ -156,7 +165,7 @@ def _problem(variables: dict[str, Any], path: str | Path) -> Problem:
 
 
 def _python(value: Any) -> Any:
-    """A value of MATLAB as a Python one."""
+    """Convert a value of MATLAB to a Python one."""
     if hasattr(value, "_fieldnames"):
         made = {name: _python(getattr(value, name)) for name in value._fieldnames}
         return SimpleNamespace(**made)

@@ -31,7 +31,11 @@ _END = "\x04\n"  # the line that ends an answer
 
 
 def folder() -> Path:
-    """The folder to put on the path of MATLAB or Octave.
+    """Return the folder to put on the path of MATLAB or Octave.
+
+    Returns
+    -------
+    Path
 
     Examples
     --------
@@ -48,8 +52,8 @@ def answer(path: str | os.PathLike[str]) -> None:
     ----------
     path : path of a MAT file (version 6)
         It holds ``arguments``, a cell array with those of
-        :func:`~sparsepop_py.compat.sparsepop.sparsePOP`, and ``folder``, to which names of files are
-        relative. Afterwards it holds ``outputs``, a cell array of the six outputs as structs,
+        :func:`~sparsepop_py.compat.sparsepop.sparsePOP`, and ``folder``, to which names of files
+        are relative. Afterwards it holds ``outputs``, a cell array of the six outputs as structs,
         ``warnings``, a cell array of texts, and ``error``, a text that is empty without one.
 
     Examples
@@ -96,7 +100,10 @@ def serve() -> None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """``python -m sparsepop_py.compat.matlab_server`` serves; with the word ``folder`` it prints that."""
+    """Serve requests; with the word ``folder`` print the folder for MATLAB's path.
+
+    Called as ``python -m sparsepop_py.compat.matlab_server``.
+    """
     words = list(sys.argv[1:] if argv is None else argv)
     if not words:
         serve()
@@ -117,7 +124,7 @@ def _listen(questions: queue.SimpleQueue[str]) -> None:
 
 
 def _question(path: Path) -> dict[str, Any]:
-    """What the file asks; complex numbers, which would lose a part unseen, are refused."""
+    """Read the arguments of the file; complex numbers, which would lose a part, are refused."""
     with warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)
         try:
@@ -134,7 +141,7 @@ def _question(path: Path) -> dict[str, Any]:
 
 
 def _complex(value: Any, place: str) -> str:
-    """Where complex numbers stand in structs and cells; empty for nowhere."""
+    """Locate complex numbers in structs and cells; empty for none."""
     if not isinstance(value, np.ndarray) or not value.size:
         return place if sps.issparse(value) and value.dtype.kind == "c" else ""
     if value.dtype.kind == "c":
@@ -149,7 +156,7 @@ def _complex(value: Any, place: str) -> str:
 
 
 def _text(value: Any) -> Any:
-    """A char array as a string; anything else as it is."""
+    """Convert a char array to a string; anything else stays."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "U":
         return "".join(value.ravel().tolist())
     return value

@@ -1,4 +1,4 @@
-"""What ``sparsePOP`` returns: the six outputs of SparsePOP 3.03 as frozen classes."""
+"""Outputs of ``sparsePOP``: the six outputs of SparsePOP 3.03 as frozen classes."""
 
 from __future__ import annotations
 
@@ -230,11 +230,31 @@ class SDPInfo:
 
 
 class SparsePOPOutput(NamedTuple):
-    """The six outputs of the original, in its order.
+    """Six outputs of the original, in its order.
 
-    ``SDPobjValue`` is proved: a lower bound of the minimum, +inf when it is proved that
-    no point is feasible, -inf when nothing is proved. For a maximisation it is an upper
-    bound of the maximum, and the two infinities change places. None with ``SDPsolverSW = 0``.
+    Parameters
+    ----------
+    param : Parameters
+        The parameters as they were understood.
+    SDPobjValue : float or None
+        Proved: a lower bound of the minimum, +inf when it is proved that no point is feasible,
+        -inf when nothing is proved. For a maximisation it is an upper bound of the maximum, and
+        the two infinities change places. None with ``SDPsolverSW = 0``.
+    POP : POPOutput
+        Bounds and points.
+    cpuTime : CpuTime
+    SDPsolverInfo : SolverInfo
+    SDPinfo : SDPInfo
+        Sizes of the SDP.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> output = sp.sparsePOP(sp.Problem(x, lower=2, upper=3), {"printLevel": 0})
+    >>> param, SDPobjValue, POP, cpuTime, SDPsolverInfo, SDPinfo = output
+    >>> SDPobjValue <= 2.0 <= POP.upperBound
+    True
     """
 
     param: Parameters
@@ -260,7 +280,7 @@ _ORIGINAL = {
 
 
 def matlab_structs(output: SparsePOPOutput) -> dict[str, Any]:
-    """The six outputs with the original's names first, in its order."""
+    """List the six outputs with the original's names first, in its order."""
     given = {name: _matlab(value) for name, value in output._asdict().items()}
     for name, known in _ORIGINAL.items():
         given[name] = dict.fromkeys(known.split(), _EMPTY) | given[name]
@@ -268,7 +288,7 @@ def matlab_structs(output: SparsePOPOutput) -> dict[str, Any]:
 
 
 def _matlab(value: Any) -> Any:
-    """A value as MATLAB holds it: doubles, columns, rows of sizes, ``[]`` for None."""
+    """Convert a value for MATLAB: doubles, columns, rows of sizes, ``[]`` for None."""
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, (str, bool, np.bool_)):
@@ -290,7 +310,7 @@ def _matlab(value: Any) -> Any:
 
 
 def _fields(value: Any) -> dict[str, Any]:
-    """The fields of a struct in MATLAB."""
+    """List the fields of a struct in MATLAB."""
     if isinstance(value, Mapping):
         return dict(value)
     if isinstance(value, Parameters):
@@ -307,7 +327,7 @@ def _fields(value: Any) -> dict[str, Any]:
 
 
 def cell(items: Iterable[Any], row: bool = False) -> NDArray[np.object_]:
-    """A cell array, column or row."""
+    """Build a cell array, column or row."""
     listed = list(items)
     cell = np.empty((len(listed), 1), dtype=object)
     for place, item in enumerate(listed):

@@ -42,14 +42,14 @@ def wrong(name: str, found: Any, expected: str) -> NoReturn:
 
 
 def check_one_of(name: str, value: Any, legal: tuple[Any, ...]) -> Any:
-    """A switch."""
+    """Check that a switch has one of its legal values."""
     if isinstance(value, (list, str)) or value not in legal:
         wrong(name, value, "one of " + ", ".join(map(str, legal)))
     return value
 
 
 def check_order(value: Any) -> float:
-    """The relaxation order, an integer where it is whole."""
+    """Check the relaxation order; return an integer where it is whole."""
     number = _number("relaxOrder", value, "a number >= 0")
     if number < 0:
         wrong("relaxOrder", value, "a number >= 0")
@@ -72,7 +72,7 @@ def _number(name: str, value: Any, expected: str) -> float:
 
 
 def _small(name: str, value: Any) -> float:
-    """0, or a size that is large enough to be meant."""
+    """Check for 0, or a size that is large enough to be meant."""
     number = abs(_number(name, value, "0 or a number of at least 1e-10"))
     if 0 < number < _LEAST or (name == "eqTolerance" and value < 0):
         wrong(name, value, "0 or a number of at least 1e-10")
@@ -80,7 +80,7 @@ def _small(name: str, value: Any) -> float:
 
 
 def _factor(name: str, value: Any) -> float:
-    """How far cliques may grow; any text stands for without limit."""
+    """Read the factor by which cliques may grow; any text stands for no limit."""
     if isinstance(value, str):
         return math.inf
     if value == math.inf:
@@ -161,7 +161,7 @@ CHECKS: dict[str, Callable[[str, Any], Any]] = {
 
 
 def check_error_bounds(values: Mapping[str, Any]) -> None:
-    """An upper bound of the objective belongs to error bounds."""
+    """Check that an upper bound of the objective comes with error bounds."""
     asked = values.get("errorBdIdx", "")
     if values.get("fValueUbd", "") != "" and isinstance(asked, str) and not asked:
         wrong("fValueUbd", values["fValueUbd"], "nothing, since errorBdIdx is empty")
@@ -187,7 +187,7 @@ _SUBSTITUTED = {
 
 @dataclass(frozen=True)
 class Parameters:
-    """What :func:`read_parameters` understood.
+    """Parameters as :func:`read_parameters` understood them.
 
     Every other field of the original is readable too, with the value given or the
     original's default: ``parameters.eqTolerance``.
@@ -205,7 +205,7 @@ class Parameters:
     SDPsolver : str
         As given.
     options : Options
-        What the solve is called with.
+        The options of the solve.
     given : mapping of str to object
         The other fields that were given, known or not.
     """
@@ -303,7 +303,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
 
 
 def _switches(order: float, values: Mapping[str, Any]) -> Switches:
-    """The switches of the plain relaxation."""
+    """Collect the switches of the plain relaxation."""
 
     def on(name: str) -> bool:
         return bool(values.get(name, _BY_NAME[name].default))
@@ -326,7 +326,7 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
 
 
 def _items(param: Any) -> dict[str, Any]:
-    """The fields of a struct, whatever it is made of."""
+    """List the fields of a struct of any kind."""
     while isinstance(param, np.ndarray) and param.size == 1:
         param = param.ravel()[0]
     empty = isinstance(param, (list, tuple, np.ndarray)) and np.size(param) == 0
@@ -357,7 +357,7 @@ def _items(param: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A MATLAB value as a Python one: scalars for 1 x 1, lists for vectors, None for []."""
+    """Convert a MATLAB value: scalars for 1 x 1, lists for vectors, None for []."""
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.ravel()[0]
     if isinstance(value, np.ndarray):
@@ -372,7 +372,7 @@ def _plain(value: Any) -> Any:
 
 
 def _same(value: Any, default: Any) -> bool:
-    """Whether a value asks for what the original does anyway."""
+    """Check whether a value asks for the original's default."""
     return default is not None and type(value) is not list and bool(value == default)
 
 
@@ -414,7 +414,7 @@ def _local(value: Any, strict: bool, says: list[str]) -> str:
 
 
 def _solver(value: Any, says: list[str]) -> tuple[str, str]:
-    """The name as given, and the solver it stands for."""
+    """Return the name of the solver as given, and the solver it stands for."""
     expected = "one of " + ", ".join(map(repr, (*_SOLVERS, *solver_names())))
     if not isinstance(value, str):
         wrong("SDPsolver", value, expected)

@@ -384,7 +384,7 @@ FIELDS: tuple[Field, ...] = (
 
 
 def render_table() -> str:
-    """The table of all fields in Markdown, as the documentation shows it."""
+    """Render the table of all fields in Markdown, as the documentation shows it."""
     lines = [
         "| field | default | the original | here | option | test |",
         "|---|---|---|---|---|---|",

@@ -39,7 +39,7 @@ def write_report(output: SparsePOPOutput, source: Any, level: int) -> None:
 
 
 def report(output: SparsePOPOutput, source: Any, level: int) -> str:
-    """The text of the report."""
+    """Format the report of a solve."""
     return "\n".join(_lines(output, source, level)) + "\n"
 
 
@@ -138,7 +138,7 @@ def _value_lines(output: SparsePOPOutput) -> Iterator[str]:
 
 
 def _kind(output: SparsePOPOutput) -> str:
-    """What ``POP.xVect`` is."""
+    """Describe the kind of ``POP.xVect``."""
     result = output.POP.result
     if result.options.switches is not None and result.relaxation is not None:
         return "first moments of the SDP, not proved"
@@ -175,7 +175,7 @@ def write_files(
 
 
 def check_files(parameters: Parameters) -> None:
-    """Whether the files that the parameters ask for can be written, before any work.
+    """Check before any work that the files of the parameters can be written.
 
     Raises
     ------

@@ -27,7 +27,7 @@ _ROOT2 = float(np.sqrt(2.0))
 
 @dataclass(frozen=True, eq=False)
 class SeDuMi:
-    """The data A (M, N), b (M,), c (N,) and the cone K of a program.
+    """SeDuMi's form of a program: A (M, N), b (M,), c (N,) and K.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class SeDuMi:
 
     @staticmethod
     def of(program: ConicProgram) -> SeDuMi:
-        """The same program in SeDuMi's form."""
+        """Convert a program to SeDuMi's form."""
         spread = full_columns(program.cones)
         cones = program.cones
         K = {"f": cones.zero, "l": cones.nonnegative, "s": np.array(cones.psd, float)}
@@ -54,7 +54,7 @@ class SeDuMi:
 
 
 def full_columns(cones: Cones) -> sps.csr_array:
-    """The matrix (N, R) that writes the triangles of blocks out as full matrices."""
+    """Build the matrix (N, R) that writes triangles of blocks as full matrices."""
     free = cones.zero + cones.nonnegative
     columns, values, offset = [np.arange(free)], [np.ones(free)], free
     for size, count in _runs(cones):
@@ -72,7 +72,7 @@ def full_columns(cones: Cones) -> sps.csr_array:
 
 
 def dimacs_errors(program: ConicProgram, solution: ConicSolution) -> NDArray[np.float64]:
-    """The six error measures of the seventh DIMACS challenge, shape (6,).
+    """Compute the six error measures of the seventh DIMACS challenge, shape (6,).
 
     References
     ----------
@@ -97,7 +97,7 @@ def dimacs_errors(program: ConicProgram, solution: ConicSolution) -> NDArray[np.
 
 
 def _least(cones: Cones, vector: NDArray[np.float64]) -> float:
-    """The least eigenvalue of all blocks and linear entries."""
+    """Compute the least eigenvalue of all blocks and linear entries."""
     least = float(vector[cones.zero : cones.zero + cones.nonnegative].min(initial=np.inf))
     offset = cones.zero + cones.nonnegative
     for size, count in _runs(cones):
@@ -146,7 +146,7 @@ class BuiltSDP:
 
     @staticmethod
     def of(result: Result) -> BuiltSDP | None:
-        """The last SDP behind a result, None without one."""
+        """Rebuild the last SDP behind a result, None without one."""
         relaxation, solution = result.relaxation, result.solution
         if relaxation is None:
             return None
@@ -176,7 +176,7 @@ class BuiltSDP:
         return self.relaxation.moments[self.moments]
 
     def first_moments(self) -> NDArray[np.float64] | None:
-        """The point of the moments of degree one; None without such a solution."""
+        """Return the point of the moments of degree one; None without a solution."""
         known = self.solution is not None and self.solution.status in ("solved", "almost")
         if self.scaled is None or self.solution is None or not known:
             return None
@@ -190,7 +190,7 @@ class BuiltSDP:
         return self.scaled.scaling.point(np.where(fixed, 0.0, y[place]))
 
     def map(self) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """For each variable the moment (from 1) that is it, -1 for none, a scale and a shift."""
+        """Map each variable to its moment: number (from 1, -1 for none), scale, shift."""
         n = self.relaxation.problem.dimension
         letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
         place = monomials.lookup(letters, self.words, n)

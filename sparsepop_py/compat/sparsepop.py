@@ -54,7 +54,7 @@ _CALL = re.compile(r"(?:(?P<module>[\w.]+):)?(?P<name>[A-Za-z_]\w*)(?:\((?P<give
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """A problem, what it is called in reports, and CPU seconds of forming a sum of squares."""
+    """Problem with its name in reports, and CPU seconds of forming squares."""
 
     problem: Problem
     source: str | None
@@ -64,7 +64,7 @@ class Input:
 def read_input(
     first: Any, ineqPolySys: Any, lbd: Any, ubd: Any, param: Any
 ) -> tuple[Callable[[], Input], Any]:
-    """How to read the problem, and ``param`` wherever it stands.
+    """Recognise the form of the arguments; return a reader of the problem and ``param``.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def _of_structs(given: tuple[Any, ...], source: str | None) -> Input:
 
 
 def _made(given: Any, source: str) -> Input:
-    """What a function returned."""
+    """Convert the value of a function to a problem."""
     if isinstance(given, Problem):
         return Input(given, source, None)
     if not isinstance(given, (tuple, list)) or len(given) != 4:
@@ -112,7 +112,10 @@ def _made(given: Any, source: str) -> Input:
 
 
 def _function(text: str) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """The function that 'module:name(arguments)' names; without a module, one of ``problems``."""
+    """Look up the function that 'module:name(arguments)' names.
+
+    Without a module, one of ``problems``.
+    """
     found = _CALL.fullmatch(text.strip())
     expected = (
         "the name of a .gms file, 'module:function', or a function of sparsepop_py.problems, "
@@ -153,9 +156,9 @@ def _check_arguments(text: str, function: Callable[..., Any], arguments: tuple[A
 
 
 def with_tolerance(problem: Problem, tolerance: float, scaled: bool) -> Problem:
-    """The problem with h = 0 relaxed to 0 <= h <= tolerance, in scaled rows where ``scaled``.
+    """Relax h = 0 to 0 <= h <= tolerance, in scaled rows where ``scaled``.
 
-    Its feasible set contains the original one, so its bounds hold there.
+    The feasible set contains the original one, so bounds hold there.
     """
     if not tolerance or not problem.equality.any():
         return problem
@@ -267,7 +270,7 @@ def sparsePOP(
 
 
 def _check_sizes(parameters: Parameters, problem: Problem) -> None:
-    """What can be checked only when the number of variables is known."""
+    """Check parameters that depend on the number of variables."""
     factor, n = parameters.multiCliquesFactor, problem.dimension
     if n < factor < np.inf:
         raise ProblemError(
@@ -282,7 +285,7 @@ def _order_used(parameters: Parameters, problem: Problem) -> float:
 
 
 def _unsolved(problem: Problem, options: Options) -> Result:
-    """The SDP that would be solved, without a solve."""
+    """Build the SDP without solving it."""
     stages = Stages(options.progress)
     with stages.stage("presolve"):
         model = Model(*find_box(problem, None, options))
@@ -341,7 +344,10 @@ def _point(
 
 
 def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint | None, Status]:
-    """A point that is attained there, from one of the larger set, and what is then known."""
+    """Prove a point in the given problem from one of the larger set.
+
+    Returns the point, if any, and the status that follows.
+    """
     options = result.options
     context = SolveContext(
         problem, options, Stages(False), Deadline(options.time_limit, options.work_limit)
@@ -361,13 +367,13 @@ def _with_error_bounds(
     sets = index_sets(parameters.errorBdIdx, problem.dimension)
     if not sets or not point.xVect.size:
         return point
-    level = parameters.fValueUbd
+    cutoff = parameters.fValueUbd
     end = point.lowerBound if sign < 0 else point.upperBound
-    level = sign * (end if level == "" else float(level))
-    if not np.isfinite(level):
+    cutoff = sign * (end if cutoff == "" else float(cutoff))
+    if not np.isfinite(cutoff):
         return point
     options = replace(parameters.options, effort="presolve", switches=None, progress=False)
-    results = error_bounds(problem, point.xVect, level, sets, options)
+    results = error_bounds(problem, point.xVect, cutoff, sets, options)
     zeta = [float(max(0.0, -result.lower_bound)) for result in results]
     return replace(point, xCenter=[point.xVect.copy() for _ in sets], zeta=zeta)
 
@@ -375,7 +381,7 @@ def _with_error_bounds(
 def _shown(
     problem: Problem, x: NDArray[np.float64] | None, sign: float
 ) -> tuple[NDArray[np.float64], float | None, float | None, float | None]:
-    """A point with its objective and its two errors."""
+    """Evaluate a point: itself, its objective and its two errors."""
     if x is None:
         return np.zeros(0), None, None, None
     absolute, scaled = _errors(problem, x)
@@ -404,6 +410,7 @@ def _times(result: Result, read: float, given: Input) -> CpuTime:
     spent = result.timings
     conversion = sum(spent.get(stage, 0.0) for stage in ("presolve", "relax", "assemble"))
     local = sum(spent.get(stage, 0.0) for stage in ("search", "extract", "refine"))
-    solver, certify = spent.get("solve", 0.0), spent.get("certify", 0.0)
+    solver = spent.get("solve", 0.0)
+    certify = spent.get("certify", 0.0) + spent.get("verify", 0.0)
     total = conversion + solver + certify
     return CpuTime(conversion, solver, certify, read, local, total, given.single)

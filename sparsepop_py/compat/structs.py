@@ -93,7 +93,7 @@ def from_structs(objPoly: Any, ineqPolySys: Any, lbd: Any, ubd: Any) -> Problem:
 def to_structs(
     problem: Problem,
 ) -> tuple[dict[str, Any], list[dict[str, Any]], NDArray[np.float64], NDArray[np.float64]]:
-    """SparsePOP's four structs of a problem.
+    """Convert a problem to SparsePOP's four structs.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _struct(polynomial: Polynomial, cone: int) -> dict[str, Any]:
 
 
 def _struct_of(columns: Sequence[Polynomial], cone: int, size: int) -> dict[str, Any]:
-    """The struct whose ``coef`` has one column for each polynomial."""
+    """Build the struct whose ``coef`` has one column for each polynomial."""
     n = columns[0].dimension
     system = PolynomialSystem.stack(columns, n)
     words, number = monomials.collect(system.words, n)
@@ -161,7 +161,7 @@ def _struct_of(columns: Sequence[Polynomial], cone: int, size: int) -> dict[str,
 
 
 def _elements(given: Any, label: str) -> list[Any]:
-    """The structs of a list, cell array, struct array or single struct."""
+    """List the structs of a list, cell array, struct array or single struct."""
     if given is None or (isinstance(given, Mapping) and not given):
         return []
     if isinstance(given, (list, tuple)):
@@ -244,7 +244,7 @@ def _array(value: Any, label: str) -> NDArray[np.float64]:
 
 
 def _read(item: Any, label: str, legal: tuple[int, ...]) -> tuple[list[Polynomial], int]:
-    """The polynomial of each column of ``coef``, and typeCone; every field checked."""
+    """Read the polynomial of each column of ``coef``, and typeCone; check every field."""
     while isinstance(item, np.ndarray) and item.size == 1:  # a struct in a cell
         item = item.ravel()[0]
     if item is None or isinstance(item, (list, tuple, str, float, int, np.ndarray, np.number)):
@@ -285,7 +285,7 @@ def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
         matrix.sum_duplicates()
     else:
         array = _array(given, f"{struct.label}.supports")
-        if array.ndim < 2:  # squeezed: a column of powers, or one row
+        if array.ndim < 2:  # one dimension was dropped: a column of powers, or one row
             array = array.reshape((-1, 1) if n == 1 else (1, -1) if array.size else (0, n))
         if array.ndim > 2:
             raise struct.error("supports", f"{array.ndim} dimensions", "a matrix")
@@ -299,7 +299,7 @@ def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
     return sps.csr_array(matrix.astype(np.int64).reshape((terms, n)))
 
 
-def _check_exponents(struct: _Struct, values: NDArray) -> None:
+def _check_exponents(struct: _Struct, values: NDArray[Any]) -> None:
     wrong = values[~monomials.are_exponents(values)]
     if wrong.size:
         expected = f"non-negative integers up to {monomials.LARGEST_POWER}"
@@ -321,7 +321,7 @@ def _columns(struct: _Struct, terms: int, size: int, cone: int) -> NDArray[np.fl
     """Coefficients (noTerms, sizeCone or sizeCone^2) of a cone or a symmetric matrix."""
     values = _array(struct.required("coef"), f"{struct.label}.coef")
     count = size if cone == 2 else size**2
-    if values.ndim == 1 and terms == 1:  # squeezed
+    if values.ndim == 1 and terms == 1:  # one dimension was dropped
         values = values[None]
     if values.shape != (terms, count) and not values.size == terms == 0:
         found = " x ".join(map(str, values.shape))

@@ -50,7 +50,9 @@ class Cones:
 
 @dataclass(frozen=True, eq=False)
 class ConicProgram:
-    """min q'y + offset, A y + s = b, s in K.
+    """Conic program: minimise q'y + offset subject to s in K.
+
+    With s = b - A y, in the convention of this module.
 
     Parameters
     ----------
@@ -58,7 +60,16 @@ class ConicProgram:
     A : csc (R, M)
     b : (R,) float
     cones : Cones
+        The cone K.
     offset : float
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x**2 + y**2 <= 1])
+    >>> print(sp.assemble(sp.relax(problem), problem.objective))
+    conic program: 5 moments, 7 rows (0 zero, 1 linear, 1 semidefinite blocks up to 3)
     """
 
     q: NDArray[np.float64]
@@ -68,7 +79,13 @@ class ConicProgram:
     offset: float = 0.0
 
     def save(self, path: str | Path) -> None:
-        """Write the program as a NumPy ``npz`` archive to that very path, for :meth:`load`."""
+        """Write the program as a NumPy ``npz`` archive, for :meth:`load`.
+
+        Parameters
+        ----------
+        path : str or Path
+            Used as it is; no suffix is added.
+        """
         with open(path, "wb") as file:
             np.savez_compressed(
                 file,
@@ -86,6 +103,14 @@ class ConicProgram:
     @staticmethod
     def load(path: str | Path) -> ConicProgram:
         """Read a program that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        ConicProgram
 
         Raises
         ------

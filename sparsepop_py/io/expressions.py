@@ -89,7 +89,7 @@ class Vocabulary:
         return name.lower() if self.ignore_case else name
 
     def letter(self, name: str) -> int | None:
-        """Number of the variable from 1, or None for an unknown name."""
+        """Look up the number of a variable from 1, None for an unknown name."""
         return self._letters.get(self._key(name))
 
     def __str__(self) -> str:
@@ -117,7 +117,7 @@ def names_in(tokens: Sequence[Token]) -> set[str]:
 
 
 def excerpt(statement: str, position: int = 0) -> str:
-    """The statement on one line, in quotes, cut to what surrounds ``position``."""
+    """Quote a statement on one line, shortened around ``position``."""
     start = max(0, position - 40)
     piece = " ".join(statement[start : start + 80].split())
     before = "..." if start else ""
@@ -198,7 +198,7 @@ def _add(terms: Terms, coefficient: float, word: tuple[int, ...], rest: Terms | 
 
 
 def _simplest(terms: Terms) -> Value:
-    """A number where the sum is constant, so that one may divide by it."""
+    """Reduce a constant sum to a number, so that one may divide by it."""
     terms = {word: value for word, value in terms.items() if value != 0.0}
     if not any(terms):
         return terms.get((), 0.0)
@@ -360,7 +360,7 @@ class _Parser:
         raise self.fail("a number, a name or '('")
 
     def arguments(self, count: int = 1) -> list[Terms]:
-        """What stands in parentheses: ``count`` sums with commas between them."""
+        """Parse ``count`` sums in parentheses, with commas between them."""
         if self.depth == MAX_DEPTH:
             raise self.fail(f"at most {MAX_DEPTH} nested parentheses", "more")
         self.depth += 1

@@ -230,7 +230,7 @@ def read_gms(path: str | os.PathLike[str]) -> Problem:
 
 @dataclass(slots=True)
 class _Reader:
-    """What the statements have said so far; keys are names in lower case."""
+    """Content of the statements read so far; keys are names in lower case. Mutable."""
 
     last: Statement
     variables: dict[str, _Variable] = field(default_factory=dict)
@@ -337,7 +337,7 @@ class _Reader:
     # ---- checks -------------------------------------------------------------------------
 
     def check(self) -> None:
-        """What can be judged only at the end of the file."""
+        """Check conditions that need the whole file."""
         for key, (name, statement) in self.equations.items():
             if key not in self.definitions:
                 raise statement.error(
@@ -417,7 +417,7 @@ class _Reader:
     def check_typed(
         self, variables: list[_Variable], rows: dict[str, tuple[Polynomial, Kind]]
     ) -> None:
-        """A name only in, say, Positive Variables and in no equation is a slip of the pen."""
+        """Refuse names in, say, Positive Variables that no equation uses: likely misspelled."""
         used = {int(v) for row, _ in rows.values() for v in row.support}
         for index, variable in enumerate(variables):
             if not variable.listed and index not in used:
@@ -443,7 +443,7 @@ class _Reader:
     def solved(
         self, row: tuple[Polynomial, Kind], key: str, objvar: _Variable, names: tuple[str, ...]
     ) -> Polynomial:
-        """The row solved for the objective variable."""
+        """Solve the row for the objective variable."""
         words, values = row[0].words, row[0].coefficients
         holds = (words == row[0].dimension).any(axis=1)
         if np.any(degrees(words)[holds] > 1):
@@ -478,7 +478,7 @@ def _side(statement: Statement, span: tuple[int, int], vocabulary: Vocabulary) -
 
 
 def _shrunk(row: Polynomial, names: tuple[str, ...]) -> Polynomial:
-    """The same row without the last variable, which it does not hold."""
+    """Drop the last variable from a row that does not hold it."""
     return Polynomial(row.words, row.coefficients, len(names), names)
 
 

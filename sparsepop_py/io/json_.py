@@ -1,7 +1,7 @@
 """Problems, certificates and results as JSON, exactly.
 
 A certificate that is read back is verified like any other: it is multipliers and claims, and
-nothing in a file is believed. Trees are written as lists of parts with the numbers of their
+nothing in a file is believed. Trees are written as lists of nodes with the numbers of their
 children, and certificates that quote others as lists with those quoted first.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.io import json_codecs as codecs
+from sparsepop_py.io import json_version2 as version2
 from sparsepop_py.io.json_certificates import CERTIFICATE
 from sparsepop_py.io.json_codecs import (
     Codec,
@@ -38,17 +39,21 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION = "sparsepop-py", 2
+_FORMAT, _VERSION, _OLDER = "sparsepop-py", 3, 2
 _DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
 
 
 def to_json(value: Problem | Certificate | Result) -> str:
-    """A problem, certificate or result as JSON text.
+    """Convert a problem, certificate or result to JSON text.
 
     Parameters
     ----------
     value : Problem, Certificate or Result
         A result is written without its relaxation and solution, on which nothing rests.
+
+    Returns
+    -------
+    str
 
     Raises
     ------
@@ -74,7 +79,10 @@ def to_json(value: Problem | Certificate | Result) -> str:
 
 
 def from_json(source: str) -> Any:
-    """What :func:`to_json` wrote.
+    """Read the JSON text of :func:`to_json`, of this version or of version 2.
+
+    The certificate of a result of version 2 gets the fingerprint of today, if it had that of
+    the result's problem. A certificate alone keeps its own: ``verify`` knows it.
 
     Parameters
     ----------
@@ -88,24 +96,49 @@ def from_json(source: str) -> Any:
     ------
     ProblemError
         If the text is malformed; the message names the place.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.from_json(sp.to_json(sp.Problem(x * y, [x + y <= 1])))
+    >>> print(problem)
+    min x1*x2
+      s.t. 1 - x1 - x2 >= 0
     """
     try:
         found = json.loads(source)
-    except (ValueError, RecursionError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise ProblemError(f"JSON: {error}") from error
     if codecs.field_of(found, "format", "JSON") != _FORMAT:
         raise codecs.wrong("JSON.format", found["format"], repr(_FORMAT))
-    if codecs.field_of(found, "version", "JSON") != _VERSION:
-        raise codecs.wrong("JSON.version", found["version"], str(_VERSION))
+    version = codecs.field_of(found, "version", "JSON")
+    if type(version) is not int or version not in (_OLDER, _VERSION):
+        raise codecs.wrong("JSON.version", version, f"{_VERSION} or {_OLDER}")
     name = codecs.field_of(found, "is", "JSON")
     for known, codec in _KINDS.values():
         if name == known:
-            return codec.read(codecs.field_of(found, name, "JSON"), name)
+            content = codecs.field_of(found, name, "JSON")
+            if version == _OLDER:
+                _upgrade(name, content)
+            return codec.read(content, name)
     raise codecs.wrong("JSON.is", name, "one of " + ", ".join(n for n, _ in _KINDS.values()))
 
 
+def _upgrade(name: str, content: Any) -> None:
+    """Turn the content of a text of version 2 into that of today, in place."""
+    if name == "certificate":
+        version2.rename(content)
+    elif name == "result":
+        certificates = codecs.field_of(content, "certificate", name)
+        version2.rename(certificates)
+        version2.rename_skipped(content.get("options"))
+        problem = PROBLEM.read(codecs.field_of(content, "problem", name), f"{name}.problem")
+        version2.refingerprint(certificates, problem)
+
+
 def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
-    """Write what :func:`to_json` makes to a file.
+    """Write a problem, certificate or result to a JSON file.
 
     Parameters
     ----------
@@ -115,13 +148,24 @@ def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
     Raises
     ------
     ProblemError
-        If it is something else.
+        If the value is something else.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> x, = sp.variables(1)
+    >>> result = sp.solve(sp.Problem(x, lower=0, upper=1))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     sp.write_json(result, pathlib.Path(folder) / "result.json")
+    ...     again = sp.read_json(pathlib.Path(folder) / "result.json")
+    >>> again.lower_bound == result.lower_bound, again.certificate.verify(result.problem).ok
+    (True, True)
     """
     Path(path).write_text(to_json(value), encoding="utf-8")
 
 
 def read_json(path: str | Path) -> Any:
-    """Read a file that :func:`write_json` wrote.
+    """Read a file of :func:`write_json`.
 
     Parameters
     ----------
@@ -137,6 +181,16 @@ def read_json(path: str | Path) -> Any:
         If the file cannot be read.
     ProblemError
         If its text is malformed.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> x, = sp.variables(1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "problem.json"
+    ...     sp.write_json(sp.Problem(x, lower=0, upper=1), path)
+    ...     print(sp.read_json(path).upper)
+    [1.]
     """
     try:
         source = Path(path).read_text(encoding="utf-8")
@@ -253,7 +307,7 @@ def _status(found: Any, place: str) -> Status:
 
 
 def _result(**parts: Any) -> Result:
-    """The result, if certificate and attained point prove the bounds that the text states."""
+    """Build the result if certificate and point prove the bounds that the text states."""
     result = Result(**parts, relaxation=None, solution=None)
     proved = -math.inf
     if result.certificate is not None:

@@ -37,21 +37,24 @@ _SPECIAL = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
 
 @dataclass(frozen=True)
 class Codec:
-    """How values of one kind are written and read; ``read`` names the place of what is wrong."""
+    """Pair of functions that write and read values of one kind.
+
+    ``read`` names the place of errors.
+    """
 
     write: Callable[[Any], Any]
     read: Callable[[Any, str], Any]
 
 
 def wrong(place: str, found: Any, expected: str) -> ProblemError:
-    """The error for what stands at a place of a JSON text."""
+    """Build the error for a value at a place of a JSON text."""
     shown = repr(found)
     shown = shown if len(shown) < 60 else shown[:57] + "..."
     return ProblemError(f"{place}: found {shown}, expected {expected}")
 
 
 def field_of(found: Any, name: str, place: str) -> Any:
-    """A field of a JSON object."""
+    """Return a field of a JSON object."""
     if not isinstance(found, dict):
         raise wrong(place, found, "an object")
     if name not in found:
@@ -121,7 +124,7 @@ def _write_array(values: Any) -> Any:
     return {"type": name, "shape": list(values.shape), "data": flat}
 
 
-def _read_array(found: Any, place: str) -> NDArray:
+def _read_array(found: Any, place: str) -> NDArray[Any]:
     name, shape, data = (field_of(found, key, place) for key in ("type", "shape", "data"))
     if name not in _TYPES:
         raise wrong(f"{place}.type", name, "one of " + ", ".join(_TYPES))
@@ -163,7 +166,7 @@ def optional(codec: Codec) -> Codec:
 
 
 def sequence(codec: Codec) -> Codec:
-    """A tuple of values of one kind."""
+    """Build the codec of a tuple of values of one kind."""
 
     def read(found: Any, place: str) -> tuple[Any, ...]:
         if not isinstance(found, list):
@@ -174,7 +177,7 @@ def sequence(codec: Codec) -> Codec:
 
 
 def mapping(codec: Codec) -> Codec:
-    """A dict with names as keys."""
+    """Build the codec of a dict with names as keys."""
 
     def read(found: Any, place: str) -> dict[str, Any]:
         if not isinstance(found, dict):
@@ -185,7 +188,7 @@ def mapping(codec: Codec) -> Codec:
 
 
 def record(make: Callable[..., Any], /, **fields: Codec) -> Codec:
-    """An object with the given fields, in the order of the maker's arguments."""
+    """Build the codec of an object, fields in the order of the maker's arguments."""
 
     def write(value: Any) -> dict[str, Any]:
         return {name: codec.write(getattr(value, name)) for name, codec in fields.items()}
@@ -201,7 +204,7 @@ def record(make: Callable[..., Any], /, **fields: Codec) -> Codec:
 
 
 def tagged(codecs: Mapping[type, Codec]) -> Codec:
-    """Values of several classes, told apart by the name of the class."""
+    """Build the codec of several classes, tagged by the name of the class."""
     by_name = {kind.__name__: codec for kind, codec in codecs.items()}
 
     def read(found: Any, place: str) -> Any:

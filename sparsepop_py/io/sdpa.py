@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -103,7 +104,7 @@ def _places(
 
 
 def read_sdpa(path: str | Path) -> ConicProgram:
-    """Read an SDPA sparse file.
+    r"""Read an SDPA sparse file.
 
     Parameters
     ----------
@@ -120,6 +121,18 @@ def read_sdpa(path: str | Path) -> ConicProgram:
     ------
     FormatError
         If the file is missing or malformed; the message names the line.
+
+    Examples
+    --------
+    Minimise y subject to y >= 2, as a linear block of one row:
+
+    >>> import sparsepop_py as sp, pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder) / "least.dat-s"
+    ...     _ = path.write_text("1\n1\n-1\n1.0\n0 1 1 1 2.0\n1 1 1 1 1.0\n")
+    ...     program = sp.read_sdpa(path)
+    >>> round(sp.solve_conic(program).primal, 6)
+    2.0
     """
     try:
         lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
@@ -184,7 +197,7 @@ class _Lines:
         return found[:count]
 
     def entries(self) -> NDArray[np.float64]:
-        """The rest of the file: matrix, block, row, column, value, shape (E, 5)."""
+        """Read the rest of the file: matrix, block, row, column, value, shape (E, 5)."""
         rows = []
         while self.number < len(self.lines):
             self.number += 1
@@ -200,7 +213,7 @@ class _Lines:
 
 def _checked(
     table: NDArray[np.float64], m: int, sizes: list[int], reader: _Lines
-) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     index, value = table[:, :4], table[:, 4]
     limit = np.abs(np.array(sizes))
     fits = np.all(index % 1 == 0, axis=1) & (index[:, 0] >= 0) & (index[:, 0] <= m)
@@ -220,7 +233,7 @@ def _checked(
 
 
 def _rows(
-    sizes: list[int], block: NDArray, i: NDArray, j: NDArray
+    sizes: list[int], block: NDArray[Any], i: NDArray[Any], j: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], Cones]:
     """Conic row and weight of each entry: diagonal blocks and blocks of size 1 first."""
     size = np.array(sizes)
@@ -258,13 +271,13 @@ def write_info(
     scale: NDArray[np.float64],
     shift: NDArray[np.float64],
 ) -> None:
-    """Write the ``.info`` map: a line for each variable, x = scale * y[index] + shift.
+    """Write the ``.info`` map of variables, x = scale * y[index] + shift.
 
     Parameters
     ----------
     path : str or Path
     moment : (n,) int
-        Which y (from 1) is the variable, -1 where it is fixed.
+        Number of the y (from 1) of each variable, -1 where it is fixed.
     scale, shift : (n,) float
 
     Raises

@@ -194,7 +194,7 @@ def _natural_order(names: Iterable[str]) -> tuple[str, ...]:
 def sum_of_squares(
     tokens: Sequence[Token], vocabulary: Vocabulary
 ) -> list[tuple[float, Polynomial]] | None:
-    """The squares of an expression that is written as a constant plus weighted even powers.
+    """Find the squares of a constant plus weighted even powers.
 
     Parameters
     ----------

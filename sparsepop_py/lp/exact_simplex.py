@@ -13,13 +13,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.lp.polyhedron import Polyhedron, doubles, integers
+from sparsepop_py.lp.highs import LinearModel
+from sparsepop_py.verified.certificate.polyhedron import Polyhedron, doubles, integers
 
 __all__ = ["Outcome", "Simplex"]
 
-_UNIT = 2.0**-53
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
 _GREEDY = 60  # pivots by largest violation before Bland's rule, which cannot cycle
 
 
@@ -61,6 +63,7 @@ class Simplex:
         self._adjugate = [[int(i == j) for j in range(n)] for i in range(n)]
         self._determinant = 1
         self._completed = False
+        self._model: LinearModel | None = None
 
     def minimise(self, cost: list[float]) -> Outcome:
         """Settle one objective.
@@ -81,7 +84,9 @@ class Simplex:
 
     def _propose(self, cost: NDArray[np.float64]) -> None:
         """Exchange rows for those on which the basis of HiGHS rests."""
-        model, n = self._set.model, self._set.dimension
+        if self._model is None:
+            self._model = _model_of(self._set)
+        model, n = self._model, self._set.dimension
         m = self._set.constant.size - 2 * n
         size = np.abs(cost).max(initial=0.0)
         found = model.solve(cost / size if size else cost)
@@ -302,3 +307,16 @@ class Simplex:
     def _unscaled(self, rows: list[int], values: list[Fraction]) -> tuple[Fraction, ...]:
         """Multipliers of the rows as given, from those of the integer rows."""
         return tuple(v * self._set.scale(r) for r, v in zip(rows, values, strict=True))
+
+
+def _model_of(polyhedron: Polyhedron) -> LinearModel:
+    """The linear program that HiGHS works on, rows scaled to a largest entry near 1."""
+    n = polyhedron.dimension
+    m = polyhedron.constant.size - 2 * n
+    size = np.maximum(np.abs(polyhedron.matrix[:m]).max(axis=1, initial=0.0), 1e-300)
+    scale = np.exp2(-np.round(np.log2(size)))
+    low = -polyhedron.constant[:m] * scale
+    high = np.where(polyhedron.equality[:m], low, np.inf)
+    columns = (-polyhedron.constant[m : m + n], polyhedron.constant[m + n :])
+    matrix = sps.csr_array(polyhedron.matrix[:m] * scale[:, None])
+    return LinearModel(matrix, (low, high), columns)

@@ -6,6 +6,7 @@ and numbers are swapped, so that the next program of a series starts where the l
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,16 +67,19 @@ class LinearModel:
     matrix : csr (m, n)
     rows : (row_lower, row_upper), each (m,)
     columns : (lower, upper), each (n,)
+    options : mapping of str to value, optional
+        Options of HiGHS in place of the usual ones.
     """
 
     def __init__(
         self,
         matrix: sps.csr_array,
-        rows: tuple[NDArray, NDArray],
-        columns: tuple[NDArray, NDArray],
+        rows: tuple[NDArray[Any], NDArray[Any]],
+        columns: tuple[NDArray[Any], NDArray[Any]],
+        options: Mapping[str, bool | int | float | str] | None = None,
     ) -> None:
         self._highs = highspy.Highs()
-        for name, value in _OPTIONS.items():
+        for name, value in {**_OPTIONS, **(options or {})}.items():
             self._highs.setOptionValue(name, value)
         self._usual = {name: self._highs.getOptionValue(name)[1] for name in _PRIMAL}
         self._shape: tuple[int, int] | None = None
@@ -86,8 +90,8 @@ class LinearModel:
     def load(
         self,
         matrix: sps.csr_array,
-        rows: tuple[NDArray, NDArray],
-        columns: tuple[NDArray, NDArray],
+        rows: tuple[NDArray[Any], NDArray[Any]],
+        columns: tuple[NDArray[Any], NDArray[Any]],
     ) -> None:
         """Another program; the basis is kept where the shape is the same."""
         m, n = matrix.shape
@@ -106,7 +110,7 @@ class LinearModel:
         self._shape = (m, n)
         self._feasible = False
 
-    def bound(self, columns: NDArray, lower: NDArray, upper: NDArray) -> None:
+    def bound(self, columns: NDArray[Any], lower: NDArray[Any], upper: NDArray[Any]) -> None:
         """Other bounds for some columns."""
         self._feasible = False
         self._highs.changeColsBounds(columns.size, columns.astype(np.int32), lower, upper)

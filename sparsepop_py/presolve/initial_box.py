@@ -153,7 +153,7 @@ def _sublevel(
     """
     unbounded = np.isinf(box.lo) | np.isinf(box.hi)
     loose = Interval(np.where(unbounded, -np.inf, box.lo), np.where(unbounded, np.inf, box.hi))
-    rows = np.append(np.zeros(len(problem.constraints), bool), True)  # the cut-off is the last
+    rows = np.append(np.zeros(len(problem.constraints), bool), True)  # the cutoff row is the last
     tries = [(box, np.ones_like(rows))]
     if problem.constraints or np.any(unbounded & (np.isfinite(box.lo) | np.isfinite(box.hi))):
         tries.insert(0, (loose, rows))

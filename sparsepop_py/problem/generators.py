@@ -1,4 +1,4 @@
-"""What multipliers multiply: one numbering for relaxations and certificates.
+"""Generators: one numbering of the polynomials that multipliers multiply.
 
 With m constraints and n variables, generator 0 is the constant 1, 1..m are the
 constraints, and three families of n follow for the bounds of each variable:
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ __all__ = [
     "bound_products",
     "bound_terms",
     "count",
-    "levels",
+    "layers",
     "partners",
     "product_terms",
     "single_letters",
@@ -54,12 +55,12 @@ class Generators(PolynomialSystem):
 
 
 def count(rows: int, dimension: int) -> int:
-    """Number of generators of a problem with that many constraints and variables."""
+    """Count the generators of a problem with so many constraints and variables."""
     return 1 + rows + 3 * dimension
 
 
 def bound_family(rows: int, dimension: int) -> tuple[slice, slice, slice]:
-    """Where the families box, lower and upper stand."""
+    """Locate the families box, lower and upper."""
     starts = 1 + rows + dimension * np.arange(4)
     box, lower, upper = (slice(int(a), int(b)) for a, b in zip(starts, starts[1:], strict=False))
     return box, lower, upper
@@ -101,16 +102,16 @@ def bound_terms(
 
 
 def stack_words(constraints: Words, bounds: Words) -> Words:
-    """The words of all generators: of the constant 1, of the constraints, of the bounds."""
+    """Stack the words of all generators: the constant 1, constraints, bounds."""
     width = max(constraints.shape[1], bounds.shape[1])
     parts = [np.zeros((1, width), np.int32), constraints, bounds]
     return np.concatenate([monomials.widen(part, width) for part in parts])
 
 
 def single_letters(
-    lower: NDArray[np.float64], upper: NDArray[np.float64], rows: int, generator: NDArray
+    lower: NDArray[np.float64], upper: NDArray[np.float64], rows: int, generator: NDArray[Any]
 ) -> NDArray[np.int32]:
-    """The word that each generator is up to sign: 0 for 1, v for x_v >= 0 or <= 0, else -1."""
+    """Find the variable v of generators +-x_v, 0 for 1, -1 for others."""
     n = lower.size
     letter = np.full(count(rows, n), -1, np.int32)
     letter[0] = 0
@@ -165,10 +166,10 @@ def useful_products(
         clique = int(home[number])
         if clique < 0:  # no clique holds it: its multiplier stays a constant
             continue
-        near = set().union(*(partner.get(v, ()) for v in constraint.polynomial.support.tolist()))
-        for v in sorted(near & set(members[clique])):
+        met = set().union(*(partner.get(v, ()) for v in constraint.polynomial.support.tolist()))
+        for v in sorted(met & set(members[clique])):
             mixed += [(number + 1, v + int(side)) for side in sides]
-        mixed += [(other + 1, number + 1) for other in linear.get(clique, ()) if near]
+        mixed += [(other + 1, number + 1) for other in linear.get(clique, ()) if met]
         linear.setdefault(clique, []).append(number)
     return np.concatenate([*bounds, np.array(mixed, int).reshape(-1, 2)])
 
@@ -221,12 +222,12 @@ def bound_products(
 
 
 def _shallow_first(products: NDArray[np.int64], single: int) -> NDArray[np.int64]:
-    """The same products, those without products as factors first, and so on."""
+    """Sort products by depth, those without products as factors first."""
     depth = np.zeros(products.shape[0], int)
-    for level in levels(products, single):
-        inner = products[level] - single
+    for layer in layers(products, single):
+        inner = products[layer] - single
         below = np.where(inner >= 0, depth[np.maximum(inner, 0)] + 1, 0)
-        depth[level] = below.max(axis=1)
+        depth[layer] = below.max(axis=1)
     order = np.argsort(depth, kind="stable")
     number = np.empty(order.size, np.int64)
     number[order] = single + np.arange(order.size)
@@ -247,7 +248,17 @@ def partners(words: Sequence[Words], n: int) -> NDArray[np.int64]:
 
 
 def stacked(problem: Problem, products: NDArray[np.int64]) -> Generators:
-    """Every generator of the problem, numbered as above; ``products`` has shape (P, 2)."""
+    """Stack every generator of the problem in its numbering.
+
+    Parameters
+    ----------
+    problem : Problem
+    products : (P, 2) int
+
+    Returns
+    -------
+    Generators
+    """
     rows, n = problem.rows, problem.dimension
     words, values, index = bound_terms(problem.lower, problem.upper, rows.size)
     single = PolynomialSystem(
@@ -257,22 +268,22 @@ def stacked(problem: Problem, products: NDArray[np.int64]) -> Generators:
         count(rows.size, n),
         n,
     )
-    for level in levels(products, single.size):
-        words, number, first, second = product_terms(single, products[level])
+    for layer in layers(products, single.size):
+        words, number, first, second = product_terms(single, products[layer])
         width = max(words.shape[1], single.words.shape[1])
         values = single.coefficients[first] * single.coefficients[second]
         single = PolynomialSystem(
             np.concatenate([monomials.widen(w, width) for w in (single.words, words)]),
             np.concatenate([single.coefficients, values]),
             np.concatenate([single.row, number + single.size]),
-            single.size + len(level),
+            single.size + len(layer),
             n,
         )
     return Generators(**vars(single), matrices=problem.matrices)
 
 
-def levels(products: NDArray[np.integer], single: int) -> list[range]:
-    """Runs of products whose factors all come before the run."""
+def layers(products: NDArray[np.integer], single: int) -> list[range]:
+    """Split products into runs whose factors all come before the run."""
     runs, start = [], 0
     while start < products.shape[0]:
         later = np.flatnonzero(products[start:].max(axis=1) >= single + start)
@@ -283,7 +294,7 @@ def levels(products: NDArray[np.integer], single: int) -> list[range]:
 
 
 def are_products(products: NDArray[np.integer], single: int) -> bool:
-    """Whether every product refers to generators before it."""
+    """Check that every product refers to generators before it."""
     if products.ndim != 2 or products.shape[1] != 2:
         return False
     known = single + np.arange(products.shape[0])

@@ -26,7 +26,7 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.verified.arithmetic.sum_of_squares import Weighted, constant_above, expanded
 
-__all__ = ["Problem"]
+__all__ = ["Problem", "encoding", "fingerprint_v1"]
 
 Sense = Literal["min", "max"]
 
@@ -143,7 +143,7 @@ class Problem:
 
     @cached_property
     def equality(self) -> NDArray[np.bool_]:
-        """Which constraints are equalities, shape (m,)."""
+        """Equalities among the constraints, shape (m,)."""
         return np.array([c.kind is Kind.ZERO for c in self.constraints], bool)
 
     @cached_property
@@ -157,7 +157,7 @@ class Problem:
         return constant_above(self.objective, self.squares)
 
     def violation(self, x: ArrayLike) -> float:
-        """Largest violation of constraints and bounds at ``x``, in the user's units.
+        """Compute the largest violation of constraints and bounds at ``x``.
 
         Parameters
         ----------
@@ -166,8 +166,8 @@ class Problem:
         Returns
         -------
         float
-            0.0 when every constraint and bound holds as evaluated in floating point. A
-            matrix is violated by its negative eigenvalues.
+            In the user's units; 0.0 when every constraint and bound holds as evaluated in floating
+            point. A matrix is violated by its negative eigenvalues.
         """
         point = np.asarray(x, float)
         if point.shape != (self.dimension,):
@@ -183,7 +183,7 @@ class Problem:
 
     @cached_property
     def bound_rows(self) -> NDArray[np.bool_]:
-        """Which constraints are linear in one variable, that is, bounds in disguise, shape (m,)."""
+        """Constraints that are linear in one variable, that is, bounds, shape (m,)."""
         return np.array(
             [c.polynomial.degree == 1 and c.polynomial.support.size == 1 for c in self.constraints],
             bool,
@@ -216,32 +216,30 @@ class Problem:
         return Problem(self.objective, self.constraints, lower, upper, self.names)
 
     def with_objective(self, objective: Polynomial) -> Problem:
-        """The same feasible set with another objective."""
+        """Return the same feasible set with another objective.
+
+        Parameters
+        ----------
+        objective : Polynomial
+            In as many variables.
+
+        Returns
+        -------
+        Problem
+        """
         if not isinstance(objective, Polynomial) or objective.dimension != self.dimension:
             raise ProblemError(f"objective: expected a Polynomial in {self.dimension} variables")
         other = copy.copy(self)
-        for name in ("objective_row", "squares_constant", "fingerprint", "sharpened"):
-            other.__dict__.pop(name, None)
+        other.__dict__.clear()
+        kept = {name: value for name, value in self.__dict__.items() if name in _OF_THE_SET}
         fields = {"objective": objective, "squares": (), "sense": "min"}
-        for name, value in fields.items():
-            object.__setattr__(other, name, value)
+        other.__dict__.update(kept | fields)
         return other
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash of the exact doubles of objective, constraints and bounds."""
-        digest = hashlib.sha256()
-        named = [(self.objective, "objective")]
-        for c in self.constraints:
-            named += [(c.polynomial, c.kind.name), *((p, "entry") for p in c.entries)]
-        for polynomial, kind in named:
-            digest.update(kind.encode())
-            digest.update(np.array(polynomial.words.shape, "<i8").tobytes())
-            digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
-            digest.update(np.ascontiguousarray(polynomial.coefficients, "<f8").tobytes())
-        for bound in (self.lower, self.upper):
-            digest.update((bound + 0.0).astype("<f8").tobytes())
-        return digest.hexdigest()
+        """Hash of all that certificates rest on, ``"v2:"`` and SHA-256 of :func:`encoding`."""
+        return "v2:" + hashlib.sha256(encoding(self)).hexdigest()
 
     def __str__(self) -> str:
         lines = [f"min {self.objective}"]
@@ -259,6 +257,85 @@ class Problem:
             f"<Problem: {self.dimension} variables, {inequalities} inequalities, "
             f"{equalities} equalities{last}, degree {self.degree}>"
         )
+
+
+# What with_objective keeps: the fields but the objective's, and what is derived from them alone.
+_OF_THE_SET = frozenset(
+    ("constraints", "lower", "upper", "names", "rows", "matrices", "equality", "bound_rows")
+)
+
+
+def encoding(problem: Problem) -> bytes:
+    """Write a problem as bytes: two problems have the same bytes only if they ask the same.
+
+    Names and the memo ``sense`` do not count. The bytes are a list of parts, each after its
+    length in bytes; numbers are little-endian, lengths and counts of 8 bytes:
+
+    1. ``sparsepop-py problem 2``
+    2. n, the number m of constraints, the number of squares
+    3. the names of the m kinds, joined by commas
+    4. the number of entries of the matrix of each constraint (0 without one)
+    5. for each polynomial its number of terms and the letters of each of its words;
+       the objective comes first, then each constraint's polynomial and its entries, then
+       the squares
+    6. all words of all polynomials, 4 bytes a letter
+    7. all coefficients, as doubles
+    8. lower bounds, 9. upper bounds, 10. weights of the squares, as doubles, without -0.0
+
+    Parts 2 to 5 say how the others fall apart, so that the problem can be read back.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Returns
+    -------
+    bytes
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> encoding(sp.Problem(x, lower=0)) == encoding(sp.Problem(x, lower=0, names=["a", "b"]))
+    True
+    """
+    rows, squares = problem.constraints, problem.squares
+    polynomials = [problem.objective]
+    for row in rows:
+        polynomials += [row.polynomial, *row.entries]
+    polynomials += [polynomial for _, polynomial in squares]
+    parts = [
+        b"sparsepop-py problem 2",
+        np.array([problem.dimension, len(rows), len(squares)], "<i8").tobytes(),
+        ",".join(row.kind.name for row in rows).encode(),
+        np.array([len(row.entries) for row in rows], "<i8").tobytes(),
+        np.array([p.words.shape for p in polynomials], "<i8").tobytes(),
+        b"".join(p.words.astype("<i4", copy=False).tobytes() for p in polynomials),
+        b"".join(p.coefficients.astype("<f8", copy=False).tobytes() for p in polynomials),
+        (problem.lower + 0.0).astype("<f8").tobytes(),
+        (problem.upper + 0.0).astype("<f8").tobytes(),
+        (np.array([weight for weight, _ in squares], float) + 0.0).astype("<f8").tobytes(),
+    ]
+    return b"".join(len(part).to_bytes(8, "little") + part for part in parts)
+
+
+def fingerprint_v1(problem: Problem) -> str:
+    """Hash a problem as files of version 2 and before did, to read them.
+
+    Different problems may share it: nothing but the recognition of a file may rest on it.
+    """
+    digest = hashlib.sha256()
+    named = [(problem.objective, "objective")]
+    for c in problem.constraints:
+        named += [(c.polynomial, c.kind.name), *((p, "entry") for p in c.entries)]
+    for polynomial, kind in named:
+        digest.update(kind.encode())
+        digest.update(np.array(polynomial.words.shape, "<i8").tobytes())
+        digest.update(np.ascontiguousarray(polynomial.words, "<i4").tobytes())
+        digest.update(np.ascontiguousarray(polynomial.coefficients, "<f8").tobytes())
+    for bound in (problem.lower, problem.upper):
+        digest.update((bound + 0.0).astype("<f8").tobytes())
+    return digest.hexdigest()
 
 
 def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:

@@ -27,7 +27,7 @@ _TENTH = round(0.1 * 2**40) / 2**40  # 0.1 to 40 bits: sums with integers stay e
 
 
 def rosenbrock(n: int) -> Problem:
-    """Generalised Rosenbrock function.
+    """Build the generalised Rosenbrock function.
 
     ``1 + sum_{i=2}^n [100 (x_i - x_{i-1}^2)^2 + (1 - x_i)^2]``, without bounds. The
     optimum is 1, at (1, ..., 1) and, with the sign of x_1 changed, at (-1, 1, ..., 1).
@@ -36,6 +36,10 @@ def rosenbrock(n: int) -> Problem:
     ----------
     n : int
         Number of variables, at least 2.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -59,7 +63,7 @@ def rosenbrock(n: int) -> Problem:
 
 
 def broyden_tridiagonal(n: int) -> Problem:
-    """Broyden's tridiagonal function.
+    """Build Broyden's tridiagonal function.
 
     ``sum_{i=1}^n ((3 - 2 x_i) x_i - x_{i-1} - 2 x_{i+1} + 1)^2`` with x_0 = x_{n+1} = 0,
     without bounds. The optimum is 0, at the zero of the residuals that Newton's method
@@ -69,6 +73,10 @@ def broyden_tridiagonal(n: int) -> Problem:
     ----------
     n : int
         Number of variables, at least 2.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -90,7 +98,7 @@ def broyden_tridiagonal(n: int) -> Problem:
 
 
 def broyden_banded(n: int) -> Problem:
-    """Broyden's banded function.
+    """Build Broyden's banded function.
 
     ``sum_{i=1}^n (x_i (2 + 5 x_i^2) + 1 - sum_{j in J_i} (1 + x_j) x_j)^2`` with
     J_i = {j : max(1, i-5) <= j <= min(n, i+1), j != i}, without bounds. The optimum is 0,
@@ -100,6 +108,10 @@ def broyden_banded(n: int) -> Problem:
     ----------
     n : int
         Number of variables, at least 2.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -123,7 +135,7 @@ def broyden_banded(n: int) -> Problem:
 
 
 def chained_singular(n: int) -> Problem:
-    """Chained singular function.
+    """Build the chained singular function.
 
     ``sum_{i in J} [(x_i + 10 x_{i+1})^2 + 5 (x_{i+2} - x_{i+3})^2 + (x_{i+1} - 2 x_{i+2})^4
     + 10 (x_i - 10 x_{i+3})^4]`` with J = {1, 3, 5, ..., n-3}, without bounds. The optimum
@@ -133,6 +145,10 @@ def chained_singular(n: int) -> Problem:
     ----------
     n : int
         Number of variables, a multiple of 4.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -161,7 +177,7 @@ def chained_singular(n: int) -> Problem:
 
 
 def chained_wood(n: int) -> Problem:
-    """Chained Wood function.
+    """Build the chained Wood function.
 
     ``1 + sum_{i in J} [100 (x_{i+1} - x_i^2)^2 + (1 - x_i)^2 + 90 (x_{i+3} - x_{i+2}^2)^2
     + (1 - x_{i+2})^2 + 10 (x_{i+1} + x_{i+3} - 2)^2 + 0.1 (x_{i+1} - x_{i+3})^2]`` with
@@ -172,6 +188,10 @@ def chained_wood(n: int) -> Problem:
     ----------
     n : int
         Number of variables, a multiple of 4.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -202,7 +222,7 @@ def chained_wood(n: int) -> Problem:
 
 
 def nondquar(n: int) -> Problem:
-    """Nondiagonal quartic function.
+    """Build the nondiagonal quartic function.
 
     ``(x_1 - x_2)^2 + (x_{n-1} + x_n)^2 + sum_{i=1}^{n-2} (x_i + x_{i+1} + x_n)^4``, without
     bounds. The optimum is 0, at the origin, where the Hessian is singular; x_n meets all
@@ -212,6 +232,10 @@ def nondquar(n: int) -> Problem:
     ----------
     n : int
         Number of variables, at least 3.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------

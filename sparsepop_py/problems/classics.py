@@ -1,4 +1,4 @@
-"""Small problems that are known for what goes wrong with them."""
+"""Small problems known for their difficulties."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ __all__ = ["laboratory", "motzkin"]
 
 
 def laboratory() -> Problem:
-    """A small nonconvex problem with an equality and no bounds.
+    """Build a small nonconvex problem with an equality and no bounds.
 
     ``min x1^2 + x2^2 - 4 x1 - 6 x2 + 13`` subject to ``x1 x2 - 7 x2 == 10`` and
     ``x2 + 0.5 x1 >= 1``. The optimum is 52.7066065447 at (8.8605284, 5.3748171), on the
     branch x1 > 7 of x2 = 10 / (x1 - 7), the only one that the inequality leaves.
+
+    Returns
+    -------
+    Problem
 
     Examples
     --------
@@ -26,10 +30,14 @@ def laboratory() -> Problem:
 
 
 def motzkin() -> Problem:
-    """Motzkin's polynomial, non-negative but no sum of squares.
+    """Build Motzkin's polynomial, non-negative but no sum of squares.
 
     ``x1^4 x2^2 + x1^2 x2^4 - 3 x1^2 x2^2 + 1``, without bounds. The optimum is 0, at the
     four points (+-1, +-1).
+
+    Returns
+    -------
+    Problem
 
     References
     ----------

@@ -9,6 +9,8 @@ H. Waki, S. Kim, M. Kojima, M. Muramatsu, SIAM J. Optim. 17 (2006) 218-242, sect
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,7 @@ __all__ = ["bilinear_control", "scalar_control"]
 def bilinear_control(
     steps: int, controls: int = 2, states: int = 4, mu: float = 0.0, rest: float = 0.5
 ) -> Problem:
-    """Quartic cost, states that are bilinear in states and controls.
+    """Build a control problem: quartic cost, bilinear dynamics.
 
     ``sum_{i=1}^{M-1} [sum_j (y_{i,j} + 1/4)^4 + sum_j (x_{i,j} + r)^4] + sum_j (y_{M,j} +
     1/4)^4`` subject to ``y_{i+1} = A y_i + B x_i + (y_i' C x_i) e`` and ``y_1 = 0``, with A_jj
@@ -40,6 +42,10 @@ def bilinear_control(
         Size of the bilinear part, >= 0.
     rest : float
         r, minus the control that costs nothing; a multiple of 1/4 keeps all data exact.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -100,16 +106,20 @@ def bilinear_control(
     return Problem(cost.objective, rows, names=names, squares=cost.squares)
 
 
-def _fourth_powers(number: NDArray, shift: float, n: int) -> Squares:
+def _fourth_powers(number: NDArray[Any], shift: float, n: int) -> Squares:
     """Squares of (x_v + shift)^2."""
     terms = [(1.0, [0, 0]), (2.0 * shift, [0]), (shift * shift, [])]
     return Squares.build(1.0, number, [term for term in terms if term[0]], n)
 
 
 def _equation(
-    linear: list[NDArray], values: list[NDArray], pairs: NDArray, coupling: NDArray, n: int
+    linear: list[NDArray[Any]],
+    values: list[NDArray[Any]],
+    pairs: NDArray[Any],
+    coupling: NDArray[Any],
+    n: int,
 ) -> Constraint:
-    """Sum values * linear + sum coupling * pairs == 0."""
+    """Build the constraint: values times linear plus coupling times pairs is zero."""
     letters, size = np.concatenate(linear), np.concatenate(values)
     words = np.column_stack([np.zeros_like(letters), letters]).astype(np.int32)
     if coupling.any():
@@ -119,7 +129,7 @@ def _equation(
 
 
 def scalar_control(steps: int) -> Problem:
-    """Quadratic cost, one state that is quadratic in itself.
+    """Build a control problem: quadratic cost, one state, quadratic dynamics.
 
     ``(1 / M) sum_{i=1}^{M-1} (y_{i+1}^2 + x_i^2)`` subject to ``y_{i+1} = y_i + (y_i^2 - x_i) /
     M`` and ``y_1 = 1``. Variables are x_1, y_2, x_2, y_3, ..., y_M. 1 / M is rounded to a double.
@@ -128,6 +138,10 @@ def scalar_control(steps: int) -> Problem:
     ----------
     steps : int
         M, at least 2.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------

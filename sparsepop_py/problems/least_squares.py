@@ -1,4 +1,4 @@
-"""Sums of many squares of one shape, as arrays.
+"""Least-squares problems with many squares of one shape, as arrays.
 
 Objective and ``squares`` of a problem come from the same numbers, whose products and sums
 are exact in double precision: a stated optimum is that of the very doubles in the problem.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,7 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Squares", "Term", "check_size", "least_squares"]
 
-Term = tuple[float, Sequence[int | NDArray]]
+Term = tuple[float, Sequence[int | NDArray[Any]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +36,11 @@ class Squares:
     coefficients: NDArray[np.float64]
 
     @staticmethod
-    def build(weight: float, centres: NDArray, terms: Sequence[Term], n: int) -> Squares:
-        """One square for each i in ``centres``; a term (c, [a, b]) stands for c x_{i+a} x_{i+b}.
+    def build(weight: float, centres: NDArray[Any], terms: Sequence[Term], n: int) -> Squares:
+        """Build one square for each i in ``centres``.
 
-        A shift is a number, or an array with one for each centre. Variables outside 1..n are
-        zero, and so are the terms that contain them.
+        A term (c, [a, b]) stands for c x_{i+a} x_{i+b}. A shift is a number, or an array with one
+        for each centre. Variables outside 1..n are zero, and so are the terms that contain them.
         """
         width = max(len(shifts) for _, shifts in terms)
         words = np.zeros((centres.size, len(terms), width), np.int32)
@@ -86,7 +87,10 @@ def least_squares(
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
 ) -> Problem:
-    """A constant plus sums of squares, expanded, with the squares beside it."""
+    """Build a problem from a constant plus sums of squares, expanded.
+
+    The squares are kept beside the objective.
+    """
     parts = [(np.zeros((1, 1), np.int32), np.array([constant]))]
     parts += [family.expanded() for family in families]
     width = max(words.shape[1] for words, _ in parts)

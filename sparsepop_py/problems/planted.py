@@ -20,7 +20,7 @@ def random_quartic(
     density: float = 0.5,
     optimum: float = 1.0,
 ) -> Problem:
-    """Random quartic on [-1, 1]^n with a planted minimiser.
+    """Build a random quartic on [-1, 1]^n with a planted minimiser.
 
     A constant plus, for each window of ``clique`` consecutive variables, ``clique + 1``
     squares of random quadratics that vanish at :func:`planted_point`. The optimum is
@@ -38,6 +38,10 @@ def random_quartic(
         Expected share of the quadratic's coefficients that are not zero, in (0, 1].
     optimum : float
         The planted optimum.
+
+    Returns
+    -------
+    Problem
 
     Raises
     ------
@@ -70,7 +74,18 @@ def random_quartic(
 
 
 def planted_point(n: int, seed: int = 0) -> NDArray[np.float64]:
-    """Minimiser of :func:`random_quartic` for the same ``n`` and ``seed``, shape (n,).
+    """Return the minimiser of :func:`random_quartic`.
+
+    Parameters
+    ----------
+    n : int
+        Number of variables.
+    seed : int
+
+    Returns
+    -------
+    (n,) float
+        For the same ``n`` and ``seed``.
 
     Examples
     --------

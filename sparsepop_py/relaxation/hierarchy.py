@@ -44,16 +44,52 @@ __all__ = [
 
 Families = dict[Joined, Cliques]
 
-_CLOSED = 0.9  # worth of closing a gap; the rest is that of progress towards it
-_TIGHTER = 0.02  # share that a tightened box adds
-_SELDOM = 4  # a relaxation of expected progress s closes the gap about s**4 of the time
-_PRIOR = 0.77  # worth of an untried relaxation: it closes 2/3 of gaps on benchmark families
-_ITERATIONS = 25  # of an interior-point solve, about
-_MOST_BASIS = 1500  # monomials of one clique
-_WORTH_SPLITTING = 30  # monomials of a clique from which chordal term sparsity is tried
-_CHORDAL = 0.1  # usual share of the time with blocks from chordal terms
-_SMALL = 60  # variables up to which whole cliques are tried where stars would do
-_ORDERS = 3  # orders beyond the least
+
+@dataclass(frozen=True)
+class HierarchySettings:
+    """Settings of the hierarchy and of its cost model.
+
+    They decide what is tried first, never whether a bound is valid. Numbers without another
+    source are rules of thumb, chosen on the benchmark families (pooling, bilinear, polynomial and
+    identification problems).
+
+    Parameters
+    ----------
+    closed : float
+        Worth of closing a gap; the rest is that of progress towards it.
+    tighter : float
+        Expected progress that a tightened box adds.
+    seldom : int
+        A relaxation of expected progress s closes the gap about s**4 of the time.
+    prior : float
+        Worth of an untried relaxation: as if it closed about two gaps of three.
+    iterations : int
+        Iterations of an interior-point solve, about.
+    most_basis : int
+        Monomials of one clique, at most, for a relaxation to be built.
+    worth_splitting : int
+        Monomials of a clique from which chordal term sparsity is tried.
+    chordal_time : float
+        Usual share of the time with blocks from chordal terms.
+    small_problem : int
+        Variables up to which whole cliques are tried where stars would do.
+    more_orders : int
+        Orders beyond the least.
+    """
+
+    closed: float = 0.9
+    tighter: float = 0.02
+    seldom: int = 4
+    prior: float = 0.77
+    iterations: int = 25
+    most_basis: int = 1500
+    worth_splitting: int = 30
+    chordal_time: float = 0.1
+    small_problem: int = 60
+    more_orders: int = 3
+
+
+HIERARCHY = HierarchySettings()
 
 
 @dataclass(frozen=True)
@@ -95,7 +131,8 @@ class RelaxationSpec:
     @property
     def tightened(self) -> RelaxationSpec:
         """The same relaxation on a box that linear programs have tightened."""
-        return replace(self, name=f"tightened {self.name}", share=self.share + _TIGHTER, plain=self)
+        share = self.share + HIERARCHY.tighter
+        return replace(self, name=f"tightened {self.name}", share=share, plain=self)
 
     def build(self, scaled: Scaled, cliques: Families) -> Relaxation:
         """Build the relaxation of a scaled problem for all its objectives."""
@@ -115,7 +152,8 @@ class RelaxationSpec:
         if self.shape == "full":
             sizes = _full_sizes(self, scaled.problem, cliques[self.joined])
             rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
-            return (_CHORDAL if self.terms == "chordal" else 1.0) * self._expected(sizes, rows)
+            factor = HIERARCHY.chordal_time if self.terms == "chordal" else 1.0
+            return factor * self._expected(sizes, rows)
         relaxation = self.build(scaled, cliques)
         return self._expected(dict(relaxation.block_sizes), relaxation.rows)
 
@@ -126,7 +164,7 @@ class RelaxationSpec:
         """Check that the relaxation is small enough to be built."""
         members = [len(clique) for clique in cliques[self.joined].members]
         if self.shape == "full" and self.order is not None:
-            return comb(max(members, default=0) + self.order, self.order) <= _MOST_BASIS
+            return comb(max(members, default=0) + self.order, self.order) <= HIERARCHY.most_basis
         if self.shape == "mixed":  # 1, the variables, and products that are not counted here
             sizes = Counter(1 + count for count in members)
             return bool(np.isfinite(self._expected(dict(sizes), 0.0)))
@@ -173,15 +211,15 @@ class CostModel:
         A closed gap counts more than progress: it saves the stronger relaxations. Less time
         than before counts at once, since what was analysed the first time is remembered.
         """
-        worth = _CLOSED * (progress >= 1.0) + (1.0 - _CLOSED) * progress
+        worth = HIERARCHY.closed * (progress >= 1.0) + (1.0 - HIERARCHY.closed) * progress
         for table, value in ((self.progress, worth), (self.seconds, seconds)):
             table[name] = value if name not in table else 0.6 * table[name] + 0.4 * value
         self.seconds[name] = min(self.seconds[name], seconds)
 
     def closes(self, name: str) -> float:
         """Estimate the probability that a relaxation closes the gap, from its record."""
-        worth = self.progress.get(name, _PRIOR)
-        return max(0.0, worth + _CLOSED - 1.0) / _CLOSED
+        worth = self.progress.get(name, HIERARCHY.prior)
+        return max(0.0, worth + HIERARCHY.closed - 1.0) / HIERARCHY.closed
 
     def rate(self, spec: RelaxationSpec, share: float, seconds: float) -> float:
         """Estimate the worth of a relaxation per second.
@@ -195,7 +233,7 @@ class CostModel:
             Its expected seconds.
         """
         progress = max(0.0, (spec.share - share) / (1.0 - share + 1e-9))
-        worth = _CLOSED * progress**_SELDOM + (1.0 - _CLOSED) * progress
+        worth = HIERARCHY.closed * progress**HIERARCHY.seldom + (1.0 - HIERARCHY.closed) * progress
         if spec.name in self.progress:
             worth = 0.3 * worth + 0.7 * self.progress[spec.name]
         return worth / max(1e-3, seconds)
@@ -253,7 +291,7 @@ def _below_orders(
     if products.has_star:
         specs.append(RelaxationSpec("star", 0.85, "star", products=True))
         specs.append(RelaxationSpec("split", 0.9, "split", products=True))
-    if not products.has_star or problem.dimension <= _SMALL:
+    if not products.has_star or problem.dimension <= HIERARCHY.small_problem:
         specs.append(RelaxationSpec("mixed", 0.8, "mixed", products=True))
         if _differ(cliques["partners"], cliques["constraints"]):
             name = "mixed, partner cliques"
@@ -281,7 +319,7 @@ def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list
     largest = max((len(c) for c in cliques["constraints"].members), default=0)
     specs: list[RelaxationSpec] = []
     start = max(first, least)
-    for order in range(start, start + _ORDERS + 1):
+    for order in range(start, start + HIERARCHY.more_orders + 1):
         above = order - least
         share = 1.0 - (0.3 if problem.degree > 2 else 0.65) * 0.25**above
         plain = RelaxationSpec(f"order {order}", share, "full", order, False, True)
@@ -291,7 +329,7 @@ def _orders(problem: Problem, cliques: Families, least: int, first: int) -> list
             replace(plain, name=f"order {order} lean", share=0.97 * share, lean=True),
             plain,
         ]
-        if order > 1 and comb(largest + order, order) > _WORTH_SPLITTING:
+        if order > 1 and comb(largest + order, order) > HIERARCHY.worth_splitting:
             name = f"order {order}, chordal terms"
             specs.append(replace(plain, name=name, share=0.95 * share, terms="chordal"))
     return specs
@@ -320,7 +358,7 @@ def expected_seconds(sizes: dict[int, float], rows: float, memory: float = np.in
     if entries.size == 0 or entries.max() <= 1:
         return 2e-3 + 1.5e-6 * rows**1.4
     step = float(np.sum(counts * 1.2e-7 * entries**2 / (1.0 + entries / 600.0)))
-    return _ITERATIONS * (step + 1e-6 * rows)
+    return HIERARCHY.iterations * (step + 1e-6 * rows)
 
 
 def progress(before: float, after: float, allowed: float) -> float:

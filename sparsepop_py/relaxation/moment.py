@@ -134,7 +134,10 @@ class Relaxation:
 
     @cached_property
     def scaled_rows(self) -> tuple[sps.csc_array, NDArray[np.float64]]:
-        """A and b of A y + s = b; off-diagonal semidefinite rows are times sqrt 2."""
+        """Matrix A and vector b of the conic rows A y + s = b.
+
+        Semidefinite rows off diagonals are times sqrt 2.
+        """
         scale = [np.zeros(0)]
         for group in self.groups:
             weight = np.ones(group.rows_each)

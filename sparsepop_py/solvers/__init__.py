@@ -39,7 +39,7 @@ _FAMILIES = {"cvxpy": "sparsepop_py.solvers.cvxpy_:solver_of"}
 
 
 def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
-    """Choose the solvers to try, in this order, for a size of blocks and a number of moments.
+    """Choose the solvers to try, in order, by sizes of the program.
 
     The clique-tree method wants moments in [-1, 1] (``compact``) and blocks large or
     numerous enough to pay for its analysis: its domain, as ``docs/cliquetree.md`` measures it,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +36,12 @@ from sparsepop_py.relaxation.hierarchy import RelaxationSpec, expected_seconds, 
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.relaxation_queue import (
-    MOST_TIGHTENED,
     PROGRAM,
     TIGHTENING,
     RelaxationQueue,
     relaxation_for_nodes,
 )
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, first_moments
 from sparsepop_py.tightening.obbt_lp import apply_steps, tighten_by_lp
@@ -53,13 +54,6 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Step, Tightening, 
 __all__ = ["AdaptiveSearch"]
 
 _BRANCH = "branch"
-_NODES = 4.0  # nodes that branch and bound is expected to need, over SharedState.effort
-_SLICE = 3.0  # most seconds that a tree grows before relaxations are considered again
-_PATIENCE = 300  # nodes after which linear programs alone are not trusted to close the gap
-_SWEEPS = 3  # of propagation after a step that tightened the box
-_ROUNDS = 3  # of OBBT by linear programs
-_POOR = 0.5  # an attained value that falls by this share of the gap was a poor cutoff
-_SMALLER = 0.7  # a box with a width below this share is worth solving relaxations again
 
 
 @dataclass(eq=False)
@@ -170,7 +164,7 @@ class AdaptiveSearch:
         # another box than before, which need not be within it
         proved = prove(replay, self.model.box, node.argument, node.empty)
         self.best = replace(self.best, proved=proved)
-        if self.search is None and self.tried and width.min(initial=1.0) < _SMALLER:
+        if self.search is None and self.tried and width.min(initial=1.0) < STRATEGY.smaller_box:
             # the same relaxation may prove more now
             self.queue.again(spec for spec, _, _ in self.tried)
             self.tried = []
@@ -212,7 +206,7 @@ class AdaptiveSearch:
         if _BRANCH in seen.progress:
             return seen.progress[_BRANCH] / max(1e-3, seen.seconds[_BRANCH])
         node = max(1e-2, min(self.costs))
-        return 1.0 / (node * _NODES * self.shared_state.effort)
+        return 1.0 / (node * STRATEGY.nodes_per_effort * self.shared_state.effort)
 
     # ---- one step -----------------------------------------------------------------------------
 
@@ -280,7 +274,7 @@ class AdaptiveSearch:
         )
         if box_bound.solution is not None and box_bound.solution.status in ("solved", "almost"):
             starts.append(first_moments(scaled, relaxation, box_bound.solution.y))
-        poor = self.context.upper - _POOR * self._gap
+        poor = self.context.upper - STRATEGY.poor_cutoff * self._gap
         self._search_incumbent(starts)
         if spec.plain is not None and self.context.upper < poor:
             self.queue.again([spec])  # the cutoff was far from what it can be
@@ -293,7 +287,7 @@ class AdaptiveSearch:
             self.best = box_bound
         self.outcome = better(self.outcome, made)
 
-    def _search_incumbent(self, starts: list[NDArray]) -> None:
+    def _search_incumbent(self, starts: list[NDArray[Any]]) -> None:
         """Run local searches; a better incumbent lowers the cutoff and tightens the box."""
         if not starts or self.over:
             return
@@ -301,7 +295,7 @@ class AdaptiveSearch:
         if self._search_in_tree(self.context, starts).upper < upper:
             self._shrink()
 
-    def _search_in_tree(self, context: SolveContext, starts: list[NDArray]) -> SolveContext:
+    def _search_in_tree(self, context: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
         self.context, candidates = update_incumbent(context, starts, self.bound)
         self.candidates = self.candidates + candidates
         return self.context
@@ -309,7 +303,7 @@ class AdaptiveSearch:
     def _shrink(self) -> None:
         """Propagate bounds with the current cutoff."""
         with self.context.stages.stage("presolve"):
-            box, step = tighten(self.context.replay(), self.model.box, _SWEEPS)
+            box, step = tighten(self.context.replay(), self.model.box, STRATEGY.sweeps)
             if shrinks(self.model.box, box):
                 self._take(box, step)
 
@@ -323,7 +317,7 @@ class AdaptiveSearch:
     def _linear(self) -> Relaxation:
         """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
         mccormick = self._mccormick()
-        for number in range(_ROUNDS):
+        for number in range(STRATEGY.obbt_rounds):
             solution = self._bound_linear(mccormick)
             if solution is None or self.over:
                 break
@@ -364,7 +358,7 @@ class AdaptiveSearch:
 
     def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
         """Tighten bounds by linear programs; return whether another round may gain."""
-        variables = self.shared_state.variables[:MOST_TIGHTENED]
+        variables = self.shared_state.variables[: STRATEGY.most_tightened]
         if not variables or not self.shared_state.obbt_lp:
             return False
         with self.context.stages.stage("presolve"):
@@ -382,7 +376,7 @@ class AdaptiveSearch:
         self.context = replace(self.context, below=True)
         self._shrink()
         mccormick = self._mccormick()
-        for _ in range(_ROUNDS):
+        for _ in range(STRATEGY.obbt_rounds):
             if not self._obbt_lp(mccormick) or self.over:
                 break
             mccormick = self._mccormick(mccormick)
@@ -393,7 +387,7 @@ class AdaptiveSearch:
 
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next relaxation would take."""
-        slice_ = float(np.clip(self.queue.shortest, 0.5, _SLICE))
+        slice_ = float(np.clip(self.queue.shortest, 0.5, STRATEGY.slice_seconds))
         if self.search is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()
@@ -416,7 +410,7 @@ class AdaptiveSearch:
 
     def _reconsider(self, search: Search) -> None:
         """Give open nodes the strongest relaxation of the root after many without one."""
-        slow = search.seen > _PATIENCE and search.settings.spec is None and self.tried
+        slow = search.seen > STRATEGY.patience_nodes and search.settings.spec is None and self.tried
         if slow and not search.done and not self.over:
             best = max(self.tried, key=lambda entry: entry[1])[0]
             search.settings = replace(search.settings, spec=best)
@@ -425,7 +419,7 @@ class AdaptiveSearch:
         """Choose how nodes are bounded: linear programs, then the best relaxation per second."""
         base = self.linear_bound if np.isfinite(self.linear_bound) else self.first_bound
         obbt_lp = (
-            len(self.shared_state.variables) <= MOST_TIGHTENED
+            len(self.shared_state.variables) <= STRATEGY.most_tightened
             and "obbt_lp" not in self.context.options.skip
         )
         seen = self.shared_state.cost_model.seconds

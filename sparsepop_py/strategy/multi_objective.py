@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,7 @@ from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState, branching
 from sparsepop_py.tightening.mccormick import LinearRelaxation, coordinate_of, tighten_bounds
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -41,13 +43,6 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Ste
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
 __all__ = ["MultiObjectiveSearch", "first_starts", "pairs", "tighten_for_all", "width_between"]
-
-_ROUNDS = 4  # of OBBT by linear programs
-_MOST_SHARED = 24  # variables whose bounds linear programs tighten for all objectives
-_WINDOW = 40  # constraints that linear programs start with where windows are enough
-_GAINED = 0.8  # another round follows where a width fell below this share
-_TURN = 5  # steps of an objective before it is the next one's turn
-_ROUNDING = 1e-12  # gaps this small, of values near 1, are closed
 
 
 @dataclass(eq=False)
@@ -71,6 +66,8 @@ class MultiObjectiveSearch:
         Improves candidate vectors before local searches.
     points : list of ProvedPoint
         Known feasible points; with any, no local search runs before the first turn.
+    known : dict
+        What verification of certificates found, for those that quote them.
     """
 
     problem: Problem
@@ -81,10 +78,11 @@ class MultiObjectiveSearch:
     stages: Stages
     deadline: Deadline
     report: Callable[[int, SearchState], None] | None = None
-    repair: Callable[[NDArray], NDArray] | None = None
+    repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
+    known: dict[Any, Any] = field(default_factory=dict)
     base: Model = field(init=False)
     pairs: dict[int, int] = field(init=False)
     shared_state: SharedState = field(init=False)
@@ -108,7 +106,7 @@ class MultiObjectiveSearch:
                     self._run(index, turn)
                 if self._stuck:
                     break
-                turn = _TURN
+                turn = STRATEGY.turn
         except KeyboardInterrupt:
             notes = (INTERRUPTED,)
         states = [self._state(auto, notes) for auto in self.searches]
@@ -228,13 +226,18 @@ class MultiObjectiveSearch:
         gained = certificate.bound - (box.lo[variable] if side > 0 else -box.hi[variable])
         if gained <= 1e-4 * (box.hi[variable] - box.lo[variable]):
             return
+        with self.stages.stage("verify"):
+            certificate = certificate.settled(auto.context.problem, self.known)
+            auto.outcome = replace(auto.outcome, certificate=certificate)
+        if certificate is None:
+            return
         with self.stages.stage("presolve"):
             self.quoted[variable, side] = certificate
             bounds = tuple((v, s, proof) for (v, s), proof in self.quoted.items())
             variables, sides = np.array(list(self.quoted), np.int64).T
             values = np.array([proof.bound for _, _, proof in bounds])
             known = Known(bounds)
-            # their certificates were made by the code that verifies them: no need to replay
+            # their certificates are verified: no need to replay
             box = shrunk(self.base.box, variables, sides, values)
             replay = Replay(self.problem, None)
             if is_empty(box):
@@ -263,7 +266,7 @@ def width_between(upper: float, other: float, options: Options) -> float:
 
     +inf where one of them is missing; a single point counts as wide as rounding.
     """
-    rounding = _ROUNDING * max(1.0, abs(other)) / max(options.gap, _ROUNDING)
+    rounding = STRATEGY.rounding * max(1.0, abs(other)) / max(options.gap, STRATEGY.rounding)
     return max(-other - upper, rounding) if np.isfinite(other + upper) else np.inf
 
 
@@ -297,7 +300,7 @@ def tighten_for_all(
     products = Products.of(problem, objectives)
     targets = [c[0] for p in objectives if (c := coordinate_of(p)) is not None]
     variables = tuple(dict.fromkeys((*branching(products, options), *targets)))
-    if not products.pairs.size or not 0 < len(variables) <= _MOST_SHARED:
+    if not products.pairs.size or not 0 < len(variables) <= STRATEGY.most_shared_variables:
         return model, None
     return _obbt_rounds(problem, model, variables, options, products, deadline)
 
@@ -320,13 +323,15 @@ def _obbt_rounds(
     cliques = find_cliques(problem, sparse=options.sparse, method=options.chordal)
     held = np.array(products.complicating, np.int64)
     active: NDArray[np.bool_] | None = None
-    if products.has_star and problem.rows.size > _WINDOW:
+    if products.has_star and problem.rows.size > STRATEGY.window:
         active = np.zeros(problem.rows.size, bool)
-        active[np.linspace(0, problem.rows.size - 1, _WINDOW).astype(int)] = True
+        active[np.linspace(0, problem.rows.size - 1, STRATEGY.window).astype(int)] = True
     steps, box = list(model.proof.steps), model.box
-    for _ in range(_ROUNDS if active is None else 2 * _ROUNDS):
+    for _ in range(
+        STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
+    ):
         mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
-        seen: list[NDArray] = []
+        seen: list[NDArray[Any]] = []
         smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
         if step is not None and is_empty(smaller):
             break
@@ -335,7 +340,7 @@ def _obbt_rounds(
             steps.append(step)
             chosen = list(variables)
             old, new = (box.hi - box.lo)[chosen], (smaller.hi - smaller.lo)[chosen]
-            gained, box = bool(np.any(new < _GAINED * old)), smaller
+            gained, box = bool(np.any(new < STRATEGY.gained * old)), smaller
         if active is not None:
             missing = [violated_rows(problem, x, held) for x in seen]
             wanted = np.unique(np.concatenate([*missing, np.zeros(0, np.int64)]))
@@ -351,7 +356,7 @@ def _obbt_rounds(
     return replace(model, proof=BoxProof(tuple(steps)), box=box), active
 
 
-def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
     """Choose starts of local searches: random, or the middle of the box with a star."""
     if Products.of(problem).has_star:
         return [box.middle()]

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Node, prove
@@ -44,10 +46,6 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
-
-_ROUNDS = 3  # of one order while the attained value improves
-_MANY = 300  # variables from which a closed gap ends the work at once
-_ORDERS = 6  # orders above the first that "auto" tries at most without a box
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +75,7 @@ class SearchState:
 INTERRUPTED = "interrupted: what is proved so far is kept"
 
 
-def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchState:
+def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> SearchState:
     """Return the state of a search interrupted before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
@@ -88,9 +86,9 @@ def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchS
 
 def run_orders(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
+    more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     """Bound one objective by one relaxation order, or with effort "auto" by growing ones.
 
@@ -130,9 +128,9 @@ def _restricted(problem: Problem) -> bool:
 
 def _after_unconstrained(
     context: SolveContext,
-    candidates: list[NDArray],
-    more_starts: Iterator[NDArray],
-    go_on: Callable[[SolveContext, list[NDArray]], SearchState],
+    candidates: list[NDArray[Any]],
+    more_starts: Iterator[NDArray[Any]],
+    go_on: Callable[[SolveContext, list[NDArray[Any]]], SearchState],
 ) -> SearchState:
     """Bound the objective on the whole space; continue where that is not enough."""
     free = _by_gram_matrices(context, candidates, more_starts)
@@ -159,7 +157,7 @@ def _with_unconstrained(state: SearchState) -> SearchState:
 
 
 def _by_gram_matrices(
-    context: SolveContext, candidates: list[NDArray], more_starts: Iterator[NDArray]
+    context: SolveContext, candidates: list[NDArray[Any]], more_starts: Iterator[NDArray[Any]]
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
     start, bound = time.process_time(), None
@@ -189,9 +187,9 @@ def _by_gram_matrices(
 
 def _run_orders(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
+    more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     if context.options.effort == "auto":
         with context.stages.stage("presolve"):
@@ -230,9 +228,9 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
 
 def _orders(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
+    more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
@@ -277,7 +275,7 @@ def _order_numbers(context: SolveContext) -> Iterator[int | None]:
         yield first
         return
     first = max(first or 1, least_order(context.problem))
-    yield from range(first, first + _ORDERS + 1)
+    yield from range(first, first + STRATEGY.more_orders + 1)
 
 
 def _history_entry(
@@ -298,13 +296,13 @@ def _history_entry(
 
 def _rounds(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
-) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
+    more_starts: Iterator[NDArray[Any]],
+) -> tuple[SolveContext, CertifiedBound, list[NDArray[Any]]]:
     """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
-    for _ in range(1 if shared else _ROUNDS):
+    for _ in range(1 if shared else STRATEGY.order_rounds):
         try:
             bound = bound_order(context, shared)
         except KeyboardInterrupt:
@@ -314,7 +312,7 @@ def _rounds(
             break
         outcome = better(outcome, bound)
         proved, old = lower_bound(outcome.certificate), context.best
-        if context.closed(proved) and context.problem.dimension > _MANY:
+        if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
             break  # reading further minimisers out of the moments would take the longest
         context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
         candidates = candidates + more

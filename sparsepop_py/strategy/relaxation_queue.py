@@ -13,17 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.box.scaling import Scaled
 
-__all__ = ["MOST_TIGHTENED", "PROGRAM", "TIGHTENING", "RelaxationQueue", "relaxation_for_nodes"]
+__all__ = ["PROGRAM", "TIGHTENING", "RelaxationQueue", "relaxation_for_nodes"]
 
 PROGRAM = "linear program"  # names under which the cost model keeps their seconds
 TIGHTENING = "tightening"
-MOST_TIGHTENED = 12  # variables whose bounds linear programs tighten at the root
-_TOO_SLOW = 3.0  # tightening that takes this many times as long as the next relaxation is left out
-_BRANCHING = 0.1  # share of a gap, on a logarithmic scale, closed by a node in the time of an LP
-_WEAK = 0.3  # share of the progress that linear relaxations and the like make at most
 _LINEAR = RelaxationSpec("linear", 0.0, "linear")
 _TIGHTENED = ("star", "split", "mixed")
 
@@ -103,18 +100,20 @@ class RelaxationQueue:
     @property
     def shortest(self) -> float:
         """Expected seconds of the fastest relaxation that is not weak, +inf if none is left."""
-        return min((self.seconds(r) for r in self.specs if r.share > _WEAK), default=np.inf)
+        return min(
+            (self.seconds(r) for r in self.specs if r.share > STRATEGY.weak_share), default=np.inf
+        )
 
     @property
     def obbt_too_slow(self) -> bool:
         """True if tightening by linear programs costs more than the next relaxation."""
-        return self._tightening > _TOO_SLOW * self.shortest
+        return self._tightening > STRATEGY.obbt_too_slow * self.shortest
 
     @property
     def _tightening(self) -> float:
         """Expected seconds of a few rounds of OBBT by linear programs."""
         seen = self.shared_state.cost_model.seconds
-        programs = 2.0 * min(len(self.shared_state.variables), MOST_TIGHTENED)
+        programs = 2.0 * min(len(self.shared_state.variables), STRATEGY.most_tightened)
         return seen.get(TIGHTENING, programs * seen.get(PROGRAM, self._program))
 
     @property
@@ -158,7 +157,7 @@ def relaxation_for_nodes(
     -------
     RelaxationSpec or None
     """
-    best, most = None, _BRANCHING / program
+    best, most = None, STRATEGY.branching_gain / program
     base, upper = gap
     for spec, bound, seconds in tried:
         whole = upper - base

@@ -19,12 +19,10 @@ from sparsepop_py.relaxation.hierarchy import (
     relaxation_specs,
 )
 from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.tightening.mccormick import coordinate_of
 
 __all__ = ["SharedState", "branching"]
-
-_FEW = 12  # variables whose bounds relaxations tighten: two solves each
-_LONG = 300  # constraints beyond which linear programs take longer than relaxations do
 
 
 def branching(products: Products, options: Options) -> tuple[int, ...]:
@@ -80,11 +78,13 @@ class SharedState:
         specs = tuple(spec for spec in specs if spec.fits(cliques))
         variables = branching(products, options)
         branches = "branch" not in options.skip and options.node_limit != 0
-        may = branches and "obbt_sdp" not in options.skip and len(variables) <= _FEW
+        may = (
+            branches and "obbt_sdp" not in options.skip and len(variables) <= STRATEGY.few_variables
+        )
         inside = all(coordinate_of(p) is not None for p in objectives)  # the box holds the cutoffs
         stars = (r for r in specs if r.shape == "star")
         star = next(stars, None) if inside and may else None
-        short = star is None or len(problem.constraints) <= _LONG
+        short = star is None or len(problem.constraints) <= STRATEGY.long_problem
         obbt_lp = "obbt_lp" not in options.skip and short
         return SharedState(products, cliques, variables, specs, obbt_sdp=star, obbt_lp=obbt_lp)
 

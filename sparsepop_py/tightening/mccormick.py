@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -38,6 +39,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation, relax
 from sparsepop_py.sparsity.correlative import Cliques
+from sparsepop_py.tightening.settings import OBBT
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
@@ -46,8 +48,6 @@ from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.steps import Replay, Tightening, coordinates
 
 __all__ = ["LinearRelaxation", "coordinate_of", "first_moments", "products_error", "tighten_bounds"]
-
-_SMALL = 1e-9  # multipliers this small against the largest are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class LinearRelaxation:
         rows, values, owners = [], [], []
         for owner, (price, weight) in enumerate(zip(prices, sizes, strict=True)):
             z = np.where(free, -price, np.maximum(-price, 0.0))
-            small = 1e-7 if short else _SMALL
+            small = 1e-7 if short else OBBT.small_multiplier
             row = np.flatnonzero(np.abs(z) > small * np.abs(z).max(initial=0.0))
             rows.append(row)
             values.append(z[row] * weight / size[row])
@@ -239,7 +239,7 @@ def _used_products(
     single = generators.count(len(problem.constraints), problem.dimension)
     needed = np.zeros(single + products.shape[0], bool)
     needed[generator] = True
-    for layer in reversed(generators.levels(products, single)):
+    for layer in reversed(generators.layers(products, single)):
         inside = np.array(layer)[needed[single + np.array(layer)]]
         needed[products[inside].ravel()] = True
     kept = np.flatnonzero(needed[single:])
@@ -254,7 +254,7 @@ def tighten_bounds(
     box: Interval,
     variables: Sequence[int],
     time_limit: float | None = None,
-    seen: list[NDArray] | None = None,
+    seen: list[NDArray[Any]] | None = None,
 ) -> tuple[Interval, Tightening | None, bool]:
     """Tighten the bounds of variables on a box by two linear programs each (OBBT).
 
@@ -283,9 +283,9 @@ def tighten_bounds(
         Whether a program was infeasible.
     """
     n = box.lo.size
-    prices: list[NDArray] = []
+    prices: list[NDArray[Any]] = []
     chosen: list[tuple[int, int]] = []
-    points: list[NDArray] = []
+    points: list[NDArray[Any]] = []
     width = box.hi - box.lo
     deadline = Deadline(time_limit)
     sides = [

@@ -21,14 +21,12 @@ from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.context import SolveContext
 from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
+from sparsepop_py.tightening.settings import OBBT
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, Step, tighten
 
 __all__ = ["TightenedModel", "apply_steps", "tighten_by_lp"]
-
-_SWEEPS = 3  # of propagation after bounds have moved
-_GAINED = 0.8  # another round follows where a width fell below this share
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +75,13 @@ def tighten_by_lp(
         return TightenedModel(model, empty=empty)
     steps: list[Step] = [*model.proof.steps, step]
     if not is_empty(smaller):
-        again, more = tighten(replay, smaller, _SWEEPS)
+        again, more = tighten(replay, smaller, OBBT.lp_sweeps)
         if shrinks(smaller, again):
             smaller = again
             steps.append(more)
     made = replace(model, proof=BoxProof(tuple(steps)), box=smaller)
     old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
-    return TightenedModel(made, not is_empty(smaller) and bool(np.any(new < _GAINED * old)))
+    return TightenedModel(made, not is_empty(smaller) and bool(np.any(new < OBBT.lp_gained * old)))
 
 
 def apply_steps(replay: Replay, steps: Sequence[Step], box: Interval) -> Interval:

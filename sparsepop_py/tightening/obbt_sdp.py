@@ -30,6 +30,7 @@ from sparsepop_py.presolve.initial_box import shrinks
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.hierarchy import Families, RelaxationSpec
 from sparsepop_py.tightening.mccormick import first_moments
+from sparsepop_py.tightening.settings import OBBT
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
@@ -39,15 +40,6 @@ from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import Replay, Step, Tightening, shrunk, tighten
 
 __all__ = ["TightenedBox", "tighten_by_relaxation"]
-
-_ACCURACY = 1e-5  # of a solver, in scaled units: bounds of boxes need no more
-_ROUGH = 5e-3  # ... of one whose gap is that of its safe value
-_ITERATIONS = 30  # a solve that has not ended by then has a bound that is good enough
-_BEYOND = 0.1  # share of a width beyond the other end at which a bound proves enough
-_TOUCHED = 0.1  # share of a width: a side that a point comes this near is left out
-_WORTH = 0.01  # share of a width that a bound must gain to be kept
-_SHORT = 0.01  # share of what it gained that shorter multipliers may lose
-_SWEEPS = 2  # of propagation after a bound has moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +106,7 @@ def tighten_by_relaxation(
 
     for v, side in ((v, side) for v in moved for side in (1, -1)):
         width, edge = box.hi[v] - box.lo[v], box.lo[v] if side > 0 else box.hi[v]
-        if width <= 0 or any(abs(x[v] - edge) <= _TOUCHED * width for x in seen):
+        if width <= 0 or any(abs(x[v] - edge) <= OBBT.touched * width for x in seen):
             continue
         if context.deadline.over or is_empty(box) or left() < enough:
             break
@@ -125,7 +117,7 @@ def tighten_by_relaxation(
         if found.node.empty and found.proved.bound == np.inf:
             return TightenedBox(box, tuple(steps), 0.0, found.node)
         value, argument = _claimed(found), found.node.argument
-        if isinstance(argument, Identity) and value - side * edge > _WORTH * width:
+        if isinstance(argument, Identity) and value - side * edge > OBBT.worth * width:
             bound = np.array([v]), np.array([side]), np.array([value])
             box, more = _propagated(replay, shrunk(box, *bound))
             steps += [Tightening(*bound, argument, False), *more]
@@ -137,7 +129,7 @@ def _propagated(replay: Replay, box: Interval) -> tuple[Interval, tuple[Step, ..
     """Propagate a moved bound to the other variables; return the box and the steps."""
     if is_empty(box):
         return box, ()
-    smaller, sweeps = tighten(replay, box, _SWEEPS)
+    smaller, sweeps = tighten(replay, box, OBBT.sdp_sweeps)
     return (smaller, (sweeps,)) if shrinks(box, smaller) else (box, ())
 
 
@@ -170,19 +162,22 @@ def _reached(
     options = replace(
         context.options,
         effort="presolve",
-        accuracy=_ROUGH if solver == "cliquetree" else _ACCURACY,
-        max_iterations=min(_ITERATIONS, context.options.max_iterations or _ITERATIONS),
+        accuracy=OBBT.rough_accuracy if solver == "cliquetree" else OBBT.accuracy,
+        max_iterations=min(
+            OBBT.iterations,
+            context.options.max_iterations or OBBT.iterations,
+        ),
         solver=solver,
     )
     reach = range_over(about.objective_row, box)
     least, largest = float(reach.lo[0]), float(reach.hi[0])
-    aim = largest + _BEYOND * (largest - least)
+    aim = largest + OBBT.beyond * (largest - least)
     own = replace(context, problem=about, options=options, best=None, aim=aim)
     found = bound_box(own, box, scaled, relaxation)
     value = _claimed(found)
     if np.isfinite(value):
         with context.stages.stage("certify"):
-            needed = value - _SHORT * (value - least)
+            needed = value - OBBT.short * (value - least)
             found = short_if(needed, own.replay(), box, found)
     solution = found.solution
     if solution is None or solution.status not in ("solved", "almost"):

@@ -247,7 +247,7 @@ def test_nodes_of_a_dropped_tree_stay_counted(only_branch):
     auto = AdaptiveSearch(context, Model(BoxProof(), box), [], shared_state)
     auto.run()
     assert [entry.nodes for entry in auto.history] == [0, 3]
-    auto.context = replace(auto.context, unit=1e-3)  # a smaller gap: its cut-off is a higher one
+    auto.context = replace(auto.context, unit=1e-3)  # a smaller gap: its cutoff is a higher one
     auto.queue.specs = list(shared_state.specs)
     auto.run(1)
     assert [entry.name for entry in auto.history] == ["linear", "branch", "linear"]

@@ -23,7 +23,7 @@ def exact(polynomial, x):
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), SIZES, SIZES)
-def test_the_problem_of_a_ball_contains_all_points_below_the_level(seed, far, high):
+def test_the_problem_of_a_ball_contains_all_points_below_the_cutoff(seed, far, high):
     """level - f >= its row, and -|x - c|^2 >= its objective, in rationals."""
     rng = np.random.default_rng(seed)
     centre = far * rng.uniform(-1, 1, 2)

@@ -134,7 +134,7 @@ def test_files_are_relative_to_the_folder_named(file: Path, tmp_path: Path) -> N
     assert asked(file, "line.gms", QUIET)["outputs"][0, 1].item() == pytest.approx(0.75, abs=1e-6)
 
 
-def test_errors_count_from_one_and_warnings_are_told(file: Path) -> None:
+def test_errors_count_from_one_and_warnings_are_passed_on(file: Path) -> None:
     wrong = {**LINE, "degree": 3.0}
     answer = asked(file, OBJECTIVE, cell(LINE, wrong), *BOX, {**QUIET, "sparsesw": 1.0})
     assert answer["error"].item().startswith("ineqPolySys{2}.degree: found 3")

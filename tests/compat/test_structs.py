@@ -114,7 +114,7 @@ def test_loadmat_of_one_term_and_one_variable(options: dict[str, bool]) -> None:
     assert str(problem) == "min 5*x1^2\n  s.t. -8 + x1^3 == 0\n  0 <= x1 <= 9"
 
 
-def test_squeezed_row_and_shapes_of_coefficients() -> None:
+def test_rows_without_a_dimension_and_shapes_of_coefficients() -> None:
     one = struct([[1, 2]], [3]) | {"supports": np.array([1, 2]), "coef": 3.0}
     assert str(from_structs(one, [], [0, 0], [1, 1]).objective) == "3*x1*x2^2"
     row = struct([[1, 0], [0, 1]], [3, 4]) | {"coef": np.array([[3.0, 4.0]])}
@@ -139,7 +139,9 @@ def test_least_squares() -> None:
     residuals = [struct([[2, 0], [0, 1]], [-1, 1]), struct([[0, 0], [1, 0]], [1, -1])]
     problem = from_structs(residuals, [], [-5, -5], [5, 5])
     x, y = sp.variables(2)
-    assert problem.fingerprint == sp.Problem((y - x**2) ** 2 + (1 - x) ** 2, (), -5, 5).fingerprint
+    parts = [y - x**2, 1 - x]
+    objective = sp.total(part**2 for part in parts)
+    assert problem.fingerprint == sp.Problem(objective, (), -5, 5, squares=parts).fingerprint
     assert [(w, str(p)) for w, p in problem.squares] == [(1, "x2 - x1^2"), (1, "1 - x1")]
 
 

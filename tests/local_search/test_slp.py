@@ -74,7 +74,7 @@ def test_held_variables_stay_where_they_are(seed):
     assert found[1:] == pytest.approx(errors, abs=1e-7)
 
 
-def test_an_endless_direction_ends():
+def test_an_unbounded_direction_ends():
     x, y = sp.variables(2)
     problem = Problem(-x, [x * y >= 1], lower=0.0)
     found = sequential_search(problem, np.array([1.0, 1.0]))

@@ -185,7 +185,7 @@ def test_structs_of_cones_and_matrices():
 
 
 def test_structs_through_a_mat_file(tmp_path):
-    """One term with several columns is squeezed to a vector by loadmat."""
+    """One term with several columns becomes a vector by loadmat(squeeze_me=True)."""
     rows = [sp.psd([[x, 2 * x], [2 * x, 5 * x]]), sp.second_order(3 * y, 2 * y)]
     problem = sp.Problem(x + y, rows)
     objective, structs, lbd, ubd = sp.to_structs(problem)
@@ -193,8 +193,8 @@ def test_structs_through_a_mat_file(tmp_path):
     cell[0, :] = structs
     path = tmp_path / "cones.mat"
     scipy.io.savemat(path, {"f": objective, "g": cell, "l": lbd, "u": ubd})
-    for obbt_sdp in (False, True):
-        found = scipy.io.loadmat(path, squeeze_me=obbt_sdp)
+    for squeeze in (False, True):
+        found = scipy.io.loadmat(path, squeeze_me=squeeze)
         read = sp.from_structs(found["f"], found["g"], found["l"], found["u"])
         assert read.fingerprint == problem.fingerprint
 

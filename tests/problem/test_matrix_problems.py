@@ -236,10 +236,10 @@ def test_propagation_keeps_every_feasible_point(seed):
 
 
 def test_minors_and_axes_bound_their_entries():
-    endless = Interval(np.full(2, -INF), np.full(2, INF))
+    unbounded = Interval(np.full(2, -INF), np.full(2, INF))
 
     def box(*rows):
-        return propagate(box_rows(sp.Problem(x, rows), None), endless)[0]
+        return propagate(box_rows(sp.Problem(x, rows), None), unbounded)[0]
 
     found = box(sp.psd([[4, x], [x, 9]]), sp.second_order(3, y, 1))
     assert np.all(found.lo <= [-6, -3]) and np.all(found.hi >= [6, 3])

@@ -160,6 +160,23 @@ def test_inputs_are_neither_modified_nor_shared():
         problem.sense = "max"
 
 
+def test_another_objective_brings_its_own_degree_and_keeps_what_the_set_has() -> None:
+    x, y = pair()
+    problem = Problem(x**5, [x * y >= 1], 0, squares=None)
+    assert problem.degree == 5
+    rows = problem.rows
+    other = problem.with_objective(x + y)
+    assert other.degree == 2 and other.with_objective(y**7).degree == 7
+    assert other.rows is rows
+    fresh = Problem(x + y, [x * y >= 1], 0)
+    assert other.fingerprint == fresh.fingerprint and other.objective_row.values(
+        np.array([2, 3])
+    ) == [5]
+    squared = Problem(1 + x**2, squares=[x])
+    assert squared.squares_constant == 1.0
+    assert squared.with_objective(1 + x**2).squares_constant is None
+
+
 # ---- fingerprint -------------------------------------------------------------------------
 
 

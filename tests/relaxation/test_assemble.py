@@ -159,7 +159,7 @@ def test_infeasible_programs_come_with_a_farkas_ray(name, solver):
 
 
 @pytest.mark.parametrize("solver", ["cvxpy:CLARABEL", "cvxpy:SCS"])
-def test_infeasible_programs_are_told_by_cvxpy_too(solver):
+def test_infeasible_programs_are_recognised_by_cvxpy_too(solver):
     problem = infeasible()["rows contradict"]
     program = assemble(relax(problem, 1), problem.objective)
     assert solve_conic(program, solver).status == "infeasible"

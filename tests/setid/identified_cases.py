@@ -6,11 +6,11 @@ import numpy as np
 import scipy.sparse as sps
 
 import setid
-from setid.feasible_set.linear_programs import minimise
 from setid.feasible_set.supports import cover_of, supports
 from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
+from sparsepop_py.lp.scaled import solve_scaled
 
 
 def result_of(
@@ -41,8 +41,7 @@ def identified(
         direction = np.eye(len(names))[i]
         low, high = supports(cover, [direction])[0].tolist()
         below = sps.csr_array(cover.matrix), cover.right
-        ends = [minimise(sign * direction, below) for sign in (1.0, -1.0)]
-        assert ends[0] is not None and ends[1] is not None
+        ends = [solve_scaled(sign * direction, below).x for sign in (1.0, -1.0)]
         attained = (float(ends[0][i]), float(ends[1][i]))
         intervals[name] = ParameterInterval(
             name, (low, high), attained, IntervalStatus.CERTIFIED, (ends[0], ends[1])

@@ -306,8 +306,8 @@ def test_what_is_repaired_is_searched_from_once(effort, monkeypatch):
 
     monkeypatch.setattr("sparsepop_py.local_search.incumbents.best_attained", best)
     x, y = sp.variables(2)
-    endless = {"presolve": np.inf, "auto": 1.0}[effort]
-    problem = sp.Problem(x, [x * y >= 0.25, x + y <= 1], [0, -endless], endless)
+    unbounded = {"presolve": np.inf, "auto": 1.0}[effort]
+    problem = sp.Problem(x, [x * y >= 0.25, x + y <= 1], [0, -unbounded], unbounded)
     options = sp.Options(effort=effort)
     sp.solve_each(problem, both_signs([x]), options, start=[0.5, 0.5], repair=repair)
     assert (0.5, 0.5) in repaired

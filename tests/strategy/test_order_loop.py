@@ -157,7 +157,7 @@ def test_parts_left_out_are_there_otherwise(step):
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("step", [p for p in SKIPPED if p not in ("quote", "obbt_sdp")])
-def test_bounds_are_valid_without_any_part(step, case, monkeypatch):
+def test_bounds_are_valid_without_any_step(step, case, monkeypatch):
     def refused(*args, **kwargs):
         raise AssertionError("bounds of variables are tightened")
 
@@ -260,7 +260,7 @@ def far(kind):
         "falls in one variable": Problem(x**3),
         "empty": Problem(x, [x**2 + y**2 <= -1]),
         "empty for products": Problem(x, [x * y >= 1, x**2 + y**2 <= 1.5]),
-        "empty and endless": Problem(x, [x * y >= 1, x + y <= 1], lower=0),
+        "empty and unbounded": Problem(x, [x * y >= 1, x + y <= 1], lower=0),
     }[kind]
 
 
@@ -273,7 +273,7 @@ def test_objectives_that_fall_for_ever(kind):
     assert problem.violation(result.x) <= 1e-8
 
 
-@pytest.mark.parametrize("kind", ["empty", "empty for products", "empty and endless"])
+@pytest.mark.parametrize("kind", ["empty", "empty for products", "empty and unbounded"])
 def test_sets_without_points(kind):
     problem = far(kind)
     result = check(problem, sp.solve(problem, Options(effort="auto", time_limit=10.0)))

@@ -52,7 +52,8 @@ def test_mixed_blocks_beyond_the_memory_are_not_built(variables, expected):
     x = sp.variables(variables)
     problem = Problem(x[0], [sum(x) == 1], lower=-1, upper=1)
     whole = families(problem, (problem.objective,), True, "min-degree")
-    assert RelaxationSpec("mixed", 0.8, "mixed").fits(whole) == expected
+    spec = RelaxationSpec("mixed", 0.8, "mixed", memory=5e9)
+    assert spec.fits(whole) == expected
 
 
 def test_a_record_is_bounded_by_stars_alone():

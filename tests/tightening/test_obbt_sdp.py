@@ -302,7 +302,7 @@ def test_long_problems_are_tightened_by_relaxations_only() -> None:
 
 
 def test_objectives_that_are_no_variable_keep_their_box() -> None:
-    """Their cut-off is no bound of the box: nothing would be gained."""
+    """Their cutoff is no bound of the box: nothing would be gained."""
     assert shared_state_of(star()).obbt_sdp is None
     assert shared_state_of(record()).obbt_sdp is not None
 

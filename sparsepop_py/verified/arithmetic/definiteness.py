@@ -1,7 +1,7 @@
-"""Proofs that the matrices of constraints are positive semidefinite, at a point or over a box.
+"""Proofs that matrices are positive semidefinite, at a point or over a box.
 
 Over a box a matrix is compared with L L' for the Cholesky factor L of its middle less a shift:
-what remains is an interval matrix that is diagonally dominant, hence semidefinite. At a rational
+the rest is an interval matrix that is diagonally dominant, hence semidefinite. At a rational
 point this comes first too; on the boundary, where it must fail, Gaussian elimination in rationals
 decides. A second-order cone needs f1 >= 0 and f1^2 >= f2^2 + ... + fk^2 only.
 
@@ -29,7 +29,7 @@ _SHIFT = 1e-12  # of the largest entry, kept for what rounding costs
 
 
 def hold_at(matrices: Matrices, x: Sequence[Fraction]) -> bool:
-    """Whether all matrices are positive semidefinite at a rational point; False if unknown."""
+    """Prove all matrices semidefinite at a rational point; False if unknown."""
     system = matrices.system
     if not matrices.constraints.size:
         return True
@@ -38,7 +38,7 @@ def hold_at(matrices: Matrices, x: Sequence[Fraction]) -> bool:
 
 
 def entries_hold(matrices: Matrices, values: Sequence[Fraction]) -> bool:
-    """Whether all matrices are positive semidefinite with these entries; False if unknown."""
+    """Prove all matrices semidefinite for given entries; False if unknown."""
     for k in matrices.constraints:
         layout = matrices.layout(k)
         if matrices.second_order[k]:
@@ -51,7 +51,7 @@ def entries_hold(matrices: Matrices, values: Sequence[Fraction]) -> bool:
 
 
 def hold_over(matrices: Matrices, box: Interval) -> bool:
-    """Whether all matrices are positive semidefinite all over a box; False if unknown."""
+    """Prove all matrices semidefinite all over a box; False if unknown."""
     if not matrices.constraints.size:
         return True
     values = range_over(matrices.system, box)
@@ -71,9 +71,18 @@ def hold_over(matrices: Matrices, box: Interval) -> bool:
 
 
 def surely_semidefinite(matrix: Interval) -> bool:
-    """Whether every symmetric matrix in an interval matrix (m, m) is positive semidefinite.
+    """Prove every symmetric matrix in an interval matrix (m, m) semidefinite.
 
-    False also where this method cannot tell, which includes all singular matrices.
+    False also where this method cannot decide, which includes all singular matrices.
+
+    Parameters
+    ----------
+    matrix : Interval
+        Of shape (m, m).
+
+    Returns
+    -------
+    bool
 
     Examples
     --------
@@ -100,7 +109,16 @@ def surely_semidefinite(matrix: Interval) -> bool:
 
 
 def is_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> bool:
-    """Whether a symmetric matrix of rationals is positive semidefinite; False if too large.
+    """Decide in rationals whether a symmetric matrix is positive semidefinite.
+
+    Parameters
+    ----------
+    matrix : sequence of sequences of Fraction
+
+    Returns
+    -------
+    bool
+        False also for a matrix that is too large.
 
     Examples
     --------

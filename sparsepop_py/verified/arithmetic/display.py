@@ -9,7 +9,7 @@ __all__ = ["rounded"]
 
 
 def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = True) -> str:
-    """A bound in few digits, rounded outwards: what is shown is as proved as the value.
+    """Format a bound in few digits, rounded outwards: as proved as the value.
 
     Parameters
     ----------
@@ -20,6 +20,10 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Tr
         Significant digits, at most 15.
     scientific : bool
         With sign and exponent, for columns; else in the shortest form.
+
+    Returns
+    -------
+    str
 
     Examples
     --------

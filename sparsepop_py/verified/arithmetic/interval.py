@@ -38,8 +38,8 @@ __all__ = [
     "up",
 ]
 
-_UNIT = 2.0**-53
-_TINY = 2.0**-1022
+_UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
+_TINY = 2.0**-1022  # least normal double
 
 
 def require_ieee() -> None:
@@ -65,8 +65,8 @@ def up(x: ArrayLike) -> NDArray[np.float64]:
     return np.nextafter(x, np.inf)
 
 
-def _times(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Products with 0 * inf = 0; only exact zeros give zero, what underflows does not."""
+def _times(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
+    """Multiply with 0 * inf = 0; only exact zeros give zero, not underflow."""
     with np.errstate(invalid="ignore", over="ignore", under="ignore"):
         product = a * b
         if np.all(np.abs(product) > 0.0):
@@ -97,7 +97,7 @@ class Interval:
 
     @staticmethod
     def of_fraction(value: Fraction) -> Interval:
-        """The tightest doubles around a rational number."""
+        """Enclose a rational number by the tightest doubles."""
         try:
             near = float(value)
         except OverflowError:
@@ -155,11 +155,11 @@ class Interval:
         )
 
     def magnitude(self) -> NDArray[np.float64]:
-        """Largest absolute value in each interval."""
+        """Compute the largest absolute value in each interval."""
         return np.maximum(np.abs(self.lo), np.abs(self.hi))
 
     def middle(self) -> NDArray[np.float64]:
-        """A double near the middle of each (finite) interval."""
+        """Compute a double near the middle of each (finite) interval."""
         return 0.5 * self.lo + 0.5 * self.hi
 
     def intersect(self, other: Interval) -> Interval:
@@ -168,7 +168,7 @@ class Interval:
 
 
 def _power(
-    magnitude: NDArray, exponent: NDArray, rounded: Callable[[NDArray], NDArray]
+    magnitude: NDArray[Any], exponent: NDArray[Any], rounded: Callable[[NDArray[Any]], NDArray[Any]]
 ) -> NDArray[np.float64]:
     """Powers of non-negative numbers by rounded multiplications; 1 for exponent 0."""
     result: NDArray[np.float64] = np.where(exponent > 0, magnitude, 1.0)
@@ -178,7 +178,7 @@ def _power(
     return np.where((exponent > 0) & (magnitude == 0), 0.0, result)
 
 
-def sum_by(index: NDArray, terms: Interval, size: int) -> Interval:
+def sum_by(index: NDArray[Any], terms: Interval, size: int) -> Interval:
     """Enclosures of the sums of ``terms`` that share an index, shape (size,).
 
     Single terms and empty sums stay exact.

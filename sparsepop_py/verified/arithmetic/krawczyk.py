@@ -16,6 +16,8 @@ Computing 4, 1969; A. Neumaier, Interval Methods for Systems of Equations, Cambr
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
@@ -33,7 +35,7 @@ _SPARSE = 40  # equations from which Newton steps use sparse elimination
 def polished(
     system: PolynomialSystem, x: NDArray[np.float64], solved: NDArray[np.int64]
 ) -> NDArray[np.float64] | None:
-    """A few Newton steps in the variables ``solved``; None if they run away."""
+    """Take a few Newton steps in the variables ``solved``; None if they diverge."""
     x = x.copy()
     for _ in range(6):
         values = system.values(x)
@@ -46,7 +48,7 @@ def polished(
     return x
 
 
-def _newton_step(matrix: sps.csc_array, right: NDArray) -> NDArray[np.float64]:
+def _newton_step(matrix: sps.csc_array, right: NDArray[Any]) -> NDArray[np.float64]:
     """Solve matrix d = right, by sparse elimination where it is regular."""
     if matrix.shape[0] > _SPARSE:
         try:
@@ -59,7 +61,9 @@ def _newton_step(matrix: sps.csc_array, right: NDArray) -> NDArray[np.float64]:
 def zero_near(
     system: PolynomialSystem, x: NDArray[np.float64], solved: NDArray[np.int64]
 ) -> Interval | None:
-    """A box around x, degenerate in all variables but ``solved``, that provably holds a zero.
+    """Enclose a zero in a box around x by Krawczyk's test.
+
+    The box is degenerate in all variables but ``solved``.
 
     Parameters
     ----------
@@ -92,13 +96,13 @@ def zero_near(
 
 def _image_inside(
     system: PolynomialSystem,
-    x: NDArray,
-    solved: NDArray,
+    x: NDArray[Any],
+    solved: NDArray[Any],
     radius: float,
-    inverse: NDArray,
+    inverse: NDArray[Any],
     move: Interval,
 ) -> Interval | None:
-    """The Krawczyk image of a box of that radius, if it lies inside the box."""
+    """Compute the Krawczyk image of a box, if it lies inside the box."""
     spread = np.zeros(x.size)
     spread[solved] = radius * (1.0 + np.abs(x[solved]))
     box = Interval(x - spread, x + spread)

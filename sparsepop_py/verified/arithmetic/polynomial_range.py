@@ -50,7 +50,7 @@ class Factors:
         return table
 
     def ranges(self, box: Interval) -> Interval:
-        """Range of every factor over the box, shape (T, P); [1, 1] where there is none."""
+        """Enclose every factor over the box, shape (T, P); [1, 1] for none."""
         lo, hi = np.append(box.lo, 1.0), np.append(box.hi, 1.0)
         return Interval(lo[self.variable], hi[self.variable]).power(self.power)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ _WHOLE = 2.0**62  # sums of integers below this are exact in 64 bits
 
 
 def expanded(squares: Sequence[Weighted], dimension: int) -> Polynomial:
-    """Sum of weight * p^2, rounded."""
+    """Add up weight * p^2, rounded."""
     words, values = [np.zeros((1, 1), np.int32)], [np.zeros(1)]
     for product, weight, first, second in _products(squares):
         words.append(product)
@@ -33,9 +34,17 @@ def expanded(squares: Sequence[Weighted], dimension: int) -> Polynomial:
 
 
 def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float | None:
-    """The constant of objective = constant + sum weight * p^2, rounded down.
+    """Compute the constant in objective = constant + sum weight * p^2, rounded down.
 
-    None if the identity does not hold exactly in the given doubles.
+    Parameters
+    ----------
+    objective : Polynomial
+    squares : sequence of (float, Polynomial)
+
+    Returns
+    -------
+    float or None
+        None if the identity does not hold exactly in the given doubles.
 
     Examples
     --------
@@ -59,7 +68,7 @@ def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float 
 
 def _products(
     squares: Sequence[Weighted],
-) -> Iterator[tuple[Words, NDArray, NDArray, NDArray]]:
+) -> Iterator[tuple[Words, NDArray[Any], NDArray[Any], NDArray[Any]]]:
     """Monomials of p^2 with three factors of their coefficients, by shapes of p."""
     shapes: dict[tuple[int, ...], list[Weighted]] = {}
     for weight, p in squares:
@@ -80,9 +89,9 @@ def _stacked(words: list[Words]) -> Words:
 
 
 def _whole_sums(
-    value: NDArray, factors: tuple[NDArray, ...], number: NDArray, size: int
+    value: NDArray[Any], factors: tuple[NDArray[Any], ...], number: NDArray[Any], size: int
 ) -> list[Fraction] | None:
-    """Coefficients less the sums of products, in integers; None where 64 bits do not hold them."""
+    """Subtract sums of products from coefficients in integers; None beyond 64 bits."""
     product = np.prod(factors, axis=0)
     unit = max(_last_bit(value), sum(_last_bit(factor) for factor in factors))
     largest = np.abs(value).sum() + np.abs(product).sum()
@@ -98,7 +107,7 @@ def _whole_sums(
 
 
 def _last_bit(values: NDArray[np.float64]) -> int:
-    """The least k >= 0 with values * 2^k whole."""
+    """Find the least k >= 0 with values * 2^k whole."""
     mantissa, exponent = np.frexp(values)
     whole = (mantissa * 2.0**53).astype(np.int64)
     lowest = np.frexp((whole & -whole).astype(float))[1] - 1
@@ -107,7 +116,7 @@ def _last_bit(values: NDArray[np.float64]) -> int:
 
 
 def _rational_sums(
-    value: NDArray, factors: tuple[NDArray, ...], number: NDArray, size: int
+    value: NDArray[Any], factors: tuple[NDArray[Any], ...], number: NDArray[Any], size: int
 ) -> list[Fraction]:
     rest = [Fraction(0)] * size
     for place, coefficient in zip(number.tolist(), value.tolist(), strict=False):

@@ -62,7 +62,7 @@ class LeftInverse:
         return False
 
     def shrink(self, problem: Problem, box: Interval) -> Interval:
-        """Intersect a box with it; a box on which it does not hold stays as it is."""
+        """Intersect a box with it; a box where it does not hold stays."""
         if not self._sensible(problem):
             return box
         regression = _regression(problem, box, self.rows, self.variables)
@@ -98,13 +98,18 @@ class LeftInverse:
 
 
 def left_inverse(problem: Problem, box: Interval) -> LeftInverse | None:
-    """A box for the variables without bounds, where there are rows enough and they are tight.
+    """Bound variables without bounds by a left inverse of enough tight rows.
 
     Parameters
     ----------
     problem : Problem
     box : Interval
-        What is known of the variables.
+        Known ranges of the variables.
+
+    Returns
+    -------
+    LeftInverse or None
+        None where the rows give no bounds.
 
     Examples
     --------
@@ -117,9 +122,9 @@ def left_inverse(problem: Problem, box: Interval) -> LeftInverse | None:
     >>> bool(box.lo[0] > 1.5 and box.hi[0] < 2.5)
     True
     """
-    endless = ~(np.isfinite(box.lo) & np.isfinite(box.hi))
-    variables = np.flatnonzero(endless)
-    rows = _linear_rows(problem, endless)
+    unbounded = ~(np.isfinite(box.lo) & np.isfinite(box.hi))
+    variables = np.flatnonzero(unbounded)
+    rows = _linear_rows(problem, unbounded)
     p, count = variables.size, rows.size
     if not 0 < p <= count or p * p * count > _MOST:
         return None
@@ -158,7 +163,7 @@ def _linear_rows(problem: Problem, chosen: NDArray[np.bool_]) -> NDArray[np.int6
 def _regression(
     problem: Problem, box: Interval, rows: NDArray[np.int64], variables: NDArray[np.int64]
 ) -> tuple[Interval, Interval] | None:
-    """The interval matrices C (R, p) and r (R, 1) over a box, None if they are not finite."""
+    """Enclose C (R, p) and r (R, 1) over a box, None if not finite."""
     part, p = problem.rows.take(rows), variables.size
     column = np.full(problem.dimension + 1, p)
     column[variables + 1] = np.arange(p)

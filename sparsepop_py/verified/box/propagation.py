@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,9 @@ class Rows:
     minors: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 3), np.int64))
 
     @cached_property
-    def _quadratic(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+    def _quadratic(
+        self,
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Pairs c1 x + c2 x^2: row, variable, c1, c2, and which terms remain monomials."""
         system = self.system
         degree = monomials.degrees(system.words)
@@ -91,7 +94,7 @@ def propagate(
 
 
 def is_empty(box: Interval) -> bool:
-    """Whether the box holds no point."""
+    """Check whether the box holds no point."""
     return bool(np.any(box.lo > box.hi))
 
 
@@ -113,7 +116,7 @@ def _moved(old: Interval, new: Interval, progress: float) -> bool:
 
 
 def sweep(rows: Rows, box: Interval) -> Interval:
-    """One pass over all rows at once; the returned box lies in ``box``."""
+    """Propagate all rows once, together; the returned box lies in ``box``."""
     system, target = rows.system, rows.target
     q_row, q_var, c1, c2, plain = rows._quadratic
     factors = rows._factors
@@ -139,7 +142,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
 
 
 def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
-    """Where each row must lie, given upper ends of all: |a| <= sqrt(b c)."""
+    """Bound each row by 2x2 minors, |a| <= sqrt(b c), from upper ends."""
     a, b, c = rows.minors.T
     limit = Interval.point(np.maximum(high[b], 0.0)) * Interval.point(np.maximum(high[c], 0.0))
     reach = up(np.sqrt(up(limit.hi)))
@@ -149,17 +152,17 @@ def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
     return Interval(lo, hi)
 
 
-def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:
-    """Where each atom must lie: the target of its row minus the other atoms, and its range."""
+def _allowed(row: NDArray[Any], atoms: Interval, target: Interval, size: int) -> Interval:
+    """Bound each atom by the target of its row minus other atoms, and its range."""
     ends = []
     alone = np.bincount(row, minlength=size)[row] == 1
     for end, infinity in ((atoms.lo, -np.inf), (atoms.hi, np.inf)):
-        endless = end == infinity
-        finite = np.where(endless, 0.0, end)
+        unbounded = end == infinity
+        finite = np.where(unbounded, 0.0, end)
         total = sum_by(row, Interval.point(finite), size)
-        count = np.bincount(row, weights=endless, minlength=size)[row]
+        count = np.bincount(row, weights=unbounded, minlength=size)[row]
         others = total[row] - Interval.point(finite)
-        blocked = count - endless > 0
+        blocked = count - unbounded > 0
         remaining = np.where(alone, 0.0, others.lo if infinity < 0 else others.hi)
         ends.append(np.where(blocked, infinity, remaining))
     rest = Interval(ends[0], ends[1])
@@ -171,7 +174,7 @@ def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Inte
     return asked.intersect(atoms)
 
 
-def _quadratic_range(c1: NDArray, c2: NDArray, x: Interval) -> Interval:
+def _quadratic_range(c1: NDArray[Any], c2: NDArray[Any], x: Interval) -> Interval:
     """Range of c1 x + c2 x^2."""
     a, b = Interval.point(c1), Interval.point(c2)
     ends = []
@@ -199,11 +202,11 @@ def _vertex(a: Interval, b: Interval) -> tuple[Interval, Interval]:
 
 
 def _tighten_quadratics(
-    lo: NDArray,
-    hi: NDArray,
-    variable: NDArray,
-    c1: NDArray,
-    c2: NDArray,
+    lo: NDArray[Any],
+    hi: NDArray[Any],
+    variable: NDArray[Any],
+    c1: NDArray[Any],
+    c2: NDArray[Any],
     box: Interval,
     allowed: Interval,
 ) -> None:
@@ -226,7 +229,12 @@ def _tighten_quadratics(
 
 
 def _tighten_monomials(
-    lo: NDArray, hi: NDArray, rows: Rows, factors: Factors, ranges: Interval, allowed: Interval
+    lo: NDArray[Any],
+    hi: NDArray[Any],
+    rows: Rows,
+    factors: Factors,
+    ranges: Interval,
+    allowed: Interval,
 ) -> None:
     """Solve coefficient * product of powers in ``allowed`` for each factor."""
     coefficient = Interval.point(rows.system.coefficients[rows._quadratic[4]])
@@ -262,7 +270,7 @@ def _quotient(target: Interval, divisor: Interval) -> Interval:
     return Interval(np.where(whole, -np.inf, quotient.lo), np.where(whole, np.inf, quotient.hi))
 
 
-def _root(value: Interval, power: NDArray, x: Interval) -> Interval:
+def _root(value: Interval, power: NDArray[Any], x: Interval) -> Interval:
     """Hull of the z in x with z^power in ``value``."""
     higher = power > 1
     if not higher.any():
@@ -288,17 +296,17 @@ def _root(value: Interval, power: NDArray, x: Interval) -> Interval:
     return Interval(lo, hi)
 
 
-def _outer_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
+def _outer_root(value: NDArray[Any], power: NDArray[Any]) -> NDArray[np.float64]:
     """Upper bounds of value^(1/power) for value >= 0, checked by multiplication."""
     return _checked_root(value, power, 1.0)
 
 
-def _inner_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
+def _inner_root(value: NDArray[Any], power: NDArray[Any]) -> NDArray[np.float64]:
     """Lower bounds of value^(1/power) for value >= 0, checked by multiplication."""
     return _checked_root(value, power, -1.0)
 
 
-def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.float64]:
+def _checked_root(value: NDArray[Any], power: NDArray[Any], side: float) -> NDArray[np.float64]:
     with np.errstate(over="ignore", under="ignore"):
         root = value ** (1.0 / power) * (1.0 + side * 1e-15)
     back = Interval.point(root).power(power)
@@ -308,10 +316,10 @@ def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.flo
 
 
 def box_rows(problem: Problem, cutoff: float | None) -> Rows:
-    """The rows that propagation uses: constraints, and with a cut-off f <= value and squares.
+    """Collect the rows of propagation: constraints, and with a cutoff objective and squares.
 
-    From f = constant + sum w r^2 follows |r| <= sqrt((value - constant) / w), from a matrix
-    G >= 0 that G_ii >= 0 and G_ij^2 <= G_ii G_jj.
+    From f = constant + sum w r^2 and f <= value follows |r| <= sqrt((value - constant) / w), from a
+    matrix G >= 0 that G_ii >= 0 and G_ij^2 <= G_ii G_jj.
     """
     high = [np.where(problem.equality, 0.0, np.inf)]
     low = [np.zeros(len(problem.constraints))]
@@ -338,7 +346,13 @@ def box_rows(problem: Problem, cutoff: float | None) -> Rows:
 
 
 def with_cutoff(problem: Problem, cutoff: float) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
-    """Constraints and the row value - f >= 0 behind them, without rounding, and which are equal."""
+    """Append the row value - f >= 0 to the constraints, without rounding.
+
+    Returns
+    -------
+    system : PolynomialSystem
+    equality : (m + 1,) bool
+    """
     rows, objective = problem.rows, problem.objective_row
     width = max(rows.words.shape[1], objective.words.shape[1])
     words = np.concatenate(

@@ -9,6 +9,7 @@ one, and keeps a scale from the data; a fixed variable has scale 0 and disappear
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 
 __all__ = ["Scaled", "Scaling", "scale_objective"]
 
-_NARROW = 2.0**-300  # half widths below this are rounding; their powers would underflow
+_LEAST_WIDTH = 2.0**-300  # half widths below this are rounding; their powers would underflow
 _TINY = 2.0**-300  # ends of t below this could underflow when multiplied
 _SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
 
@@ -58,16 +59,18 @@ class Scaling:
     ) -> Scaling:
         """Scaling of a box; ``typical`` (n,) gives the scale of variables without one.
 
-        Where variables are not fixed, larger boxes fit as well, by ``room`` on all sides.
+        Where variables are not fixed, larger boxes fit as well, by ``slack`` on all sides.
         """
         boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
         low, high = np.where(boxed, box.lo, 0.0), np.where(boxed, box.hi, 0.0)
         centre = 0.5 * low + 0.5 * high
-        half = np.maximum(0.5 * high - 0.5 * low, _NARROW)
+        half = np.maximum(0.5 * high - 0.5 * low, _LEAST_WIDTH)
         centre = np.where(np.abs(centre) <= 1e-12 * half, 0.0, centre)
         centre = np.where(low < high, centre, low)
         reach = np.maximum(high - centre, centre - low) * _SLACK + slack
-        reach = np.maximum(reach + 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high))), _NARROW)
+        reach = np.maximum(
+            reach + 4.0 * np.spacing(np.maximum(np.abs(low), np.abs(high))), _LEAST_WIDTH
+        )
         scale = np.where(low < high, np.nextafter(reach, np.inf), 0.0)
         side = np.where(
             boxed, 0, np.where(np.isfinite(box.lo), 1, np.where(np.isfinite(box.hi), -1, 0))
@@ -80,14 +83,14 @@ class Scaling:
 
     @staticmethod
     def of_bounds(box: Interval, shifted: bool = True) -> Scaling:
-        """As SparsePOP scales: boxed variables by their larger bound in size, without a shift.
+        """Scale as SparsePOP does: boxed variables by their larger bound in size.
 
-        With ``shifted`` a variable with one bound is counted from there.
+        There is no shift but, with ``shifted``, of a variable with one bound to that bound.
         """
         boxed = np.isfinite(box.lo) & np.isfinite(box.hi)
         fixed = box.lo == box.hi
         size = np.where(boxed, np.maximum(np.abs(box.lo), np.abs(box.hi)) * _SLACK, 1.0)
-        size = np.maximum(size, _NARROW)
+        size = np.maximum(size, _LEAST_WIDTH)
         low, high = box.lo / size, box.hi / size
         grown = 2.0 * (_SLACK - 1.0)  # outwards by more than rounding, and 0 stays
         low = low - np.where(np.isfinite(low), grown * np.abs(low), 0.0)
@@ -103,9 +106,10 @@ class Scaling:
         return Scaling(centre, scale, boxed, np.zeros(boxed.size, int), (ends[0], ends[1]))
 
     def fits(self, n: int) -> bool:
-        """Whether every array has n entries, and the ends of t lie in [-1, 1] where boxed.
+        """Check that every array has n entries and t's ends are sensible.
 
-        They must be intervals that hold real numbers: [inf, inf] holds none.
+        They lie in [-1, 1] where boxed, and are intervals that hold real numbers: [inf, inf] holds
+        none.
         """
         arrays = (self.centre, self.scale, self.boxed, self.side, *(self.ends or ()))
         if not all(array.shape == (n,) for array in arrays) or self.boxed.dtype != bool:
@@ -122,7 +126,10 @@ class Scaling:
         return bool(ordered and np.all((sizes == 0) | (sizes >= _TINY)))
 
     def contains(self, box: Interval) -> bool:
-        """Whether what is said of t holds on the box: t in [-1, 1] where boxed, and the sides."""
+        """Check that a box lies in the ranges assumed of t.
+
+        These are t in [-1, 1] where boxed, and the sides elsewhere.
+        """
         if not self.fits(box.lo.size):
             return False
         start, end = self.bounds
@@ -131,8 +138,8 @@ class Scaling:
         positive = (self.scale > 0) | (self.boxed & (self.scale == 0))
         return bool(np.all(sound & inside & positive))
 
-    def _reaches(self, t: NDArray, side: float, end: NDArray) -> NDArray[np.bool_]:
-        """Whether the ends t, in x, lie at or beyond those of a box on that side."""
+    def _reaches(self, t: NDArray[Any], side: float, end: NDArray[Any]) -> NDArray[np.bool_]:
+        """Mark ends of t that, in x, lie at or beyond a box's."""
         known = np.isfinite(t)
         step = Interval.point(self.scale) * Interval.point(np.where(known, t, 0.0))
         x = Interval.point(self.centre) + step
@@ -142,7 +149,7 @@ class Scaling:
 
     @property
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Bounds of t: [-1, 1] where boxed, [0, 0] where fixed, 0 as the one finite bound."""
+        """Bounds of t: [-1, 1] where boxed, [0, 0] where fixed, else half-lines from 0."""
         if self.ends is not None:
             return self.ends
         one = np.where(self.scale == 0, 0.0, 1.0)
@@ -151,11 +158,11 @@ class Scaling:
         return low, high
 
     def point(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The x of a t."""
+        """Convert t to x."""
         return self.centre + self.scale * t
 
     def expand(self, system: PolynomialSystem) -> PolynomialSystem:
-        """The polynomials in t, rounded; what cannot be told from zero is dropped."""
+        """Expand polynomials in t, rounded; terms that rounding may hide are dropped."""
         words, row, value = expand_affine(system, self.centre, self.scale)
         keep = np.flatnonzero((value.lo > 0) | (value.hi < 0))
         return PolynomialSystem(
@@ -190,8 +197,8 @@ class Scaled:
         """Original generator = size * scaled generator, products (P, 2) last."""
         n = self.problem.dimension
         sizes = np.concatenate([[1.0], self.row_sizes, np.ones(3 * n)])
-        for level in generators.levels(products, sizes.size):
-            pairs = products[level]
+        for layer in generators.layers(products, sizes.size):
+            pairs = products[layer]
             sizes = np.append(sizes, sizes[pairs[:, 0]] * sizes[pairs[:, 1]])
         return sizes
 
@@ -247,7 +254,7 @@ class Scaled:
 
 
 def scale_objective(objective: Polynomial, scaling: Scaling) -> tuple[Polynomial, float]:
-    """One objective in scaled variables, divided by its largest coefficient, and that size."""
+    """Scale an objective and divide it by its largest coefficient; return that size too."""
     system = scaling.expand(PolynomialSystem.stack([objective], objective.dimension))
     varies = system.words.any(axis=1)
     size = float(np.abs(system.coefficients[varies]).max(initial=0.0)) or 1.0
@@ -269,8 +276,8 @@ def _repeats_bounds(
     return implied
 
 
-def _split(system: PolynomialSystem, size: NDArray) -> list[Polynomial]:
-    """The rows divided by their sizes; the words of an expanded system are distinct and graded."""
+def _split(system: PolynomialSystem, size: NDArray[Any]) -> list[Polynomial]:
+    """Divide rows by their sizes; the expanded system's words are distinct and graded."""
     first = np.searchsorted(system.row, np.arange(system.size + 1))
     values, words, n = system.coefficients / size[system.row], system.words, system.dimension
     values.flags.writeable = words.flags.writeable = False

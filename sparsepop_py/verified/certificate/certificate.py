@@ -1,30 +1,30 @@
 """Certificates: a claim about one problem and the argument for it.
 
 ``verify`` replays the whole chain from the exact doubles of the problem: the steps that
-made the box, the cuts that split it, and a bound or a proof of emptiness on every part.
+made the box, the branching that split it, and a bound or a proof of emptiness on every leaf.
 It needs no solver and trusts no stored number but as a multiplier, a cutoff or a claim.
 
 A cutoff needs no attained point to be sound. Points with f(x) > cutoff satisfy
 f >= cutoff; for the others the steps that use f(x) <= cutoff are valid. So, whatever the
 cutoff is,
 
-    min f  >=  min(cutoff, smallest bound of all parts),
+    min f  >=  min(cutoff, smallest bound of all leaves),
 
 and the claim can never exceed the cutoff. (A cutoff that no point attains only makes the
-claim weak.) Without any cutoff, parts that are all empty prove that nothing is feasible.
+claim weak.) Without any cutoff, leaves that are all empty prove that nothing is feasible.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
-from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
@@ -37,10 +37,29 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sub
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "prove", "split_box"]
 
 Argument = Identity | LinearDual | ExactGram
+_OLDER = "it was written by an older version, with that version's fingerprint"
 
 
 class Verdict(NamedTuple):
-    """What a verification found: whether the claim holds, the recomputed bound, and why not."""
+    """Outcome of a verification.
+
+    Parameters
+    ----------
+    ok : bool
+        Whether the claim holds.
+    bound : float
+        The recomputed lower bound.
+    reason : str
+        Sentence on why the claim fails; empty if it holds.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> certificate = sp.solve(sp.Problem(x, lower=0, upper=1)).certificate
+    >>> certificate.verify(sp.Problem(x, lower=-1, upper=1)).reason
+    'the certificate belongs to another problem'
+    """
 
     ok: bool
     bound: float
@@ -48,7 +67,14 @@ class Verdict(NamedTuple):
 
 
 class Proved(NamedTuple):
-    """What one part proves: its bound (+inf if it is empty), and what rounding cost."""
+    """Proved bound of one node (+inf if it is empty), and the cost of rounding.
+
+    Parameters
+    ----------
+    bound, correction : float
+    reason : str
+        Sentence on why the argument is weak; may be empty.
+    """
 
     bound: float
     correction: float
@@ -57,12 +83,12 @@ class Proved(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A part of the feasible set: steps that shrink its box, then a bound or a cut in two.
+    """Node of a branch-and-bound tree: steps, then a bound or a branch.
 
     Parameters
     ----------
     box : BoxProof
-        Steps from the box of the part to a smaller one.
+        Steps from the box of the node to a smaller one.
     argument : Identity, LinearDual, ExactGram or None
         Multipliers of the objective; of the constant 0 where ``empty``.
     empty : bool
@@ -70,7 +96,7 @@ class Node:
     branch : (int, float) or None
         Variable and branching point: the children are x_v <= point and x_v >= point.
     children : tuple of Node
-        Two where there is a cut, else none.
+        Two for a branch, none for a leaf.
     """
 
     box: BoxProof = field(default_factory=BoxProof)
@@ -80,7 +106,7 @@ class Node:
     children: tuple[Node, ...] = ()
 
     def __iter__(self) -> Iterator[Node]:
-        """The part itself and all parts of it."""
+        """Iterate over the node and all its descendants."""
         stack = [self]
         while stack:
             node = stack.pop()
@@ -88,23 +114,23 @@ class Node:
             stack.extend(node.children)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """All parts in one list: pickling a deep tree must not recurse."""
+        """List all nodes, so that pickling a deep tree does not recurse."""
         rows = [(n.box, n.argument, n.empty, n.branch, len(n.children)) for n in self]
         return _tree, (rows,)
 
 
 def _tree(rows: list[tuple[Any, ...]]) -> Node:
-    """The tree whose parts stand in the list in the order of iteration."""
+    """Rebuild the tree whose nodes are listed in the order of iteration."""
     made: list[Node] = []
     for box, argument, empty, branch, count in reversed(rows):
-        children = tuple(made[len(made) - count :])  # the last part was iterated over first
+        children = tuple(made[len(made) - count :])  # the last node was iterated over first
         del made[len(made) - count :]
         made.append(Node(box, argument, empty, branch, children))
     return made[0]
 
 
 def split_box(box: Interval, branch: tuple[int, float]) -> tuple[Interval, Interval]:
-    """The two parts of a box; together they cover it, whatever the place of the cut is."""
+    """Split a box in two boxes that cover it, wherever the branching point lies."""
     variable, point = branch
     low, high = box.hi.copy(), box.lo.copy()
     low[variable] = min(low[variable], point)
@@ -113,7 +139,23 @@ def split_box(box: Interval, branch: tuple[int, float]) -> tuple[Interval, Inter
 
 
 def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool) -> Proved:
-    """What an argument proves about the objective on a box; at least what the box itself does."""
+    """Compute the bound of the objective on a box that an argument proves.
+
+    It is at least the bound of interval arithmetic alone.
+
+    Parameters
+    ----------
+    replay : Replay
+        The problem and the cutoff.
+    box : Interval
+    argument : Identity, LinearDual, ExactGram or None
+    empty : bool
+        Whether the argument is to prove that the box holds no feasible point.
+
+    Returns
+    -------
+    Proved
+    """
     problem = replay.problem
     if is_empty(box):
         return Proved(np.inf, 0.0, "")
@@ -145,7 +187,7 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Certificate:
-    """A proved lower bound of the objective, or a proof that no point is feasible.
+    """Proof of a lower bound of the objective, or that no point is feasible.
 
     Parameters
     ----------
@@ -154,13 +196,13 @@ class Certificate:
     bound : float
         The claim; +inf says that no point is feasible.
     root : Node
-        The argument: one part, or a tree of parts that cover the problem's box.
+        The argument: one node, or a tree of nodes that cover the problem's box.
     cutoff : float or None
         The objective value above which nothing is claimed; the claim cannot exceed it.
     correction : float
-        What the remainder cost at most in one part, in units of the objective.
+        Largest cost of the remainder in one node, in units of the objective.
     assumptions : tuple of str
-        What the conclusion is conditional on; empty for problems given as numbers.
+        Conditions of the conclusion; empty for problems given as numbers.
 
     Examples
     --------
@@ -186,30 +228,48 @@ class Certificate:
         ----------
         problem : Problem
         known : dict, optional
-            Filled with what is checked on the way and holds for other objectives too; pass
-            one dict to verify certificates over the same feasible set faster.
+            Filled with results that hold for other objectives too; pass one dict to verify
+            certificates over the same feasible set faster.
 
         Returns
         -------
         Verdict
             ``ok`` is true exactly when the problem is the one that was certified and the
-            recomputed bound is at least the claimed one.
+            recomputed bound is at least the claimed one. A certificate of an older version
+            is recognised by the hash of that version, which different problems may share;
+            what is recomputed holds for ``problem`` all the same.
         """
-        if problem.fingerprint != self.fingerprint:
-            return Verdict(False, -np.inf, "the certificate belongs to another problem")
+        old = not self.fingerprint.startswith("v2:")
+        if self.fingerprint != (fingerprint_v1(problem) if old else problem.fingerprint):
+            reason = "the certificate belongs to another problem"
+            return Verdict(False, -np.inf, f"{reason}; {_OLDER}" if old else reason)
         recomputed, _, reason = self.recompute(problem, known)
         if recomputed >= self.bound:
-            return Verdict(True, recomputed, "")
+            return Verdict(True, recomputed, _OLDER if old else "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
 
     def recompute(
         self, problem: Problem, known: dict[Any, Any] | None = None
     ) -> tuple[float, float, str]:
-        """The bound that the argument proves, its correction, and a reason when it is weak.
+        """Recompute the bound that the argument proves.
 
-        What it proves is kept in ``known``, with the certificate: nothing else can come to have
-        its id. So one that others quote is checked once.
+        The result is kept in ``known``, with the certificate: nothing else can come to have its id.
+        So a certificate that others quote is checked once.
+
+        Parameters
+        ----------
+        problem : Problem
+        known : dict, optional
+            As in :meth:`verify`.
+
+        Returns
+        -------
+        bound : float
+        correction : float
+            Cost of rounding.
+        reason : str
+            Sentence on why the bound is weak; may be empty.
         """
         known = {} if known is None else known
         key = ("certificate", problem.fingerprint, id(self))
@@ -223,33 +283,52 @@ class Certificate:
         found: tuple[float, float, str] = known[key][1]
         return found
 
+    def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
+        """Lower the claim to what verification reaches; None where that is nothing.
+
+        A search shrinks its box while the cutoff falls, and verification replays all steps with
+        the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
+
+        Parameters
+        ----------
+        problem : Problem
+            What the certificate is about.
+        known : dict, optional
+            As in :meth:`verify`.
+        """
+        bound, correction, _ = self.recompute(problem, known)
+        if bound >= self.bound:
+            return self
+        lowered = claim(Proved(bound, correction, ""))
+        return replace(self, bound=lowered) if lowered > -np.inf else None
+
     def _recomputed(self, problem: Problem, known: dict[Any, Any]) -> tuple[float, float, str]:
-        """As :meth:`recompute`; parts are visited one at a time, so memory does not grow."""
+        """Recompute node by node, so that memory does not grow; see :meth:`recompute`."""
         require_ieee()
         cutoff = None if self.cutoff is None else float(self.cutoff)
         if cutoff is not None and not np.isfinite(cutoff):
             return -np.inf, np.inf, "the cutoff is not a number"
         replay = Replay(problem, cutoff, known)
         self._settle(replay)
-        bound, correction, reason, cut_off = np.inf, 0.0, "", False
+        bound, correction, reason, uses_cutoff = np.inf, 0.0, "", False
         stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
         while stack:
             node, outer = stack.pop()
             box = node.box.replay(replay, outer)
-            cut_off |= node.box.uses_cutoff
+            uses_cutoff |= node.box.uses_cutoff
             if node.branch is not None and len(node.children) == 2 and not is_empty(box):
                 if not is_index(node.branch[0], problem.dimension) or not np.isfinite(
                     node.branch[1]
                 ):
-                    return -np.inf, np.inf, "a cut is malformed"
-                parts = split_box(box, node.branch)
-                stack += list(zip(node.children, parts, strict=True))
+                    return -np.inf, np.inf, "a branch is malformed"
+                halves = split_box(box, node.branch)
+                stack += list(zip(node.children, halves, strict=True))
                 continue
             proved = prove(replay, box, node.argument, node.empty)
             if proved.bound < bound:
                 bound, reason = proved.bound, proved.reason
             correction = max(correction, proved.correction)
-        if cut_off and cutoff is not None and not bound <= cutoff:
+        if uses_cutoff and cutoff is not None and not bound <= cutoff:
             return cutoff, correction, "nothing is proved above the cutoff"
         return bound, correction, reason
 
@@ -259,7 +338,7 @@ class Certificate:
             replay.holds(variable, side, proof)
 
     def _chain(self) -> list[tuple[Any, Any, Certificate]]:
-        """All that is quoted, also by what is quoted: each after those that it quotes."""
+        """List all quoted certificates, each after those that it quotes."""
         found: list[tuple[Any, Any, Certificate]] = []
         seen: set[int] = set()
         stack = [(*quote, False) for quote in self.quotes]
@@ -274,7 +353,7 @@ class Certificate:
         return found
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What is quoted goes first, so that pickling a long chain does not recurse."""
+        """Pickle quoted certificates first, so that a long chain does not recurse."""
         values = [getattr(self, each.name) for each in fields(self)]
         return _after, (self.quoted, *values)
 
@@ -292,27 +371,27 @@ class Certificate:
 
     @property
     def box(self) -> BoxProof:
-        """The steps that shrank the box before any cut."""
+        """Steps that tightened the box before any branching."""
         return self.root.box
 
     @property
     def identity(self) -> Argument | None:
-        """The multipliers, where there is one part only."""
+        """Multipliers of the root, where there is one node only."""
         return self.root.argument
 
     @property
     def leaves(self) -> int:
-        """Number of parts that are not cut further."""
+        """Number of leaves of the tree."""
         return sum(not node.children for node in self.root)
 
     @property
     def numbers(self) -> int:
-        """How many multipliers are stored, those of bounds of other objectives left out."""
+        """Number of stored multipliers, without those of bounds of other objectives."""
         return sum(_numbers(node) for node in self.root)
 
     @property
     def uses_cutoff(self) -> bool:
-        """Whether some step relies on the cutoff."""
+        """True if some step relies on the cutoff."""
         return any(node.box.uses_cutoff for node in self.root)
 
     def __repr__(self) -> str:
@@ -321,19 +400,19 @@ class Certificate:
     def __str__(self) -> str:
         claim = "no feasible point" if self.bound == np.inf else f"objective >= {self.bound:.12g}"
         steps = sum(len(node.box.steps) for node in self.root)
-        parts = [claim, f"{steps} box steps", f"{self.numbers} multipliers"]
+        words = [claim, f"{steps} box steps", f"{self.numbers} multipliers"]
         if self.leaves > 1:
-            parts.append(f"{self.leaves} parts")
+            words.append(f"{self.leaves} leaves")
         if self.cutoff is not None:
-            parts.append(f"cutoff at {self.cutoff:.12g}")
+            words.append(f"cutoff at {self.cutoff:.12g}")
         others = sum(len(s.bounds) for n in self.root for s in n.box.steps if isinstance(s, Known))
         if others:
-            parts.append(f"{others} bounds of other objectives")
-        return "certificate: " + ", ".join(parts)
+            words.append(f"{others} bounds of other objectives")
+        return "certificate: " + ", ".join(words)
 
 
 def _after(quoted: list[Certificate], *values: Any) -> Certificate:
-    """A certificate, once those that it quotes are there."""
+    """Rebuild a certificate after those that it quotes."""
     return Certificate(*values)
 
 
@@ -354,7 +433,7 @@ def _stored(argument: Argument | None) -> int:
 
 
 def _without_multipliers(problem: Problem, box: Interval) -> float:
-    """What the box alone proves: the range of the objective, or the constant of its squares."""
+    """Bound the objective by its range over the box, or the constant of its squares."""
     bound = float(range_over(problem.objective_row, box).lo[0])
     constant = problem.squares_constant
     bound = bound if np.isfinite(bound) else -np.inf
@@ -362,14 +441,14 @@ def _without_multipliers(problem: Problem, box: Interval) -> float:
 
 
 def claim(proved: Proved) -> float:
-    """The bound less a little, since another machine may add in another order."""
+    """Reduce a bound a little, since another machine may add in another order."""
     if not np.isfinite(proved.bound) or proved.correction == 0.0:
         return proved.bound
     return proved.bound - 0.01 * proved.correction - 1e-15 * abs(proved.bound)
 
 
 def certify(replay: Replay, root: Node, proved: Proved) -> Certificate | None:
-    """The certificate of a tree whose parts prove ``proved``, None where nothing is proved.
+    """Build the certificate of a tree, None where nothing is proved.
 
     Parameters
     ----------
@@ -377,7 +456,11 @@ def certify(replay: Replay, root: Node, proved: Proved) -> Certificate | None:
         The problem and its cutoff.
     root : Node
     proved : Proved
-        The smallest bound of all parts, as :func:`prove` returned it.
+        The smallest bound of all leaves, as :func:`prove` returned it.
+
+    Returns
+    -------
+    Certificate or None
     """
     bound = claim(proved)
     cutoff = replay.cutoff if any(node.box.uses_cutoff for node in root) else None

@@ -62,13 +62,13 @@ class LinearDual:
     scaling: Scaling
     generator: NDArray[np.integer]
     word: Words
-    value: NDArray
+    value: NDArray[Any]
     owner: NDArray[np.integer]
     products: NDArray[np.integer]
 
     @property
     def numbers(self) -> int:
-        """How many multipliers are stored."""
+        """Number of stored multipliers."""
         return self.value.size
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -88,7 +88,19 @@ class LinearDual:
         equality: NDArray[np.bool_],
         objectives: PolynomialSystem,
     ) -> NDArray[np.float64]:
-        """The proved lower bounds of the K rows of ``objectives``, -inf where nothing is proved."""
+        """Compute the proved lower bounds of K objectives, -inf where nothing is proved.
+
+        Parameters
+        ----------
+        constraints : PolynomialSystem
+        equality : (m,) bool
+        objectives : PolynomialSystem
+            K rows.
+
+        Returns
+        -------
+        (K,) float
+        """
         count, n = objectives.size, constraints.dimension
         nothing = np.full(count, -np.inf)
         free = self._free(constraints.size, equality, n, count)
@@ -121,7 +133,7 @@ class LinearDual:
     def _bounds(
         self, words: Words, rest: Interval, owner: NDArray[np.int64], count: int
     ) -> NDArray[np.float64]:
-        """What the remainders leave: r_0 - sum |r_a| for each owner."""
+        """Compute r_0 - sum |r_a| of the remainder of each owner."""
         fixed = ~words.any(axis=1)
         base = np.zeros(count)
         base[owner[fixed]] = rest.lo[fixed]
@@ -136,7 +148,7 @@ class LinearDual:
     def _free(
         self, size: int, equality: NDArray[np.bool_], n: int, count: int
     ) -> NDArray[np.bool_] | None:
-        """Which multipliers are free; None if shapes or numbers make no sense."""
+        """Mark the free multipliers; None if shapes or numbers make no sense."""
         single = generators.count(size, n)
         length = self.value.shape[0] if self.value.ndim == 1 else -1
         fits = (
@@ -158,7 +170,7 @@ class LinearDual:
         free = equal[self.generator]
         return free if not np.any(self.word.any(axis=1) & ~free) else None
 
-    def _constraints_of(self, generator: NDArray, size: int, n: int) -> NDArray[np.int64]:
+    def _constraints_of(self, generator: NDArray[Any], size: int, n: int) -> NDArray[np.int64]:
         """Constraints that the given generators contain, factors of products included."""
         single = generators.count(size, n)
         needed = np.zeros(single + self.products.shape[0], bool)
@@ -169,20 +181,20 @@ class LinearDual:
         return np.flatnonzero(needed[1 : size + 1])
 
 
-def _same(given: NDArray, wanted: NDArray) -> bool:
-    """Whether an array is these numbers, as 32-bit integers."""
+def _same(given: NDArray[Any], wanted: NDArray[Any]) -> bool:
+    """Check that an array holds these numbers, as 32-bit integers."""
     return given.dtype == np.int32 and np.array_equal(given, wanted)
 
 
 def _restored(
     scaling: Scaling,
-    generator: NDArray,
+    generator: NDArray[Any],
     word: Words | None,
-    value: NDArray,
-    owner: NDArray | tuple[NDArray],
-    products: NDArray,
+    value: NDArray[Any],
+    owner: NDArray[Any] | tuple[NDArray[Any]],
+    products: NDArray[Any],
 ) -> LinearDual:
-    """The certificates of which :meth:`LinearDual.__reduce__` wrote this."""
+    """Rebuild a certificate from the arrays that :meth:`LinearDual.__reduce__` wrote."""
     if isinstance(owner, tuple):
         owner = np.repeat(np.arange(owner[0].size, dtype=np.int32), owner[0])
     if word is None:

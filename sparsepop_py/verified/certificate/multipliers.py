@@ -1,7 +1,7 @@
-"""What an identity is made of: multipliers, and the generators they multiply, in scaled variables.
+"""Multipliers of an identity, and the generators they multiply, in scaled variables.
 
-A multiplier of a matrix G is a positive semidefinite matrix S of polynomials, and what it makes
-of G is the product <S, G> = sum_pq S_pq G_pq, non-negative where both are semidefinite. S is
+A multiplier of a matrix G is a positive semidefinite matrix S of polynomials. It contributes
+the product <S, G> = sum_pq S_pq G_pq, non-negative where both are semidefinite. S is
 stored as other squares are, by a factor: with monomials b_e that go with rows p_e of G,
 
     S_pq(t) = sum over e, f with p_e = p, p_f = q of (L L')_ef b_e(t) b_f(t).
@@ -54,18 +54,18 @@ class Multipliers:
 
     generator: NDArray[np.integer]
     basis: Words
-    values: NDArray
+    values: NDArray[Any]
     floor: float = 0.0
     place: NDArray[np.integer] | None = None
 
     @property
     def free(self) -> bool:
-        """Whether these multiply equalities."""
+        """True if these multiply equalities."""
         return self.values.ndim == 2
 
     @property
     def consistent(self) -> bool:
-        """Whether the shapes of generator, basis, values and places belong together."""
+        """Check that generator, basis, values and places belong together."""
         blocks = self.generator.shape[0] if self.generator.ndim == 1 else -1
         return (
             self.basis.ndim == 3
@@ -78,7 +78,7 @@ class Multipliers:
         )
 
     def of_matrices(self, side: NDArray[np.int64]) -> bool:
-        """Whether every place is a row of the matrix of its constraint, of those sides (m,)."""
+        """Check that every place is a row of its constraint's matrix of sides (m,)."""
         if self.place is None:
             return True
         if not are_indices(self.generator - 1, side.size):
@@ -99,7 +99,7 @@ class Multipliers:
 
     @property
     def numbers(self) -> int:
-        """How many numbers are stored."""
+        """Number of stored numbers."""
         return self.values.size
 
     def times(self, made: ScaledGenerators, entries: ScaledGenerators) -> tuple[Words, Interval]:
@@ -128,25 +128,25 @@ class Multipliers:
                 values, shape = values[:, lower], values.shape
         return _filled, (self.generator, self.basis, values, shape, self.floor, self.place)
 
-    def chosen(self, used: NDArray, values: NDArray) -> Multipliers:
-        """Those of the chosen blocks, with these values."""
+    def chosen(self, used: NDArray[Any], values: NDArray[Any]) -> Multipliers:
+        """Select the used blocks, with new values."""
         place = None if self.place is None else interned(self.place[used])
         generator, basis = interned(self.generator[used]), interned(self.basis[used])
         return replace(self, generator=generator, basis=basis, values=values, place=place)
 
 
 def _lower(shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Which entries of factors (K, s, r) are on or below the diagonal, shape (s, r)."""
+    """Mark entries of factors (K, s, r) on or below the diagonal, (s, r)."""
     return np.tri(*shape[1:], dtype=np.bool_)
 
 
 def _filled(
-    generator: NDArray,
+    generator: NDArray[Any],
     basis: Words,
-    values: NDArray,
+    values: NDArray[Any],
     shape: tuple[int, ...] | None,
     floor: float,
-    place: NDArray | None,
+    place: NDArray[Any] | None,
 ) -> Multipliers:
     """Multipliers, with zeros above the diagonals where a shape (K, s, r) is given."""
     if shape is not None:
@@ -157,10 +157,10 @@ def _filled(
 
 @dataclass(frozen=True, eq=False)
 class ScaledGenerators:
-    """What multipliers multiply, in t: 1, the constraints, and the bounds of each variable.
+    """Generators in t: 1, the constraints, and the bounds of each variable.
 
     The coefficients of the terms of ``system`` are enclosed by ``value``. Where the rows are
-    the entries of matrices, ``matrices`` says where these stand.
+    the entries of matrices, ``matrices`` locates these.
     """
 
     system: PolynomialSystem
@@ -169,7 +169,7 @@ class ScaledGenerators:
 
     @staticmethod
     def entries(matrices: Matrices, scaling: Scaling) -> ScaledGenerators:
-        """The entries of matrices in t."""
+        """Scale the entries of matrices to t."""
         given = matrices.system
         words, row, value = expand_affine(given, scaling.centre, scaling.scale)
         system = PolynomialSystem(words, value.lo, row, given.size, given.dimension)
@@ -197,8 +197,8 @@ class ScaledGenerators:
             n,
         )
         value = Interval(lo, hi)
-        for level in generators.levels(products, system.size):
-            words, number, first, second = generators.product_terms(system, products[level])
+        for layer in generators.layers(products, system.size):
+            words, number, first, second = generators.product_terms(system, products[layer])
             made = value[first] * value[second]
             value = Interval(np.append(value.lo, made.lo), np.append(value.hi, made.hi))
             width = max(words.shape[1], system.words.shape[1])
@@ -206,7 +206,7 @@ class ScaledGenerators:
                 np.concatenate([monomials.widen(w, width) for w in (system.words, words)]),
                 value.lo,
                 np.append(system.row, number + system.size),
-                system.size + len(level),
+                system.size + len(layer),
                 n,
             )
         return ScaledGenerators(system, value)

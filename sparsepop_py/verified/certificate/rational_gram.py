@@ -1,4 +1,4 @@
-"""Sums of squares in rationals: f - c = b'Q b with a matrix Q that is exactly semidefinite.
+"""Rational sums of squares f - c = b'Q b with an exactly semidefinite Q.
 
 Where every Gram matrix of a form is singular, no margin pays for rounding. Then the matrix
 has to be exact. Its entries are the doubles that are stored, but for one entry of each
@@ -66,11 +66,20 @@ class ExactGram:
 
     @property
     def numbers(self) -> int:
-        """How many numbers are stored."""
+        """Number of stored numbers."""
         return self.value.size
 
     def bound(self, objective: Polynomial) -> float:
-        """The proved lower bound of the objective over all of space, -inf where nothing is."""
+        """Compute the proved lower bound over all of space, -inf where none is.
+
+        Parameters
+        ----------
+        objective : Polynomial
+
+        Returns
+        -------
+        float
+        """
         if not self._sensible(objective.dimension):
             return -np.inf
         rows = self._matrix(objective)
@@ -142,7 +151,7 @@ def _add(rows: Rows, i: int, j: int, value: Fraction) -> None:
 
 
 def _eliminated(rows: Rows) -> Fraction | None:
-    """Q' Q^+ q for row 0 = q, by elimination of all others; None if Q is not semidefinite."""
+    """Compute q' Q^+ q, row 0 = q, by elimination; None unless Q is semidefinite."""
     depth = dict.fromkeys(rows, 0)
     queue = [(_urgency(len(row), 0), i) for i, row in rows.items() if i]
     heapq.heapify(queue)
@@ -180,7 +189,7 @@ def _urgency(degree: int, depth: int) -> float:
 
 
 def _total(terms: list[Fraction]) -> Fraction:
-    """Sum in pairs: long denominators then meet only near the end."""
+    """Add in pairs: long denominators then meet only near the end."""
     while len(terms) > 1:
         terms = [sum(terms[k : k + 2], Fraction(0)) for k in range(0, len(terms), 2)]
     return terms[0] if terms else Fraction(0)

@@ -6,13 +6,13 @@ With x = centre + scale * t, any multipliers at all give the identity
     sigma_k = |L_k' b_k(t)|^2 + floor_k |b_k(t)|^2 >= 0,
 
 where r is whatever remains. Matrices G_k >= 0 add products <S_k(t), G_k(x)> with squares S_k of
-matrices (see :mod:`~sparsepop_py.verified.certificate.multipliers`). On the feasible set g_k >= 0 and
-h_j = 0, so f(x) >= r(t). Where the variables are boxed, |t^a| <= 1 (and t^a in [0, 1] for
-even a), hence f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed variable is
-instead moved into the Gram matrix of a block of the constant 1 (or of t_v >= 0): a symmetric
-change E keeps floor * I + E positive semidefinite as long as the row sums of |E| stay below the
-floor (Gershgorin). Squares are stored by their factors, so no eigenvalue has to be verified:
-the bound holds for every L, every lambda and every rounding of them. Good multipliers
+matrices (see :mod:`~sparsepop_py.verified.certificate.multipliers`). On the feasible set
+g_k >= 0 and h_j = 0, so f(x) >= r(t). Where the variables are boxed, |t^a| <= 1 (and t^a in
+[0, 1] for even a), hence f(x) >= r_0 - sum_a |r_a|. A monomial of r that involves an unboxed
+variable is instead moved into the Gram matrix of a block of the constant 1 (or of t_v >= 0): a
+symmetric change E keeps floor * I + E positive semidefinite as long as the row sums of |E| stay
+below the floor (Gershgorin). Squares are stored by their factors, so no eigenvalue has to be
+verified: the bound holds for every L, every lambda and every rounding of them. Good multipliers
 make it good, none can make it wrong.
 
 References
@@ -26,6 +26,7 @@ Theoret. Comput. Sci. 409, 2008 (absorbing the residual).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,16 +58,16 @@ class Priced:
     """
 
     words: Words
-    values: NDArray
+    values: NDArray[Any]
 
     def consistent(self, n: int) -> bool:
-        """Whether these are L monomials in n variables and L finite numbers."""
+        """Check for L monomials in n variables and L finite numbers."""
         shapes = self.words.ndim == 2 and self.values.shape == (self.words.shape[0],)
         wide = shapes and self.words.shape[1] > 0
         return bool(wide and are_indices(self.words, n + 1) and are_numbers(self.values))
 
     def least(self, scaling: Scaling) -> float:
-        """Sum of the least values over the box of t, rounded down."""
+        """Add the least values over the box of t, rounded down."""
         value = monomial_ranges(self.words, Interval(*scaling.bounds))
         least = (value * Interval.point(self.values.astype(float))).lo
         least = np.where(self.values == 0, 0.0, least)
@@ -77,18 +78,18 @@ class Priced:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """What an identity proves.
+    """Bound that an identity proves.
 
     Parameters
     ----------
     bound : float
         Proved lower bound of the objective, -inf when the identity does not close.
     correction : float
-        What the remainder cost: the sum of |r_a| over the box.
+        Cost of the remainder: the sum of |r_a| over the box.
     floor : float
-        What is left of the floor: sum_k floor |b_k|^2 is contained in the squares.
+        The rest of the floor: sum_k floor |b_k|^2 is contained in the squares.
     reason : str
-        Why the bound is -inf, else empty.
+        Sentence on why the bound is -inf, else empty.
     """
 
     bound: float
@@ -120,7 +121,7 @@ class Identity:
 
     @property
     def short(self) -> bool:
-        """Whether all multipliers are short floats."""
+        """True if all multipliers are 32-bit numbers."""
         return all(group.values.dtype == np.float32 for group in self.multipliers)
 
     def evaluate(
@@ -130,18 +131,22 @@ class Identity:
         objective: PolynomialSystem,
         matrices: Matrices | None = None,
     ) -> Evaluated:
-        """The bound that this identity proves on the box of its scaling.
+        """Compute the bound that this identity proves on the box of its scaling.
 
         Parameters
         ----------
         constraints : PolynomialSystem
             The constraints that generators 1..m refer to.
         equality : (m,) bool
-            Which of them are equalities; only these may have free multipliers.
+            Equalities among them; only these may have free multipliers.
         objective : PolynomialSystem
             One row, the objective.
         matrices : Matrices, optional
             Those of the constraints; without it no multiplier may have places.
+
+        Returns
+        -------
+        Evaluated
         """
         matrices = matrices or Matrices.of((), constraints.dimension)
         reason = self._malformed(constraints.size, equality, constraints.dimension)
@@ -167,7 +172,7 @@ class Identity:
         return Evaluated(bound, loss, floor)
 
     def _malformed(self, size: int, equality: NDArray[np.bool_], n: int) -> str:
-        """Why the multipliers make no sense for these constraints, empty if they do."""
+        """Describe why the multipliers do not fit these constraints, empty if they do."""
         single = generators.count(size, n)
         known = generators.are_products(self.products, single)
         if not known or not are_indices(self.products, single + self.products.shape[0]):
@@ -219,7 +224,7 @@ class Identity:
         )
         return distinct, sum_by(number, terms, distinct.shape[0])
 
-    def _absorb(self, words: Words, size: NDArray, rows: int) -> tuple[float, str]:
+    def _absorb(self, words: Words, size: NDArray[Any], rows: int) -> tuple[float, str]:
         """Move monomials into the floors; what the moment blocks keep of theirs, or a reason."""
         n = self.scaling.centre.size
         groups = [g for g in self.multipliers if not g.free and g.floor > 0]
@@ -252,9 +257,12 @@ class Identity:
 
 
 def _spend(
-    group: Multipliers, letter: NDArray, words: Words, size: NDArray, n: int
+    group: Multipliers, letter: NDArray[Any], words: Words, size: NDArray[Any], n: int
 ) -> tuple[float, NDArray[np.bool_]]:
-    """Largest row sum when each monomial of that size goes to one Gram entry, and which went."""
+    """Assign each monomial of a size to one Gram entry; return the largest row sum.
+
+    Marks the monomials that went.
+    """
     j, i = np.tril_indices(group.basis.shape[1])
     product = monomials.multiply(group.basis[:, i], group.basis[:, j])
     product = monomials.multiply(product, letter[:, None, None])
@@ -277,7 +285,10 @@ def _spend(
 def losses(
     words: Words, value: Interval, owner: NDArray[np.int64], size: int
 ) -> NDArray[np.float64]:
-    """Upper bounds of -min r over the box, monomial by monomial, for each owner, shape (size,)."""
+    """Bound -min r over the box from above for each owner, shape (size,).
+
+    Monomials are bounded one by one.
+    """
     if words.shape[0] == 0:
         return np.zeros(size)
     row, _, power = monomials.runs(words)

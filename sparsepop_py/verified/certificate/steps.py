@@ -1,4 +1,4 @@
-"""Proof of a box: which steps shrank the problem's bounds, replayed from the exact data.
+"""Proof of a box: steps that tighten the problem's bounds, replayed from exact data.
 
 Each step names its argument and its scope. Steps that use the cutoff f(x) <= cutoff hold
 where f is at most that cutoff, whatever the cutoff is; a box that is empty after them proves
@@ -62,10 +62,10 @@ class Propagation:
 
 @dataclass(frozen=True, eq=False)
 class Sublevel:
-    """|t_v| <= (K - 1)^(1 / 2d) on the set where f <= cutoff, from a sum-of-squares identity.
+    """Bounds |t_v| <= (K - 1)^(1 / 2d) where f <= cutoff, from an identity.
 
-    The identity proves 0 >= -K + sum_b (b(t))^2 on that set, the sum running over the
-    monomials of the moment blocks, among them t_v^d. It is evaluated at its own cutoff, so
+    The sum-of-squares identity proves 0 >= -K + sum_b (b(t))^2 on that set, the sum running over
+    the monomials of the moment blocks, among them t_v^d. It is evaluated at its own cutoff, so
     that the box is the same whatever lower cutoff it is used at.
     """
 
@@ -74,7 +74,7 @@ class Sublevel:
 
     @property
     def uses_cutoff(self) -> bool:
-        """Always: it speaks of the set where f <= cutoff."""
+        """Always true: the set is f <= cutoff."""
         return True
 
 
@@ -103,7 +103,7 @@ class Tightening:
     def reached(
         self, system: PolynomialSystem, equality: NDArray[np.bool_], matrices: Matrices
     ) -> NDArray[np.float64]:
-        """What the argument proves of each side * x_v, (K,), from the constraints."""
+        """Compute proved lower bounds of side * x_v, (K,), from the constraints."""
         asked = coordinates(self.variable, self.side, system.dimension)
         if isinstance(self.argument, LinearDual):
             return self.argument.evaluate(system, equality, asked)
@@ -113,7 +113,7 @@ class Tightening:
 
 
 class Proof(Protocol):
-    """What a :class:`Known` bound rests on: the certificate of another objective."""
+    """Argument behind a :class:`Known` bound: the certificate of another objective."""
 
     @property
     def bound(self) -> float:
@@ -122,7 +122,7 @@ class Proof(Protocol):
     def recompute(
         self, problem: Problem, known: dict[Any, Any] | None = None
     ) -> tuple[float, float, str]:
-        """The bound that holds, what rounding cost, and a reason if nothing holds."""
+        """Recompute the bound that holds, the cost of rounding, and a reason for none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class Known:
 
     @property
     def uses_cutoff(self) -> bool:
-        """Never: these bounds hold on the whole feasible set."""
+        """Always false: these bounds hold on the whole feasible set."""
         return False
 
 
@@ -148,33 +148,33 @@ Step = Propagation | Sublevel | LeftInverse | Tightening | Known
 
 @dataclass(eq=False)
 class Replay:
-    """One problem with one cutoff, and what replaying steps on it needs again and again.
+    """Problem and cutoff for replaying steps, with a memory. Mutable.
 
     Parameters
     ----------
     problem : Problem
     cutoff : float or None
-        The cutoff: steps may use f(x) <= cutoff.
+        Steps may use f(x) <= cutoff.
     known : dict
-        What arguments that hold for all objectives were found to prove, by feasible set and
-        argument; replays of other problems may fill it too.
+        Results of arguments that hold for all objectives, by feasible set and argument; replays
+        of other problems may fill it too.
     """
 
     problem: Problem
     cutoff: float | None
     known: dict[Any, Any] = field(default_factory=dict)
     _rows: dict[bool, Rows] = field(default_factory=dict)
-    _systems: dict[bool, tuple[PolynomialSystem, NDArray]] = field(default_factory=dict)
+    _systems: dict[bool, tuple[PolynomialSystem, NDArray[Any]]] = field(default_factory=dict)
 
     def rows(self, uses_cutoff: bool) -> Rows:
-        """What propagation works on."""
+        """Build the rows of propagation."""
         if uses_cutoff not in self._rows:
             cutoff = self.cutoff if uses_cutoff else None
             self._rows[uses_cutoff] = box_rows(self.problem, cutoff)
         return self._rows[uses_cutoff]
 
     def system(self, uses_cutoff: bool) -> tuple[PolynomialSystem, NDArray[np.bool_]]:
-        """The constraints, with the cutoff row behind them if asked, and which are equal."""
+        """Stack the constraints, with the cutoff row behind them if asked; mark equalities."""
         if uses_cutoff not in self._systems:
             pair = (self.problem.rows, self.problem.equality)
             if uses_cutoff and self.cutoff is not None:
@@ -183,7 +183,7 @@ class Replay:
         return self._systems[uses_cutoff]
 
     def step(self, step: Step, box: Interval) -> Interval:
-        """What a step makes of a box; a step whose argument fails leaves the box as it is."""
+        """Apply a step to a box; where its argument fails, the box stays."""
         if step.uses_cutoff and self.cutoff is None:
             return box
         if isinstance(step, Propagation):
@@ -202,7 +202,7 @@ class Replay:
         return self._quoted_bounds(step, box)
 
     def begun(self, steps: tuple[Step, ...]) -> tuple[Interval, int]:
-        """What the first steps, which hold for all objectives, make of the problem's bounds.
+        """Apply the first steps, which hold for all objectives, to the problem's bounds.
 
         Certificates over one feasible set mostly begin alike: their boxes are remembered.
         """
@@ -244,7 +244,7 @@ class Replay:
         return box
 
     def holds(self, variable: int, side: int, proof: Proof) -> bool:
-        """Whether the certificate of another objective proves what it claims of side * x_v."""
+        """Check that another objective's certificate proves its claim on side * x_v."""
         sensible = is_index(variable, self.problem.dimension) and side in (1, -1)
         if not sensible or not np.isfinite(proof.bound):
             return False
@@ -252,11 +252,11 @@ class Replay:
         return bool(self._remembered(proof, (variable, side), quoted) >= proof.bound)
 
     def _quoted(self, proof: Proof, variable: int, side: int) -> float:
-        """What the certificate of another objective proves about side * x_v."""
+        """Compute the bound of side * x_v that another objective's certificate proves."""
         return proof.recompute(self.about(variable, side), self.known)[0]
 
     def about(self, variable: int, side: int) -> Problem:
-        """The problem with the objective side * x_v."""
+        """Return the problem with the objective side * x_v."""
         word, value = np.array([[variable + 1]], np.int32), np.array([float(side)])
         target = Polynomial.from_words(word, value, self.problem.dimension)
         return self.problem.with_objective(target)
@@ -269,9 +269,9 @@ class Replay:
     def _remembered(
         self, argument: object, about: tuple[int, ...], prove: Callable[[], Any]
     ) -> Any:
-        """What an argument proves on this feasible set about something.
+        """Compute once what an argument proves on this feasible set.
 
-        The argument is kept with it: nothing else can come to have its id.
+        The argument is kept with the result: nothing else can come to have its id.
         """
         key = (self._feasible_set, id(argument), about)
         if key not in self.known:
@@ -279,8 +279,10 @@ class Replay:
         return self.known[key][1]
 
 
-def shrunk(box: Interval, variable: NDArray, side: NDArray, value: NDArray) -> Interval:
-    """The box with side * x_v >= value."""
+def shrunk(
+    box: Interval, variable: NDArray[Any], side: NDArray[Any], value: NDArray[Any]
+) -> Interval:
+    """Intersect a box with side * x_v >= value."""
     lo, hi = box.lo.copy(), box.hi.copy()
     low = side > 0
     np.maximum.at(lo, variable[low], value[low])
@@ -291,7 +293,7 @@ def shrunk(box: Interval, variable: NDArray, side: NDArray, value: NDArray) -> I
 def coordinates(
     variable: NDArray[np.int64], side: NDArray[np.int64], dimension: int
 ) -> PolynomialSystem:
-    """The polynomials side * x_v, stacked."""
+    """Stack the polynomials side * x_v."""
     words = (variable + 1).astype(np.int32)[:, None]
     row = np.arange(variable.size)
     return PolynomialSystem(words, side.astype(float), row, variable.size, dimension)
@@ -299,13 +301,13 @@ def coordinates(
 
 @dataclass(frozen=True)
 class BoxProof:
-    """The steps that lead from one box to a smaller one."""
+    """Steps that lead from one box to a smaller one."""
 
     steps: tuple[Step, ...] = ()
 
     @property
     def uses_cutoff(self) -> bool:
-        """Whether the box holds only where the objective is at most the cutoff."""
+        """True if the box holds only where the objective is at most the cutoff."""
         return any(step.uses_cutoff for step in self.steps)
 
     def replay(self, replay: Replay, box: Interval | None = None) -> Interval:
@@ -325,14 +327,21 @@ class BoxProof:
 
 
 def tighten(replay: Replay, box: Interval, limit: int = 60) -> tuple[Interval, Propagation]:
-    """Propagate to a fixed point, with the cutoff if there is one; the box and its proof."""
+    """Propagate to a fixed point, with the cutoff if there is one.
+
+    Returns
+    -------
+    box : Interval
+    step : Propagation
+        The step that proves it.
+    """
     uses_cutoff = replay.cutoff is not None
     tighter, sweeps = propagate(replay.rows(uses_cutoff), box, limit)
     return tighter, Propagation(sweeps, uses_cutoff)
 
 
 def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: Interval) -> Interval:
-    """Intersect a box with what a sublevel identity proves where f <= cutoff <= its cutoff."""
+    """Intersect a box with the bounds of a sublevel identity, if its cutoff suffices."""
     scaling = step.identity.scaling
     if cutoff is None or not cutoff <= step.cutoff < np.inf or not scaling.contains(box):
         return box
@@ -353,8 +362,8 @@ def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: In
             keep = pure[row]
             np.maximum.at(power, variable[keep], exponent[keep])
     power = power[:-1]
-    room = max(0.0, float((size - Interval.point(one)).hi))
-    radius = np.where(power > 0, _root_above(room, 2 * np.maximum(power, 1)), np.inf)
+    above = max(0.0, float((size - Interval.point(one)).hi))
+    radius = np.where(power > 0, _root_above(above, 2 * np.maximum(power, 1)), np.inf)
     reach = Interval.point(scaling.scale) * Interval.point(np.where(power > 0, radius, 0.0))
     centre = Interval.point(scaling.centre)
     low, high = (centre - reach).lo, (centre + reach).hi
@@ -364,7 +373,7 @@ def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: In
     )
 
 
-def _root_above(value: float, power: NDArray) -> NDArray[np.float64]:
+def _root_above(value: float, power: NDArray[Any]) -> NDArray[np.float64]:
     """Upper bounds of value^(1/power), checked by multiplication."""
     root = value ** (1.0 / power) * (1.0 + 1e-12)
     holds = Interval.point(root).power(power).lo >= value

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense mat
 
 @dataclass(frozen=True, eq=False)
 class ProvedPoint:
-    """A feasible point that provably exists.
+    """Feasible point whose existence is proved.
 
     Parameters
     ----------
@@ -50,6 +50,15 @@ class ProvedPoint:
     proof : {"exact", "krawczyk"}
     rows, solved : (r,) int
         Equalities that were solved, and the variables they were solved for.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x + y, [x**2 + y**2 == 1])
+    >>> point = sp.solve(problem).attained
+    >>> point.proof, point.recheck(problem).value == point.value
+    ('krawczyk', True)
     """
 
     x: NDArray[np.float64]
@@ -60,7 +69,17 @@ class ProvedPoint:
     solved: NDArray[np.int64]
 
     def recheck(self, problem: Problem) -> ProvedPoint | None:
-        """Repeat the proof for ``problem``; None if it fails or makes no sense."""
+        """Repeat the proof.
+
+        Parameters
+        ----------
+        problem : Problem
+
+        Returns
+        -------
+        ProvedPoint or None
+            None if the proof fails or makes no sense for this problem.
+        """
         n, m = problem.dimension, len(problem.constraints)
         sensible = (
             self.x.shape == (n,)
@@ -80,23 +99,29 @@ def prove_point(
     solved: NDArray[np.int64],
     proof: str,
 ) -> ProvedPoint | None:
-    """Carry out one proof: solve ``rows`` for the variables ``solved``, check all the rest."""
+    """Solve ``rows`` for the variables ``solved`` and check all other constraints.
+
+    Parameters
+    ----------
+    problem : Problem
+    x : (n,) float
+    rows, solved : (r,) int
+    proof : {"exact", "krawczyk"}
+
+    Returns
+    -------
+    ProvedPoint or None
+    """
     if proof == "exact":
         return _prove_exactly(problem, x, rows, solved)
     return _prove_by_krawczyk(problem, x, rows, solved)
-
-
-# ---- candidates -----------------------------------------------------------------------------
-
-
-# ---- plans ----------------------------------------------------------------------------------
 
 
 # ---- proofs ---------------------------------------------------------------------------------
 
 
 def _prove_exactly(
-    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
 ) -> ProvedPoint | None:
     exact = [Fraction(value) for value in x.tolist()]
     if rows.size:
@@ -136,7 +161,7 @@ def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
 
 
 def _prove_by_krawczyk(
-    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
 ) -> ProvedPoint | None:
     distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
     if not distinct or not 0 < rows.size == solved.size <= _LARGEST_SYSTEM:

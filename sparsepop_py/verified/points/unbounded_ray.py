@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +27,17 @@ _LIMIT = 200  # variables; the search tries 2n + a few directions exactly
 
 
 def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | None:
-    """A direction that proves the objective unbounded from an exact point, or None.
+    """Find a direction that proves the objective unbounded from an exact point.
 
     Parameters
     ----------
     problem : Problem
     start : ProvedPoint
         Only a point whose doubles are feasible themselves can start a ray.
+
+    Returns
+    -------
+    (n,) float or None
     """
     if start.proof != "exact" or start.radius > 0 or problem.dimension > _LIMIT:
         return None
@@ -43,7 +48,7 @@ def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | N
     return None
 
 
-def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
+def _directions(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
     gradient = problem.objective_row.gradient(x)
     yield -np.sign(np.where(np.abs(gradient) > 1e-9 * np.abs(gradient).max(initial=0), gradient, 0))
     for unit in np.eye(problem.dimension):
@@ -55,8 +60,8 @@ def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
             yield np.array(digits, float)
 
 
-def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
-    """Whether the objective falls far out along the ray, in floating point."""
+def _promises(problem: Problem, x: NDArray[Any], direction: NDArray[Any]) -> bool:
+    """Check in floating point that the objective falls far out along the ray."""
     if not np.any(direction):
         return False
     with np.errstate(all="ignore"):
@@ -64,7 +69,7 @@ def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
     return values[2] < values[1] < values[0]
 
 
-def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> bool:
+def _proves(problem: Problem, origin: list[Fraction], direction: NDArray[Any]) -> bool:
     if np.any((direction < 0) & np.isfinite(problem.lower)) or np.any(
         (direction > 0) & np.isfinite(problem.upper)
     ):
@@ -81,7 +86,7 @@ def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> boo
 
 
 def _matrices_hold(problem: Problem, origin: list[Fraction], step: list[Fraction]) -> bool:
-    """Whether every coefficient in s of every matrix is positive semidefinite."""
+    """Prove every coefficient in s of every matrix positive semidefinite."""
     entries = [_along(p, origin, step) for c in problem.constraints for p in c.entries]
     for power in range(max(map(len, entries), default=0)):
         values = [p[power] if power < len(p) else Fraction(0) for p in entries]

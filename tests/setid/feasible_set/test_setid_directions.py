@@ -13,11 +13,22 @@ from scipy.optimize import linprog
 
 import setid
 import sparsepop_py as sp
-from setid.feasible_set import directions
-from setid.proofs.directions import cubes
+from setid.formulation.units import coupled_rows
+from sparsepop_py.uncertain_rows import directions
+from sparsepop_py.verified.uncertain_rows.directions import cubes
 
 MODEL, NOISE = setid.TransferFunction(2, 1, 1), setid.Noise(output=0.35)
 QUICK = setid.Options(time_limit=60.0, progress=False)
+
+
+def boxed(known: setid.Formulation, first: setid.ParameterBox) -> setid.DirectionBox | None:
+    assert known.smoothed is not None
+    return directions.direction_box(known.smoothed, coupled_rows(known), first)
+
+
+def verified(box: setid.DirectionBox, known: setid.Formulation, start: np.ndarray) -> bool:
+    assert known.smoothed is not None
+    return box.verify(known.smoothed, coupled_rows(known), start)
 
 
 @cache
@@ -35,7 +46,7 @@ def case(seed: int) -> tuple[setid.Simulated, setid.Formulation, setid.Parameter
 @cache
 def bounded() -> setid.DirectionBox:
     truth, known, first = case(28)
-    found = directions.direction_box(known, first)
+    found = boxed(known, first)
     assert found is not None
     assert all(
         low <= value <= high
@@ -84,7 +95,7 @@ def test_the_record_is_identified_and_verified() -> None:
 def test_damaged_proofs_are_refused() -> None:
     _, known, _ = case(28)
     box, start = bounded(), np.array([np.full(3, -np.inf), np.full(3, np.inf)])
-    assert box.verify(known, start)
+    assert verified(box, known, start)
     tighter = replace(box, upper=box.upper - 0.05)
     swapped = replace(box, certificates=box.certificates[::-1])
     fewer = replace(box, certificates=box.certificates[1:])
@@ -94,7 +105,7 @@ def test_damaged_proofs_are_refused() -> None:
     other = replace(box, rows=(1,) * 6)  # the certificates are about more rows than that
     uncounted = replace(box, rows=(0,) * 6)
     for wrong in (tighter, swapped, fewer, shrunk, rounded, short, other, uncounted):
-        assert not wrong.verify(known, start)
+        assert not verified(wrong, known, start)
 
 
 def long_record() -> tuple[setid.Simulated, setid.Formulation, setid.ParameterBox]:
@@ -112,10 +123,10 @@ def long_record() -> tuple[setid.Simulated, setid.Formulation, setid.ParameterBo
 
 def test_the_first_rows_of_a_long_record_are_enough() -> None:
     truth, known, first = long_record()
-    box = directions.direction_box(known, first)
+    box = boxed(known, first)
     assert box is not None and set(box.rows) == {80}
     start = np.array([np.full(4, -np.inf), np.full(4, np.inf)])
-    assert np.all(np.isfinite([box.lower, box.upper])) and box.verify(known, start)
+    assert np.all(np.isfinite([box.lower, box.upper])) and verified(box, known, start)
     theta = np.array(list(truth.theta.values()))
     assert np.all((box.lower <= theta) & (theta <= box.upper))
 
@@ -124,19 +135,19 @@ def test_negative_units_do_not_turn_a_box_into_an_empty_one() -> None:
     _, known, _ = case(28)
     box, start = bounded(), np.array([np.full(3, -np.inf), np.full(3, np.inf)])
     scale, empty = -box.scale, (np.full(3, 1e-3), np.full(3, -1e-3))
-    cube = cubes(known, box.first, scale)(box.rows[0])
+    cube = cubes(coupled_rows(known), box.first, scale)(box.rows[0])
     sides = [directions._least(cube.side(number), np.inf) for number in range(6)]
     proofs = tuple(proof for proof in sides if proof is not None)
     assert len(proofs) == 6  # all that a box asks for
     last = setid.ParameterBox(box.names, *empty, start, ())
     forged = setid.DirectionBox(box.names, *empty, box.first, scale, proofs, box.rows, last)
-    assert forged.empty and not forged.verify(known, start)
+    assert forged.empty and not verified(forged, known, start)
 
 
 @pytest.mark.parametrize("seed", [24, 33])
 def test_no_box_is_claimed_where_a_direction_is_explained(seed: int) -> None:
     truth, known, first = case(seed)
-    assert directions.direction_box(known, first) is None
+    assert boxed(known, first) is None
     source = np.random.default_rng(0)
     assert any(explained(truth.data, source.uniform(-1, 1, 3), 0.0) for _ in range(3000))
 
@@ -147,8 +158,8 @@ def test_an_interrupt_claims_no_box(monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(*given: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("setid.feasible_set.directions._least", stopped)
-    assert directions.direction_box(known, first) is None
+    monkeypatch.setattr("sparsepop_py.uncertain_rows.directions._least", stopped)
+    assert boxed(known, first) is None
 
 
 @pytest.mark.parametrize("record", [lambda: case(28), long_record])
@@ -164,5 +175,5 @@ def test_an_interrupted_side_is_not_begun_again(
         notes = ("interrupted: what is proved so far is kept",)
         return replace(stopped, status=sp.Status.LIMIT, certificate=None, notes=notes)
 
-    monkeypatch.setattr(sp, "solve", interrupted)
-    assert directions.direction_box(known, first) is None and len(calls) == 1
+    monkeypatch.setattr(directions, "solve", interrupted)
+    assert boxed(known, first) is None and len(calls) == 1

@@ -9,11 +9,15 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
-from setid.feasible_set.lifted_products import lifted_box
 from setid.feasible_set.start import find_box
-from setid.formulation.products import contracted
-from setid.proofs.lifted_products import LiftedBox, joined_equations, lifted_rows
-from setid.proofs.parameter_box import box_follows
+from setid.formulation.units import coupled_rows
+from setid.proofs.parameter_box import box_follows, product_rows
+from sparsepop_py.uncertain_rows.lifted_products import lifted_box
+from sparsepop_py.verified.uncertain_rows.lifted_products import (
+    LiftedBox,
+    joined_equations,
+)
+from sparsepop_py.verified.uncertain_rows.products import contracted
 
 
 def test_sums_over_shared_samples_bound_slow_poles() -> None:
@@ -53,7 +57,7 @@ def two_denominators(samples: int, common: bool = False, form: str = "auto") -> 
 def test_products_of_one_signal_are_one_column() -> None:
     """(1 + a q^-1)(1 + a' q^-1) y: a and a' both multiply y(k-1), and only their sum is seen."""
     truth, model, theta, noise = two_denominators(30)
-    rows = lifted_rows(setid.formulate(truth.data, model, noise, [setid.Stable()]))
+    rows = product_rows(setid.formulate(truth.data, model, noise, [setid.Stable()]))
     assert rows is not None
     first, second = (model.parameters.index(f"a[y1,u{i}]1") for i in (1, 2))
     assert ((first,), (second,)) in rows.columns
@@ -64,7 +68,7 @@ def test_products_of_one_signal_are_one_column() -> None:
 
 def test_signals_that_happen_to_be_equal_are_not_joined() -> None:
     truth, model, _, noise = two_denominators(30, common=True)
-    rows = lifted_rows(setid.formulate(truth.data, model, noise, [setid.Stable()]))
+    rows = product_rows(setid.formulate(truth.data, model, noise, [setid.Stable()]))
     assert rows is not None
     numerators = [model.parameters.index(f"b[y1,u{i}]1") for i in (1, 2)]
     assert all(((number,),) in rows.columns for number in numerators)
@@ -85,10 +89,10 @@ def test_a_sum_is_no_unknown_of_rows_that_multiply_its_parts_by_different_signal
             np.append(problem.upper[:p], np.where(internal, 9.0, problem.upper[p:])),
             problem.names,
         )
-        rows = lifted_rows(known)
+        rows = product_rows(known)
         assert rows is not None and internal.any() != joins
         found = lifted_box(rows, np.array([problem.lower[:p], problem.upper[:p]])).rounds[-1]
-        stated = joined_equations(replace(known, problem=bounded), rows, found)
+        stated = joined_equations(coupled_rows(replace(known, problem=bounded)), rows, found)
         assert (stated is not None) == joins
 
 

@@ -9,10 +9,10 @@ import pytest
 from identification_cases import PLANT
 
 import setid
-from setid.feasible_set.lifted_products import lifted_box
-from setid.feasible_set.sign_tree import parameter_box
-from setid.proofs.lifted_products import lifted_rows
-from setid.proofs.sign_tree import LeftInverse, SignTree, linear_rows
+from setid.proofs.parameter_box import product_rows
+from sparsepop_py.uncertain_rows.lifted_products import lifted_box
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.uncertain_rows.sign_tree import LeftInverse, SignTree, linear_rows
 
 
 def rows_of(samples: int, output: float, input: float, seed: int, claimed=None):
@@ -58,8 +58,8 @@ def test_too_small_bounds_are_proved_empty_and_the_rows_are_named() -> None:
     box = parameter_box(rows)
     assert box.empty and repr(box) == "<ParameterBox: empty, proved>"
     assert box.verify(rows, box.start)
-    driving = box.conflicting(rows)
-    assert driving and all(3 <= sample <= 60 for _, sample in driving)
+    used = box.used_rows(rows)
+    assert used and all(0 <= row < rows.target.size for row in used) and min(used.values()) >= 1
     assert not box.verify(rows_of(60, 1.0, 0.0, 0), box.start)
 
 
@@ -134,7 +134,7 @@ def test_products_of_parameters_keep_the_time_limit() -> None:
     theta = np.array([-0.5, 0.1, -0.4, 0.2, 1.0, 0.5])
     noise = setid.Noise(output=0.02)
     truth = setid.simulate_record(model, theta, u, noise, 1)
-    rows = lifted_rows(setid.formulate(truth.data, model, noise))
+    rows = product_rows(setid.formulate(truth.data, model, noise))
     assert rows is not None
     start = np.array([np.full(6, -np.inf), np.full(6, np.inf)])
     late = lifted_box(rows, start, until=0.0)

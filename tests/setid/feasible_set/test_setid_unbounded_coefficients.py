@@ -13,11 +13,12 @@ import setid
 import sparsepop_py as sp
 from benchmarks.block_structured import KINDS, record
 from setid.feasible_set.start import find_box
-from setid.feasible_set.unbounded_coefficients import limit_coefficients
 from setid.formulation.formulation import Formulation
-from setid.proofs.lifted_products import LiftedBox
+from setid.formulation.units import coupled_rows
 from setid.proofs.parameter_box import box_follows
-from setid.proofs.unbounded_coefficients import Faces
+from sparsepop_py.uncertain_rows.unbounded_coefficients import limit_coefficients
+from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
+from sparsepop_py.verified.uncertain_rows.unbounded_coefficients import Faces
 
 MODEL, THETA, PRIORS = KINDS["two inputs 2"]
 
@@ -60,7 +61,7 @@ def test_damaged_proofs_are_refused() -> None:
     ends = np.array([last.lower, last.upper])
     before = np.array([box.lower, box.upper])
     before[:, 8] = -np.inf, np.inf  # all that its bounds change here is gamma2
-    assert limit.follows(formulation, rows, ends, before)
+    assert limit.follows(coupled_rows(formulation), rows, ends, before)
     silent = tuple(replace(p, root=replace(p.root, argument=None)) for p in limit.proofs)
     for wrong in (
         limit._replace(reach=limit.reach / 64.0),
@@ -73,10 +74,10 @@ def test_damaged_proofs_are_refused() -> None:
         limit._replace(reach="16"),
         limit._replace(parameters=(8.0,)),
     ):
-        assert not wrong.follows(formulation, rows, ends, before)
+        assert not wrong.follows(coupled_rows(formulation), rows, ends, before)
     truth, bound = record("two inputs 2", 20, 0.5, seed=7)
     other = setid.formulate(truth.data, MODEL, bound, PRIORS)
-    assert not limit.follows(other, rows, ends, before)
+    assert not limit.follows(coupled_rows(other), rows, ends, before)
     assert not box_follows(replace(box, limit=tuple(limit)), formulation)
     tighter = replace(box, upper=np.where(np.arange(9) == 8, 1.0, box.upper))
     assert not box_follows(tighter, formulation)
@@ -130,7 +131,7 @@ def test_bounds_of_products_alone_may_show_that_a_face_is_empty() -> None:
     rows, last = formulation.products, box.rounds[-1]
     assert rows is not None and box.limit is None  # b1 = 0 explains the record
     before = np.array([box.lower, box.upper])
-    faces = Faces.of(formulation, rows, np.array([last.lower, last.upper]), before)
+    faces = Faces.of(coupled_rows(formulation), rows, np.array([last.lower, last.upper]), before)
     assert faces is not None
     low, high = faces.unknowns(2, 100.0)
     assert np.any(low > high) and faces.holds(2, 100.0, None)
@@ -151,8 +152,9 @@ def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> N
             raise KeyboardInterrupt
         return solve(problem, options)
 
-    monkeypatch.setattr("sparsepop_py.solve", stopped)
+    monkeypatch.setattr("sparsepop_py.uncertain_rows.unbounded_coefficients.solve", stopped)
     ends = np.array([last.lower, last.upper])
-    limit = limit_coefficients(formulation, rows, ends, before, time.monotonic() + 100.0)
+    coupled = coupled_rows(formulation)
+    limit = limit_coefficients(coupled, rows, ends, before, time.monotonic() + 100.0)
     assert len(calls) == 2 and limit is not None and limit.reach >= 1.0 / calls[0]
-    assert limit.follows(formulation, rows, ends, before)
+    assert limit.follows(coupled_rows(formulation), rows, ends, before)

@@ -69,8 +69,8 @@ def test_what_is_no_number_is_not_semidefinite():
     for bad in (np.nan, np.inf):
         matrix = np.array([[1.0, 0.0], [0.0, bad]])
         assert not surely_semidefinite(Interval.point(matrix))
-    endless = Interval(np.array([[-np.inf]]), np.array([[np.inf]]))
-    assert not surely_semidefinite(endless)
+    unbounded = Interval(np.array([[-np.inf]]), np.array([[np.inf]]))
+    assert not surely_semidefinite(unbounded)
 
 
 @settings(max_examples=30, deadline=None)

@@ -83,7 +83,7 @@ def test_ranges_hold_the_exact_values_in_the_box(rows, pairs, weights):
 
 @given(tables.filter(bool), st.integers(0, N - 1), boxes, st.integers(-(10**6), 10**6))
 @settings(max_examples=50, deadline=None)
-def test_ranges_over_endless_boxes_hold_values_far_away(table, variable, pairs, far):
+def test_ranges_over_unbounded_boxes_hold_values_far_away(table, variable, pairs, far):
     box = interval_box(pairs)
     box.lo[variable], box.hi[variable] = -np.inf, np.inf
     x = point_in(interval_box(pairs), [Fraction(1, 3)] * N)

@@ -221,7 +221,7 @@ def test_a_chain_is_followed_to_its_end():
     near(box, 0.5 * 2.0 ** np.arange(6), 2.0 ** np.arange(6))
 
 
-def test_one_endless_atom_is_bounded_by_the_others_and_two_are_not():
+def test_one_unbounded_atom_is_bounded_by_the_others_and_two_are_not():
     x, y, z = sp.variables(3)
     box = tightened([z == x + y], [0, 0, -INF], [1, 2, INF])
     near(box, [0.0, 0.0, 0.0], [1.0, 2.0, 3.0])
@@ -283,7 +283,7 @@ def test_a_fixed_variable_that_breaks_a_row_is_proved_empty():
     assert not is_empty(tightened([x * y == 0], [0.0, -INF], [0.0, INF]))
 
 
-def test_empty_boxes_are_told_from_points():
+def test_empty_boxes_differ_from_points():
     assert is_empty(Interval(np.array([0.0, 1.0]), np.array([1.0, 0.5])))
     assert not is_empty(Interval(np.array([0.0, 1.0]), np.array([0.0, 1.0])))
 

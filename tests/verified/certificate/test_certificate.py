@@ -238,25 +238,25 @@ def test_a_changed_scaling_is_refused_or_still_sound(results, make):
 
 
 @pytest.mark.parametrize("shift", [-1e6, -1.0, -1e-3, -1e-9, 1e-9, 1e-3, 1.0, 1e6])
-def test_a_level_is_an_upper_limit_of_the_claim_wherever_it_lies(results, shift):
+def test_a_cutoff_is_an_upper_limit_of_the_claim_wherever_it_lies(results, shift):
     for make in (circle, hill):
         certificate, problem = results[make].certificate, make()
         assert certificate.box.uses_cutoff
-        level = KNOWN[make] + shift
-        moved = replace(certificate, cutoff=level)
+        cutoff = KNOWN[make] + shift
+        moved = replace(certificate, cutoff=cutoff)
         verdict = check(moved, problem, KNOWN[make])
-        assert verdict.bound <= level
-        assert not verdict.ok or shift > -1e-3  # the level itself is below the claim
-        greedy = replace(moved, bound=min(level, KNOWN[make]) + 1e-9)
+        assert verdict.bound <= cutoff
+        assert not verdict.ok or shift > -1e-3  # the cutoff itself is below the claim
+        greedy = replace(moved, bound=min(cutoff, KNOWN[make]) + 1e-9)
         assert not check(greedy, problem, KNOWN[make]).ok
         assert not check(replace(moved, bound=INF), problem, KNOWN[make]).ok
         assert not check(replace(certificate, cutoff=None), problem, KNOWN[make]).ok
 
 
-@pytest.mark.parametrize("level", [np.nan, INF, -INF])
-def test_a_level_that_is_no_number_proves_nothing(results, level):
+@pytest.mark.parametrize("cutoff", [np.nan, INF, -INF])
+def test_a_cutoff_that_is_no_number_proves_nothing(results, cutoff):
     for make in (circle, hill):
-        verdict = replace(results[make].certificate, cutoff=level).verify(make())
+        verdict = replace(results[make].certificate, cutoff=cutoff).verify(make())
         assert not verdict.ok
         assert verdict.bound == -INF
         assert "not a number" in verdict.reason
@@ -277,7 +277,7 @@ def test_box_steps_are_replayed_not_believed(results):
         check(with_root(certificate, box=BoxProof(fewer)), problem, KNOWN[make])
 
 
-def test_a_part_that_is_falsely_said_to_be_empty_keeps_what_its_box_proves():
+def test_a_node_that_is_falsely_said_to_be_empty_keeps_what_its_box_proves():
     """min x + y over [1, 2] x [0, 1] is 1."""
     x, y = sp.variables(2)
     problem = sp.Problem(x + y, [x * y >= 0], lower=[1, 0], upper=[2, 1])
@@ -294,30 +294,30 @@ def test_multipliers_beyond_short_floats_stay_long():
     x, y = sp.variables(2)
     problem = sp.Problem(x * y, [x**2 + y**2 <= 1], lower=-1, upper=1)
     identity = sp.solve(problem).certificate.identity
-    parts = tuple(replace(m, values=m.values * 1e60) for m in identity.multipliers)
+    halves = tuple(replace(m, values=m.values * 1e60) for m in identity.multipliers)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        short = shortened(replace(identity, multipliers=parts))
+        short = shortened(replace(identity, multipliers=halves))
         found = prove(Replay(problem, None), Interval(problem.lower, problem.upper), short, False)
     assert all(np.isfinite(m.values).all() for m in short.multipliers)
     assert -1.0 - 1e-12 <= found.bound <= -0.5
 
 
-@pytest.mark.parametrize("level", [-3.0, -1e-12, -1e-200])
-def test_an_empty_box_after_a_cut_off_proves_the_level_and_nothing_more(level):
-    """min x + y over the unit box is 0: no point lies below a negative level."""
+@pytest.mark.parametrize("cutoff", [-3.0, -1e-12, -1e-200])
+def test_an_empty_box_after_a_cutoff_proves_the_cutoff_and_nothing_more(cutoff):
+    """min x + y over the unit box is 0: no point lies below a negative cutoff."""
     x, y = sp.variables(2)
     problem = sp.Problem(x + y, lower=0, upper=1)
-    root, replay = Node(BoxProof((Propagation(2, True),))), Replay(problem, level)
+    root, replay = Node(BoxProof((Propagation(2, True),))), Replay(problem, cutoff)
     box = root.box.replay(replay)
     assert np.any(box.lo > box.hi)
     honest = certify(replay, root, prove(replay, box, None, False))
-    assert honest.bound == level
+    assert honest.bound == cutoff
     assert honest.verify(problem).ok
-    for claim in (float(np.nextafter(level, INF)), 0.0, 1.0, INF):
+    for claim in (float(np.nextafter(cutoff, INF)), 0.0, 1.0, INF):
         verdict = replace(honest, bound=claim).verify(problem)
         assert not verdict.ok
-        assert verdict.bound == level
-    # on another objective over the same set the level is another truth
+        assert verdict.bound == cutoff
+    # for another objective over the same set the cutoff means something else
     above = sp.Problem(x + y - 4, lower=0, upper=1)
-    assert Certificate(above.fingerprint, INF, root, level).verify(above).bound <= -4.0
+    assert Certificate(above.fingerprint, INF, root, cutoff).verify(above).bound <= -4.0

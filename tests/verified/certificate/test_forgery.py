@@ -44,9 +44,9 @@ def results():
 # ---- forged arguments -------------------------------------------------------------------------
 
 
-def certified(problem, root, level=None):
-    """What :func:`certify` makes of a root without parts."""
-    replay = Replay(problem, level)
+def certified(problem, root, cutoff=None):
+    """Certify a root without children."""
+    replay = Replay(problem, cutoff)
     return certify(replay, root, prove(replay, root.box.replay(replay), root.argument, root.empty))
 
 
@@ -110,9 +110,9 @@ def test_an_empty_certificate_claims_the_range_and_nothing_more():
     plain = Certificate(problem.fingerprint, -3.0 - 1e-12)
     assert plain.verify(problem).ok
     assert not replace(plain, bound=-3.0 + 1e-12).verify(problem).ok
-    endless = sp.Problem(x - 3 * y)
-    assert not Certificate(endless.fingerprint, -1e300).verify(endless).ok
-    assert certified(endless, Node()) is None
+    unbounded = sp.Problem(x - 3 * y)
+    assert not Certificate(unbounded.fingerprint, -1e300).verify(unbounded).ok
+    assert certified(unbounded, Node()) is None
 
 
 @pytest.mark.parametrize("field", ["scaling", "too many generators", "bits", "bytes", "parts"])

@@ -43,18 +43,18 @@ def test_a_quoted_bound_that_is_false_or_no_number_is_ignored(bound):
     problem, proof = known_set()
     verdict = quoting(problem, (0, 1, replace(proof, bound=bound))).verify(problem)
     assert verdict.bound == pytest.approx(-2.0, abs=1e-12)
-    level = replace(proof, bound=bound, cutoff=0.25)  # its steps do not use the level
-    assert quoting(problem, (0, 1, level)).verify(problem).bound <= -0.5
+    cutoff = replace(proof, bound=bound, cutoff=0.25)  # its steps do not use the cutoff
+    assert quoting(problem, (0, 1, cutoff)).verify(problem).bound <= -0.5
 
 
-def test_a_quoted_bound_cannot_exceed_its_own_level():
+def test_a_quoted_bound_cannot_exceed_its_own_cutoff():
     problem, proof = known_set()
     root = Node(BoxProof((Propagation(3, True),)))
-    for level in (0.25, 0.0, -2.0):
-        quoted = replace(proof, root=root, cutoff=level)
+    for cutoff in (0.25, 0.0, -2.0):
+        quoted = replace(proof, root=root, cutoff=cutoff)
         assert quoting(problem, (0, 1, quoted)).verify(problem).bound == pytest.approx(-2.0)
-        low = replace(quoted, bound=level)
-        expected = max(level, -1.0) - 1.0
+        low = replace(quoted, bound=cutoff)
+        expected = max(cutoff, -1.0) - 1.0
         assert quoting(problem, (0, 1, low)).verify(problem).bound == pytest.approx(expected)
 
 
@@ -159,8 +159,8 @@ def test_deep_trees_and_long_chains_can_be_stored_and_printed():
         for _ in range(300):
             ((variable, side, again),) = again.quotes
             assert (variable, side) == (0, 1)
-        cuts = [(part.branch, len(part.children), part.box.steps) for part in again.root]
-        assert cuts == [(part.branch, len(part.children), part.box.steps) for part in node]
+        branches = [(node.branch, len(node.children), node.box.steps) for node in again.root]
+        assert branches == [(n.branch, len(n.children), n.box.steps) for n in node]
     assert "1 bounds of other objectives" in repr(certificate)
 
 

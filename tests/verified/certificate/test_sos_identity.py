@@ -254,7 +254,7 @@ def test_a_side_is_an_assumption_that_is_checked():
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0])
-def test_a_degenerate_scale_of_an_endless_variable_is_refused(scale):
+def test_a_degenerate_scale_of_an_unbounded_variable_is_refused(scale):
     """x = 0 + 0 t says x = 0, and x = -t with t >= 0 turns x >= 0 around."""
     box = Interval(np.array([0.0]), np.array([INF]))
     honest = Scaling.of_box(box)

@@ -152,12 +152,12 @@ def test_malformed_products_and_empty_multipliers_are_refused(effort):
     given = sp.solve(problem, sp.Options(effort=effort)).certificate
     identity = given.identity
     assert identity is not None and given.verify(problem).ok
-    endless = Multipliers(
+    unbounded = Multipliers(
         np.zeros(0, int), np.zeros((0, 10**9, 1), np.int32), np.zeros((0, 10**9, 1))
     )
     for wrong in (
         replace(identity, products=np.array(3)),
-        replace(identity, multipliers=(*identity.multipliers, endless)),
+        replace(identity, multipliers=(*identity.multipliers, unbounded)),
     ):
         forged = replace(given, root=replace(given.root, argument=wrong))
         again = pickle.loads(pickle.dumps(forged))

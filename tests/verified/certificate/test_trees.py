@@ -1,4 +1,4 @@
-"""Certificates with parts: what a tree proves, and what damaged trees do not."""
+"""Certificates with trees: bounds that a tree proves, and damaged trees that prove none."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ POOLING = Path(__file__).resolve().parents[3] / "examples" / "problems" / "pooli
 quick = settings(max_examples=10, deadline=None)
 
 
-def cut_in_two(node, cut, low, high):
-    return replace(node, argument=None, empty=False, branch=cut, children=(low, high))
+def branched(node, branch, low, high):
+    return replace(node, argument=None, empty=False, branch=branch, children=(low, high))
 
 
-def linear_node(problem, box, level, deep, rng):
-    """A part and what follows: propagation, bound tightening, multipliers, and cuts at random."""
-    replay = Replay(problem, level)
+def linear_node(problem, box, cutoff, deep, rng):
+    """Make a random subtree: propagation, bound tightening, multipliers, and branching."""
+    replay = Replay(problem, cutoff)
     steps = [Propagation(int(rng.integers(0, 3)), bool(rng.integers(2)))]
     box = replay.step(steps[0], box)
     node = Node(BoxProof(tuple(steps)))
@@ -47,29 +47,29 @@ def linear_node(problem, box, level, deep, rng):
         v = int(rng.integers(problem.dimension))
         place = float(rng.uniform(box.lo[v], box.hi[v]))
         low, high = (
-            linear_node(problem, h, level, deep - 1, rng) for h in split_box(box, (v, place))
+            linear_node(problem, h, cutoff, deep - 1, rng) for h in split_box(box, (v, place))
         )
-        return cut_in_two(node, (v, place), low, high)
+        return branched(node, (v, place), low, high)
     solution = mccormick.minimise()
     dual = mccormick.objective_dual(solution)
     return replace(node, argument=dual, empty=solution.status == "infeasible")
 
 
-def random_tree(problem, level, rng, deep=2):
-    root = linear_node(problem, Interval(problem.lower, problem.upper), level, deep, rng)
-    return Certificate(problem.fingerprint, -INF, root, level)
+def random_tree(problem, cutoff, rng, deep=2):
+    root = linear_node(problem, Interval(problem.lower, problem.upper), cutoff, deep, rng)
+    return Certificate(problem.fingerprint, -INF, root, cutoff)
 
 
 def changed(node, number, change):
     """The tree with one node, counted from the root, replaced by ``change`` of it."""
     count = -1
 
-    def visit(part):
+    def visit(node):
         nonlocal count
         count += 1
         if count == number:
-            return change(part)
-        return replace(part, children=tuple(visit(child) for child in part.children))
+            return change(node)
+        return replace(node, children=tuple(visit(child) for child in node.children))
 
     return visit(node)
 
@@ -82,28 +82,28 @@ PLACES = st.floats(-10, 10) | st.sampled_from([-1e308, 1e308, 5e-324, -0.0])
 
 @given(SEEDS, PLACES)
 @quick
-def test_the_parts_cover_the_box_wherever_the_cut_is(seed, place):
+def test_the_halves_cover_the_box_wherever_the_branching_point_is(seed, place):
     rng = np.random.default_rng(seed)
     low = rng.integers(-3, 1, 2).astype(float)
     box = Interval(low, low + rng.integers(0, 4, 2))
     v = int(rng.integers(2))
-    parts = split_box(box, (v, place))
+    halves = split_box(box, (v, place))
     axes = [
         np.unique(np.append(np.linspace(a, b, 9), place))
         for a, b in zip(box.lo, box.hi, strict=True)
     ]
     points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    inside = [np.all((points >= p.lo) & (points <= p.hi), axis=1) for p in (box, *parts)]
+    inside = [np.all((points >= p.lo) & (points <= p.hi), axis=1) for p in (box, *halves)]
     assert np.array_equal(inside[0], inside[1] | inside[2])
-    for part in parts:
-        assert is_empty(part) or np.all((part.lo >= box.lo) & (part.hi <= box.hi))
-    if not is_empty(parts[0]):
-        assert parts[0].hi[v] <= max(place, box.lo[v])
-    assert parts[1].lo[v] >= min(place, box.hi[v])
+    for half in halves:
+        assert is_empty(half) or np.all((half.lo >= box.lo) & (half.hi <= box.hi))
+    if not is_empty(halves[0]):
+        assert halves[0].hi[v] <= max(place, box.lo[v])
+    assert halves[1].lo[v] >= min(place, box.hi[v])
 
 
 @pytest.mark.parametrize("deep", [0, 1, 3, 6])
-def test_bisection_proves_the_least_range_of_its_parts(deep):
+def test_bisection_proves_the_least_range_of_its_leaves(deep):
     """x^2 - x over [a, b] in [0, 1] has the interval range [a^2 - b, b^2 - a]."""
     (x,) = sp.variables(1)
     problem = sp.Problem(x**2 - x, lower=0, upper=1)
@@ -129,17 +129,17 @@ def test_bisection_proves_the_least_range_of_its_parts(deep):
 @quick
 def test_trees_of_linear_relaxations_stay_below_the_truth(seed):
     case, rng = random_case(seed), np.random.default_rng([seed, 5])
-    levels = [None, case.least, case.least - 0.25, float(np.median(case.values))]
-    level = levels[int(rng.integers(4))]
-    tree = random_tree(case.problem, level, rng)
+    cutoffs = [None, case.least, case.least - 0.25, float(np.median(case.values))]
+    cutoff = cutoffs[int(rng.integers(4))]
+    tree = random_tree(case.problem, cutoff, rng)
     verdict = tree.verify(case.problem)
     assert verdict.ok
     assert verdict.bound <= case.least
-    assert level is None or not tree.uses_cutoff or verdict.bound <= level
+    assert cutoff is None or not tree.uses_cutoff or verdict.bound <= cutoff
     assert tree.verify(case.problem) == verdict
 
 
-def test_a_tree_reaches_what_one_part_does_not():
+def test_a_tree_reaches_what_one_node_does_not():
     """min x y over x + y >= 1/2 in [-1, 1]^2: -1/2 at (1, -1/2), on the edge x = 1."""
     x, y = sp.variables(2)
     problem = sp.Problem(x * y, [x + y >= 0.5], lower=-1, upper=1)
@@ -150,13 +150,13 @@ def test_a_tree_reaches_what_one_part_does_not():
     assert many > -0.51
 
 
-@pytest.mark.parametrize("level", [0.5, 2.0, -1.0, None])
-def test_a_tightened_box_may_rest_on_the_level(level):
+@pytest.mark.parametrize("cutoff", [0.5, 2.0, -1.0, None])
+def test_a_tightened_box_may_rest_on_the_cutoff(cutoff):
     """On the unit box x + y <= w gives x <= w: -x = (w - x - y) + y - w."""
     x, y = sp.variables(2)
     problem = sp.Problem(x + y, lower=0, upper=1)
     box = Interval(problem.lower, problem.upper)
-    _, low, _ = generators.bound_family(1, 2)  # the level is row 1; 1 + t is 2 y
+    _, low, _ = generators.bound_family(1, 2)  # the cutoff is row 1; 1 + t is 2 y
     dual = LinearDual(
         Scaling.of_box(box),
         np.array([1, low.start + 1]),
@@ -165,27 +165,27 @@ def test_a_tightened_box_may_rest_on_the_level(level):
         np.zeros(2, int),
         np.zeros((0, 2), int),
     )
-    claim = np.array([-(level or 0.0) - 1e-9])
+    claim = np.array([-(cutoff or 0.0) - 1e-9])
     step = Tightening(np.array([0]), np.array([-1]), claim, dual, True)
     root = Node(BoxProof((step,)))
-    found = root.box.replay(Replay(problem, level))
-    assert found.hi[0] == (1.0 if level is None else min(1.0, -claim[0]))
-    verdict = Certificate(problem.fingerprint, INF, root, level).verify(problem)
+    found = root.box.replay(Replay(problem, cutoff))
+    assert found.hi[0] == (1.0 if cutoff is None else min(1.0, -claim[0]))
+    verdict = Certificate(problem.fingerprint, INF, root, cutoff).verify(problem)
     assert not verdict.ok
-    assert verdict.bound == (-1.0 if level == -1.0 else pytest.approx(0.0, abs=1e-12))
+    assert verdict.bound == (-1.0 if cutoff == -1.0 else pytest.approx(0.0, abs=1e-12))
     assert verdict.bound <= 0.0
-    # half a unit more than that is not proved, and without the level nothing is
+    # half a unit more than that is not proved, and without the cutoff nothing is
     greedy = replace(step, value=claim + 0.5)
-    assert BoxProof((greedy,)).replay(Replay(problem, level)).hi[0] == 1.0
+    assert BoxProof((greedy,)).replay(Replay(problem, cutoff)).hi[0] == 1.0
     bare = replace(step, uses_cutoff=False)
-    assert BoxProof((bare,)).replay(Replay(problem, level)).hi[0] == 1.0
+    assert BoxProof((bare,)).replay(Replay(problem, cutoff)).hi[0] == 1.0
 
 
 # ---- damage -----------------------------------------------------------------------------------
 
 
 def damages(tree, rng):
-    """Damaged roots: each changes one part of the tree."""
+    """Damaged roots: each changes one node of the tree."""
     nodes = list(tree)
     number = int(rng.integers(len(nodes)))
     other = nodes[int(rng.integers(len(nodes)))]
@@ -201,20 +201,20 @@ def damages(tree, rng):
     yield changed(tree, number, lambda n: replace(n, argument=other.argument, empty=other.empty))
     yield changed(tree, number, lambda n: other)
     for place in nonsense:
-        yield changed(tree, 0, lambda n, p=place: cut_in_two(n, (0, p), Node(), other))
+        yield changed(tree, 0, lambda n, p=place: branched(n, (0, p), Node(), other))
         yield changed(
             tree, number, lambda n, p=place: n.branch and replace(n, branch=(n.branch[0], p)) or n
         )
     for variable in (-1, 17, 0.0, 0.5, True, None):
-        yield changed(tree, 0, lambda n, v=variable: cut_in_two(n, (v, 0.0), other, Node()))
+        yield changed(tree, 0, lambda n, v=variable: branched(n, (v, 0.0), other, Node()))
 
 
 @given(SEEDS)
 @quick
 def test_damaged_trees_stay_below_the_truth_and_raise_nothing(seed):
     case, rng = random_case(seed), np.random.default_rng([seed, 6])
-    level = None if rng.integers(2) else float(rng.choice(case.values))
-    tree = random_tree(case.problem, level, rng)
+    cutoff = None if rng.integers(2) else float(rng.choice(case.values))
+    tree = random_tree(case.problem, cutoff, rng)
     for root in damages(tree.root, rng):
         damaged = replace(tree, root=root, bound=INF)
         verdict = damaged.verify(case.problem)
@@ -223,13 +223,13 @@ def test_damaged_trees_stay_below_the_truth_and_raise_nothing(seed):
         assert verdict.bound <= case.least
 
 
-def test_a_malformed_cut_proves_nothing_even_if_the_parts_would():
+def test_a_malformed_branch_proves_nothing_even_if_the_leaves_would():
     (x,) = sp.variables(1)
     problem = sp.Problem(x, lower=0, upper=1)
-    for cut in ((0, np.nan), (0, INF), (-1, 0.5), (1, 0.5), (True, 0.5), (0.0, 0.5)):
-        root = Node(branch=cut, children=(Node(), Node()))
+    for branch in ((0, np.nan), (0, INF), (-1, 0.5), (1, 0.5), (True, 0.5), (0.0, 0.5)):
+        root = Node(branch=branch, children=(Node(), Node()))
         verdict = Certificate(problem.fingerprint, -1.0, root).verify(problem)
-        assert verdict == (False, -INF, "a cut is malformed")
+        assert verdict == (False, -INF, "a branch is malformed")
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -247,7 +247,7 @@ def test_a_tree_of_five_thousand_levels_needs_no_recursion(side):
     assert verdict.bound == 0.0
     assert certificate.leaves == 5001
     assert certificate.uses_cutoff
-    assert "5001 parts" in str(certificate)
+    assert "5001 leaves" in str(certificate)
 
 
 # ---- trees of the solver ----------------------------------------------------------------------
@@ -278,6 +278,6 @@ def test_damage_to_the_tree_of_a_pooling_problem_is_harmless(pooled):
         for root in damages(certificate.root, np.random.default_rng(seed)):
             verdict = replace(certificate, root=root).verify(problem)
             assert verdict.bound <= min(-700.0, certificate.cutoff)
-    for level in (-701.0, -699.0, 0.0):
-        assert replace(certificate, cutoff=level).verify(problem).bound <= min(-700.0, level)
+    for cutoff in (-701.0, -699.0, 0.0):
+        assert replace(certificate, cutoff=cutoff).verify(problem).bound <= min(-700.0, cutoff)
     assert not replace(certificate, cutoff=None).verify(problem).ok

@@ -274,8 +274,8 @@ def test_a_proof_does_not_carry_over_to_another_problem():
         sp.Problem(x + y, [x**2 + y**2 == -1], lower=-2, upper=2),
     ):
         assert proved.recheck(other) is None
-    dearer = proved.recheck(sp.Problem(x + y + 5, circle.constraints, -2, 2))
-    assert dearer.value == pytest.approx(proved.value + 5)
+    costlier = proved.recheck(sp.Problem(x + y + 5, circle.constraints, -2, 2))
+    assert costlier.value == pytest.approx(proved.value + 5)
     exact = prove_feasible(sp.Problem(x, [x + y == 1], 0, 1), np.array([0.25, 0.75]))
     assert exact.proof == "exact"
     assert exact.recheck(sp.Problem(x, [x + y == 1, x >= 0.3], 0, 1)) is None
@@ -370,7 +370,7 @@ def test_pivots_are_those_of_whole_matrices(seed):
         assert list(zip(rows.tolist(), columns.tolist(), strict=True)) == expected
 
 
-def test_many_rows_that_depend_on_each_other_are_told_apart():
+def test_many_rows_that_depend_on_each_other_are_recognised():
     problem, x = sums(80, double=True), np.repeat([0.25, 0.75], 80)
     found = prove_feasible(problem, x)
     assert found is not None and found.rows.size == 80 and found.value == 0.25

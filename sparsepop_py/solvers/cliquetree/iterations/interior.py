@@ -49,7 +49,7 @@ _SPARED = 1e-2  # part of the gap that linear solves may leave as a residual
 _EARLY = 3  # steps after which a point is a good start for nearby programs
 _ATTEMPTS = 3  # to factorize
 _CORRECTORS = 4  # where a factorization costs so many times what a direction costs:
-_EXPENSIVE = 20.0
+_EXPENSIVE = 20.0  # see above
 # Step of the predictor below which its second-order term is weakened, and by how much at most;
 # not with equations, where records need up to twice the iterations without it:
 _TRUSTED, _LEAST_TRUST = 0.3, 0.1

@@ -24,7 +24,7 @@ __all__ = ["Repair", "safe_value"]
 Reals = NDArray[np.float64]
 
 _WEIGHT = 1e3  # v: multipliers of equalities may change more
-_PASSES = 3
+_PASSES = 3  # of the projection, each of which also removes rounding of the one before
 _SOFT = 1e-9  # multiple of the unit matrix that is added to Z in the weights
 
 

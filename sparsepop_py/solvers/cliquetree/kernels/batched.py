@@ -33,7 +33,7 @@ __all__ = [
 Reals = NDArray[np.float64]
 Part = TypeVar("Part")
 Result = TypeVar("Result")
-_SLIGHTLY_LESS = 1.0 - 1e-9
+_SLIGHTLY_LESS = 1.0 - 1e-9  # of a step length, against rounding
 _LARGE = 64  # size from which LAPACK runs matrix by matrix
 
 

@@ -85,7 +85,7 @@ def _weighed(weights, places, low, high, v):
 
 @inline
 def _four_weighed(weights, places, low, high, v, step, out, n):
-    """Sum weight V for four consecutive V, into row n and three more of a triangle."""
+    """Sum weight V for four consecutive V, into rows of a triangle from n."""
     one, two, three, four = 0.0, 0.0, 0.0, 0.0
     for nonzero in range(low, high):
         at = nonzero * WORD

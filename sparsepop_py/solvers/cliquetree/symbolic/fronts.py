@@ -22,7 +22,7 @@ __all__ = ["FrontFactor", "Fronts", "line_up"]
 
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
-_LEAST_PIVOT = 1e-14
+_LEAST_PIVOT = 1e-14  # in scaled units: smaller pivots are rounding errors
 _MORE = 9  # entries behind the last front: as far as vectors reach, and one more
 _WORK = 1e9  # multiplications between two looks at the clock
 _SPLITS, _WORKERS = 64, 4  # of the tree into branches, and for how many at once

@@ -30,7 +30,7 @@ __all__ = ["Factor", "FrontStack", "Tree", "plant"]
 
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
-_LEAST_PIVOT = 1e-14
+_LEAST_PIVOT = 1e-14  # in scaled units: smaller pivots are rounding errors
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,0 +1,82 @@
+"""The command line of the checker."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from . import reading, text
+from .reading import Malformed, Problem
+from .record import Identification
+from .result import NotProved, check_certificate, check_result, remarks
+from .structure import columns_of
+
+USAGE = """usage: check.py problem.json certificate.json     (the problem also as .gms or text)
+       check.py result.json
+       check.py [--record record.csv] identification.json"""
+
+
+def main(arguments: list[str]) -> int:
+    """Check the files; print what is proved, or where and why it fails."""
+    try:
+        lines = checked(arguments)
+    except NotProved as error:
+        return told(f"NOT PROVED  {error}", 1)
+    except Malformed as error:
+        return told(f"MALFORMED  {error}", 2)
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as e:
+        return told(f"MALFORMED  something that nobody expected: {e!r:.200}", 2)
+    given = any(line.startswith("taken as given") for line in lines)
+    return told("\n".join(lines), 3 if given else 0)
+
+
+def told(words: str, code: int) -> int:
+    """Print, and return the exit code."""
+    sys.stdout.write(words + "\n")
+    return code
+
+
+def checked(arguments: list[str]) -> list[str]:
+    """What the files prove."""
+    if arguments[:1] == ["--record"] and len(arguments) == 3:
+        name, found = reading.content(reading.load(arguments[2]), arguments[2])
+        if name == "identification":
+            about = Identification(found)
+            return [*columns_of(arguments[1], about.record), *about.check()]
+    if not 1 <= len(arguments) <= 2:
+        raise Malformed(USAGE)
+    problem, stated = problem_of(arguments[0]) if len(arguments) == 2 else (None, None)
+    name, found = reading.content(reading.load(arguments[-1]), arguments[-1])
+    if name == "identification" and problem is None:
+        return Identification(found).check()
+    given = found
+    if name == "result":
+        lines, given = check_result(found, problem), reading.item(found, "certificate", "result")
+        stated = reading.item(found, "problem", "result") if problem is None else stated
+        problem = problem or reading.problem(stated)
+    elif name == "certificate" and problem is not None:
+        lines = check_certificate(problem, found)
+    else:
+        raise Malformed(f"{arguments[-1]} holds a {name!r:.40}\n{USAGE}")
+    lines += remarks(stated, given) if stated and given else []
+    negated = ["(objective is the negative of what is maximised)"]
+    return lines + (negated if problem.sense == "max" else [])
+
+
+def problem_of(path: str) -> tuple[Problem, Any]:
+    """The problem in a file, by what the file holds, and its JSON or None."""
+    if not path.endswith(".json"):
+        return text.problem_of(path), None
+    name, found = reading.content(reading.load(path), path)
+    if name == "result":
+        found = reading.item(found, "problem", path)
+    elif name != "problem":
+        raise Malformed(f"{path} holds a {name!r:.40}, not a problem")
+    return reading.problem(found), found

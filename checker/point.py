@@ -1,0 +1,312 @@
+"""Attained points: feasible in rationals, or near zeros that Krawczyk's test proves; rays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from itertools import product
+from typing import Any
+
+from . import interval as iv
+from .gram import semidefinite
+from .interval import Interval
+from .polynomial import INF, Polynomial, power_of_two
+from .reading import Constraint, Malformed, Problem, alike, below, fields
+
+RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first
+
+
+class ProvedPoint:
+    """A point near ``x``, at most ``radius`` away, whose objective is at most ``value``."""
+
+    def __init__(self, found: Any, problem: Problem, place: str) -> None:
+        n, m = problem.dimension, len(problem.constraints)
+        kinds = {"x": "f1", "value": "F", "radius": "f", "proof": "t", "rows": "i1", "solved": "i1"}
+        got = fields(found, place, n, **kinds)
+        self.problem, self.value, self.proof = problem, got.value, got.proof
+        self.rows, self.solved = got.rows, got.solved
+        self.x, self.radius = [Fraction(v) for v in got.x], Fraction(got.radius)
+        alike(place, got.x, range(n))
+        alike(place, got.rows, got.solved)
+        below(got.rows, m, f"{place}.rows")
+        below(got.solved, n, f"{place}.solved")
+        twice = any(len(set(v)) < len(v) for v in (got.rows, got.solved))
+        if twice or got.proof not in ("exact", "krawczyk"):
+            raise Malformed(f"{place}: a row or variable twice, or proof {got.proof!r:.20}")
+
+    def fails(self) -> str:
+        """Why the claims about the point are not proved; empty where they are."""
+        return self._exactly() if self.proof == "exact" else self._by_krawczyk()
+
+    # ---- rational points ------------------------------------------------------------------
+
+    def _exactly(self) -> str:
+        solution = solved_linearly(self.problem, self.rows, self.solved, self.x)
+        if solution is None:
+            return "the rows are not linear in the variables, or not regular"
+        point = list(self.x)
+        for variable, value in solution.items():
+            point[variable] = value
+        if any(abs(a - b) > self.radius for a, b in zip(point, self.x, strict=True)):
+            return "the point lies farther away than its radius"
+        return infeasible(self.problem, point) or (
+            "" if self.problem.objective.at(point) <= self.value else "the objective is larger"
+        )
+
+    # ---- Krawczyk's test ------------------------------------------------------------------
+
+    def _by_krawczyk(self) -> str:
+        if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
+            return "a row of the system is no equation"
+        box = self._enclosed()
+        if box is None:
+            return "Krawczyk's test fails"
+        problem = self.problem
+        for (low, high), x, a, b in zip(box, self.x, problem.lower, problem.upper, strict=True):
+            if iv.exact(low) < a or iv.exact(high) > b:
+                return "the box of the point leaves the bounds"
+            if max(iv.exact(high) - x, x - iv.exact(low)) > self.radius:
+                return "the point lies farther away than its radius"
+        for k, c in enumerate(problem.constraints):
+            low, high = iv.range_over(c.polynomial, box)
+            if k not in self.rows and (low < 0 or (c.equality and high > 0)):
+                return f"constraint {k} may fail near the point"
+            if c.side and not _semidefinite_over(c, box):
+                return f"matrix {k} may fail near the point"
+        most = iv.exact(iv.range_over(problem.objective, box)[1])
+        return "" if most <= self.value else "the objective may be larger"
+
+    def _enclosed(self) -> list[Interval] | None:
+        """A box around x, wide in the solved variables only, that holds a zero of the rows."""
+        system = [self.problem.constraints[k].polynomial for k in self.rows]
+        slopes = [[p.derivative(v + 1) for v in self.solved] for p in system]
+        middle = [(iv.below(x), iv.above(x)) for x in self.x]
+        jacobian = [[iv.range_over(p, middle)[0] for p in row] for row in slopes]
+        inverse = _inverse(jacobian)
+        if inverse is None:
+            return None
+        for _ in range(6):
+            move = _product(inverse, [iv.range_over(p, middle) for p in system])
+            for v, (low, high) in zip(self.solved, move, strict=True):
+                at = middle[v][0] - (low + high) // 2
+                middle[v] = at, at
+        move = _product(inverse, [iv.range_over(p, middle) for p in system])
+        for bits in RADII:
+            found = self._image(slopes, middle, inverse, move, iv.scaled(1, -bits)[1])
+            if found is not None:
+                return found
+        return None
+
+    def _image(
+        self,
+        slopes: list[list[Polynomial]],
+        middle: list[Interval],
+        inverse: list[list[int]],
+        move: list[Interval],
+        radius: int,
+    ) -> list[Interval] | None:
+        """K(X) for the box X of that radius, None if it does not lie inside X."""
+        box = list(middle)
+        for v in self.solved:
+            box[v] = middle[v][0] - radius, middle[v][1] + radius
+        ranges = [[iv.range_over(p, box) for p in row] for row in slopes]
+        one = iv.scaled(1, 0)[0]
+        image = list(middle)
+        for i, v in enumerate(self.solved):
+            low, high = -move[i][1], -move[i][0]
+            for j in range(len(self.solved)):
+                column = [row[j] for row in ranges]
+                part = _row_times(inverse[i], column)
+                rest = iv.minus((one, one) if i == j else iv.ZERO, part)
+                spread = iv.times(rest, (-radius, radius))
+                low, high = low + spread[0], high + spread[1]
+            if not -radius < low <= high < radius:
+                return None
+            image[v] = middle[v][0] + low, middle[v][1] + high
+        return image
+
+
+def _row_times(row: list[int], column: list[Interval]) -> Interval:
+    """The sum of numbers times intervals."""
+    found: Interval = iv.ZERO
+    for a, pair in zip(row, column, strict=True):
+        if a:
+            found = iv.plus(found, iv.times((a, a), pair))
+    return found
+
+
+def _product(matrix: list[list[int]], column: list[Interval]) -> list[Interval]:
+    return [_row_times(row, column) for row in matrix]
+
+
+def _inverse(matrix: list[list[int]]) -> list[list[int]] | None:
+    """About the inverse of a matrix in fixed point; nothing rests on how good it is."""
+    one, size = iv.scaled(1, 0)[0], len(matrix)
+    rows = [
+        {j: v for j, v in enumerate(row) if v} | {size + i: one} for i, row in enumerate(matrix)
+    ]
+    for i in range(size):
+        pivot = max(range(i, size), key=lambda k: abs(rows[k].get(i, 0)))
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        own = rows[i].pop(i, 0)
+        if not own:
+            return None
+        rows[i] = {j: v * one // own for j, v in rows[i].items() if v}
+        for k in range(size):
+            factor = rows[k].pop(i, 0) if k != i else 0
+            if factor:
+                other = rows[k]
+                for j, v in rows[i].items():
+                    other[j] = other.get(j, 0) - factor * v // one
+    return [[row.get(size + j, 0) for j in range(size)] for row in rows]
+
+
+def _semidefinite_over(c: Constraint, box: list[Interval]) -> bool:
+    """Whether the matrix of a constraint is positive semidefinite all over a box."""
+    ends = [tuple(map(iv.exact, iv.range_over(p, box))) for p in c.entries]
+    if any(end in (INF, -INF) for pair in ends for end in pair):
+        return False
+    if c.kind == "SECOND_ORDER":
+        rest = sum((max(abs(low), abs(high)) ** 2 for low, high in ends[1:]), Fraction(0))
+        return bool(ends[0][0] >= 0 and ends[0][0] ** 2 >= rest)
+    matrix = [[(Fraction(0), Fraction(0))] * c.side for _ in range(c.side)]
+    for i, j in product(range(c.side), repeat=2):
+        matrix[i][j] = ends[c.place(i, j)]
+    middle = [[(low + high) / 2 for low, high in row] for row in matrix]
+    for i, row in enumerate(matrix):  # what is left is diagonally dominant
+        middle[i][i] -= sum((high - low for low, high in row), Fraction(0)) / 2
+    return semidefinite(middle)
+
+
+# ---- exact checks -----------------------------------------------------------------------------
+
+
+def solved_linearly(
+    problem: Problem, rows: list[int], solved: list[int], x: list[Fraction]
+) -> dict[int, Fraction] | None:
+    """The solution of equations that are linear in some variables, the others being x."""
+    table: list[dict[int, Fraction]] = []  # key -1: the constant
+    for k in rows:
+        p, row = problem.constraints[k].polynomial, dict[int, Fraction]()
+        unit = power_of_two(p.exp)
+        for letters, value in p.terms.items():
+            ours = [v - 1 for v in letters if v - 1 in solved]
+            if len(ours) > 1:
+                return None
+            term = value * unit
+            for v in letters:
+                term *= x[v - 1] if v - 1 not in ours else 1
+            key = ours[0] if ours else -1
+            row[key] = row.get(key, Fraction(0)) + term
+        table.append({key: value for key, value in row.items() if value or key < 0})
+    return _solution(table)
+
+
+def _solution(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
+    done: list[tuple[int, dict[int, Fraction]]] = []
+    while table:
+        table.sort(key=len, reverse=True)
+        row = table.pop()
+        columns = [key for key in row if key >= 0]
+        if not columns:
+            return None
+        column = min(columns, key=lambda key: sum(key in other for other in table))
+        pivot = row.pop(column)
+        rest = {key: -value / pivot for key, value in row.items()}
+        done.append((column, rest))
+        for other in table:
+            factor = other.pop(column, None)
+            if factor is None:
+                continue
+            for key, value in rest.items():
+                other[key] = other.get(key, Fraction(0)) + factor * value
+                if not other[key] and key >= 0:
+                    del other[key]
+    found = {-1: Fraction(1)}
+    for column, rest in reversed(done):
+        found[column] = sum((found[key] * value for key, value in rest.items()), Fraction(0))
+    del found[-1]
+    return found
+
+
+def infeasible(problem: Problem, x: list[Fraction]) -> str:
+    """Why a rational point is not feasible; empty where it is."""
+    for v, (value, low, high) in enumerate(zip(x, problem.lower, problem.upper, strict=True)):
+        if not low <= value <= high:
+            return f"variable {v + 1} leaves its bounds"
+    for k, c in enumerate(problem.constraints):
+        value = c.polynomial.at(x)
+        if (value != 0) if c.equality else (value < 0):
+            return f"constraint {k} does not hold"
+        if c.side and not entries_hold(c, [p.at(x) for p in c.entries]):
+            return f"matrix {k} is not positive semidefinite"
+    return ""
+
+
+def entries_hold(c: Constraint, values: list[Fraction]) -> bool:
+    """Whether the matrix with these entries is positive semidefinite."""
+    if c.kind == "SECOND_ORDER":
+        rest = sum((v * v for v in values[1:]), Fraction(0))
+        return values[0] >= 0 and values[0] ** 2 >= rest
+    side = range(c.side)
+    return semidefinite([[values[c.place(i, j)] for j in side] for i in side])
+
+
+# ---- rays -------------------------------------------------------------------------------------
+
+
+def falls_without_limit(problem: Problem, point: ProvedPoint, ray: list[Fraction] | None) -> bool:
+    """Whether the objective falls along a feasible ray from the point, as given or found."""
+    if point.proof != "exact" or point.radius > 0 or point.fails():
+        return False
+    tried = _directions(problem, point.x) if ray is None else iter([ray])
+    return any(_falls(problem, point.x, direction) for direction in tried)
+
+
+def _directions(problem: Problem, x: list[Fraction]) -> Iterator[list[Fraction]]:
+    """Signs of the descent direction, the axes, and all signs where there are few variables."""
+    n = problem.dimension
+    slope = [problem.objective.derivative(v + 1).at(x) for v in range(n)]
+    least = max(map(abs, slope)) / 10**9
+    yield [Fraction(0 if abs(s) <= least else (-1 if s > 0 else 1)) for s in slope]
+    for v in range(n):
+        for sign in (1, -1):
+            yield [Fraction(sign if k == v else 0) for k in range(n)]
+    if n <= 5:
+        for signs in product((-1, 0, 1), repeat=n):
+            yield [Fraction(s) for s in signs]
+
+
+def _falls(problem: Problem, x: list[Fraction], direction: list[Fraction]) -> bool:
+    """Whether x + s * direction is feasible for all s >= 0 and the objective falls there."""
+    for step, low, high in zip(direction, problem.lower, problem.upper, strict=True):
+        if (step < 0 and low != -INF) or (step > 0 and high != INF):
+            return False
+    falling = _along(problem.objective, x, direction)
+    if len(falling) < 2 or falling[-1] >= 0:
+        return False
+    for c in problem.constraints:
+        values = _along(c.polynomial, x, direction)
+        if any(values) if c.equality else any(value < 0 for value in values):
+            return False
+        entries = [_along(p, x, direction) for p in c.entries]
+        for k in range(max(map(len, entries), default=0)):
+            if not entries_hold(c, [e[k] if k < len(e) else Fraction(0) for e in entries]):
+                return False
+    return True
+
+
+def _along(p: Polynomial, x: list[Fraction], direction: list[Fraction]) -> list[Fraction]:
+    """Coefficients in s of p(x + s * direction), without zeros at the end."""
+    found = [Fraction(0)] * (1 + max(map(len, p.terms), default=0))
+    for letters, value in p.terms.items():
+        term = [value * power_of_two(p.exp)]
+        for v in letters:
+            shifted = [Fraction(0), *(a * direction[v - 1] for a in term)]
+            term = [a * x[v - 1] for a in term] + [Fraction(0)]
+            term = [a + b for a, b in zip(term, shifted, strict=True)]
+        for k, a in enumerate(term):
+            found[k] += a
+    while found and not found[-1]:
+        found.pop()
+    return found

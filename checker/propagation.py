@@ -1,0 +1,216 @@
+"""Boxes, and one sweep of interval propagation over rows of polynomials.
+
+A row says that a sum of atoms lies in [low, high]. An atom is a term c x1^p1 x2^p2 ..., or
+c1 x + c2 x^2 taken together. All atoms get a range over the box with which the sweep begins.
+An atom then lies in what the row leaves when the ranges of the others are taken off, and each
+variable in what the atom leaves when the ranges of its other factors are divided off. First come
+the atoms c1 x + c2 x^2 of all rows, then the last factors of all terms, the factors before, ....
+"""
+
+from __future__ import annotations
+
+from math import isqrt
+from typing import Any
+
+from . import interval as iv
+from .interval import WHOLE, End, Interval
+from .polynomial import INF, Polynomial, powers
+
+Factors = list[tuple[int, int]]
+
+
+class Box:
+    """Intervals of all variables; it holds no point where a lower end lies above the upper one.
+
+    ``stale`` holds the variables that changed since the last sweep with and without a cutoff:
+    a row none of whose variables changed says what it said before.
+    """
+
+    def __init__(self, ends: list[Interval], stale: dict[bool, set[int]] | None = None) -> None:
+        self.ends = ends
+        every = range(len(ends))
+        self.stale = {False: set(every), True: set(every)} if stale is None else stale
+
+    def copy(self) -> Box:
+        """The same box, to be changed apart."""
+        return Box(list(self.ends), {key: set(value) for key, value in self.stale.items()})
+
+    def shrink(self, variable: int, low: End, high: End) -> None:
+        """Intersect with low <= x_variable <= high."""
+        old = self.ends[variable]
+        new = max(old[0], low), min(old[1], high)
+        if new != old:
+            self.ends[variable] = new
+            for stale in self.stale.values():
+                stale.add(variable)
+
+    @property
+    def empty(self) -> bool:
+        """Whether a lower end lies above the upper one."""
+        return any(low > high for low, high in self.ends)
+
+
+class Row:
+    """A polynomial that lies in ``target``, split into atoms."""
+
+    def __init__(self, polynomial: Polynomial, target: Interval) -> None:
+        terms = {word: value for word, value in polynomial.terms.items() if value}
+        self.target = target
+        self.variables = {letter - 1 for word in terms for letter in word}
+        self.squares: list[tuple[int, int, int]] = []  # variable, c1, c2 without the exponent
+        self.terms: list[tuple[Interval, Factors]] = []
+        for variable in sorted(self.variables):
+            one, two = (variable + 1,), (variable + 1, variable + 1)
+            if one in terms and two in terms:
+                self.squares.append((variable, terms.pop(one), terms.pop(two)))
+        self.exp = polynomial.exp
+        for word, value in terms.items():
+            self.terms.append((iv.scaled(value, self.exp), powers(word)))
+
+
+class Rows:
+    """Rows, and triples a, b, c of them with a^2 <= b c, as matrices imply."""
+
+    def __init__(self, rows: list[Row], minors: list[tuple[int, int, int]]) -> None:
+        self.rows = rows
+        self.minors = minors
+
+    def sweep(self, box: Box, uses_cutoff: bool) -> None:
+        """One sweep, in place; the box is empty where it proves that it holds no point."""
+        stale = box.stale[uses_cutoff]
+        chosen = [r for r in self.rows if self.minors or not stale.isdisjoint(r.variables)]
+        box.stale[uses_cutoff] = set()
+        if uses_cutoff:  # the other rows are among these
+            box.stale[False] = set()
+        begin = list(box.ends)
+        ranges = [_ranges(row, begin) for row in chosen]
+        targets = self._targets(ranges) if self.minors else [row.target for row in chosen]
+        work: list[list[tuple[Factors, list[Interval], Interval, Interval]]] = []
+        for row, known, target in zip(chosen, ranges, targets, strict=True):
+            allowed = _allowed(known, target)
+            if allowed is None:
+                return box.shrink(0, INF, -INF)
+            for square, asked in zip(row.squares, allowed, strict=False):
+                _solve_square(box, begin, square, row.exp, asked)
+            for (value, factors), asked in zip(row.terms, allowed[len(row.squares) :], strict=True):
+                while len(work) < len(factors):
+                    work.append([])
+                parts = [iv.power(begin[v], n) for v, n in factors]
+                for place in range(len(factors)):
+                    work[place].append((factors, parts, value, asked))
+        for place in reversed(range(len(work))):
+            for factors, parts, value, asked in work[place]:
+                _solve_factor(box, place, factors, parts, value, asked)
+
+    def _targets(self, ranges: list[list[Interval]]) -> list[Interval]:
+        """Where rows must lie, with |a| <= sqrt(b c) for the upper ends of b and c."""
+        found = [row.target for row in self.rows]
+        for a, b, c in self.minors:
+            ends = [_total(ranges[k])[1] for k in (b, c)]
+            product = iv.times((0, max(ends[0], 0)), (0, max(ends[1], 0)))[1]
+            reach = iv.root_above(product, 2)
+            found[a] = max(found[a][0], -reach), min(found[a][1], reach)
+        return found
+
+
+def _ranges(row: Row, box: list[Interval]) -> list[Interval]:
+    """The ranges of all atoms: first those with a square, then the terms."""
+    found = [_square_range(square, row.exp, box[square[0]]) for square in row.squares]
+    for value, factors in row.terms:
+        for variable, n in factors:
+            value = iv.times(value, iv.power(box[variable], n))
+        found.append(value)
+    return found
+
+
+def _total(ranges: list[Interval]) -> Interval:
+    found: Interval = iv.ZERO
+    for part in ranges:
+        found = iv.plus(found, part)
+    return found
+
+
+def _allowed(ranges: list[Interval], target: Interval) -> list[Interval] | None:
+    """Where each atom must lie; None where there is no such place."""
+    low = sum(part[0] for part in ranges if part[0] != -INF)
+    high = sum(part[1] for part in ranges if part[1] != INF)
+    open_low = sum(part[0] == -INF for part in ranges)
+    open_high = sum(part[1] == INF for part in ranges)
+    found = []
+    for own_low, own_high in ranges:
+        least: End = low - (0 if own_low == -INF else own_low)
+        most: End = high - (0 if own_high == INF else own_high)
+        if open_low > (own_low == -INF):
+            least = -INF
+        if open_high > (own_high == INF):
+            most = INF
+        asked = iv.minus(target, (least, most))
+        both = max(asked[0], own_low), min(asked[1], own_high)
+        if both[0] > both[1]:
+            return None
+        found.append(both)
+    return found
+
+
+def _solve_factor(
+    box: Box, place: int, factors: Factors, parts: list[Interval], value: Interval, asked: Interval
+) -> None:
+    """Bound one factor of c x1^p1 x2^p2 ..., which lies in ``asked``."""
+    variable, n = factors[place]
+    others = value
+    for k, part in enumerate(parts):
+        if k != place:
+            others = iv.times(others, part)
+    wanted = iv.quotient(asked, others)
+    if wanted != WHOLE:
+        box.shrink(variable, *iv.roots(wanted, n, box.ends[variable]))
+
+
+def _square_range(square: tuple[int, int, int], exp: int, x: Interval) -> Interval:
+    """The range of c1 x + c2 x^2."""
+    _, c1, c2 = square
+    ends = [_square_at(c1, c2, exp, end) for end in x]
+    low, high = min(e[0] for e in ends), max(e[1] for e in ends)
+    (left, right), (depth_low, depth_high) = _vertex(c1, c2, exp)
+    if left <= x[1] and right >= x[0]:
+        low, high = (min(low, depth_low), high) if c2 > 0 else (low, max(high, depth_high))
+    return low, high
+
+
+def _square_at(c1: int, c2: int, exp: int, end: End) -> Interval:
+    if end in (INF, -INF):
+        far = INF if c2 > 0 else -INF
+        return far, far
+    slope = iv.plus(iv.scaled(c1, exp), iv.times(iv.scaled(c2, exp), (end, end)))
+    return iv.times((end, end), slope)
+
+
+def _vertex(c1: int, c2: int, exp: int) -> tuple[Interval, Interval]:
+    """Place and value of the extremum of c1 x + c2 x^2: -c1 / (2 c2) and -c1^2 / (4 c2)."""
+    unit = iv.scaled(1, 0)[0]
+    sign = 1 if c2 > 0 else -1
+    top, bottom = -c1 * sign * unit, 2 * c2 * sign
+    depth = iv.scaled(-c1 * c1 * sign, exp)
+    below = 4 * c2 * sign
+    return (top // bottom, -(-top // bottom)), (depth[0] // below, -(-depth[1] // below))
+
+
+def _solve_square(
+    box: Box, begin: list[Interval], square: tuple[int, int, int], exp: int, asked: Interval
+) -> None:
+    """Bound x where c1 x + c2 x^2 lies in ``asked``: |x - vertex| lies between two radii."""
+    variable, c1, c2 = square
+    (left, right), depth = _vertex(c1, c2, exp)
+    near, far = iv.quotient(iv.minus(asked, depth), iv.scaled(c2, exp))
+    if far < 0:
+        box.shrink(variable, INF, -INF)
+        return
+    unit = iv.scaled(1, 0)[0]
+    outer: Any = iv.root_above(far, 2)
+    low, high = left - outer if far != INF else -INF, right + outer if far != INF else INF
+    inner = isqrt(near * unit) if 0 < near != INF else 0
+    if inner and begin[variable][0] > right - inner:
+        low = max(low, left + inner)
+    if inner and begin[variable][1] < left + inner:
+        high = min(high, right - inner)
+    box.shrink(variable, low, high)

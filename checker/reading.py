@@ -1,0 +1,281 @@
+"""Read problems from JSON, strictly: whatever is not what the format page says is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sized
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import isfinite, isqrt
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from .polynomial import INF, Polynomial, Word
+
+OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
+    "part": [("cut", "branch")],
+    "Propagation": [("cutoff", "uses_cutoff")],
+    "Tightening": [("cutoff", "uses_cutoff")],
+    "Sublevel": [("level", "cutoff")],
+}
+VERSIONS = {"sparsepop-py": (2, 3), "setid": (1,)}
+KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
+
+
+class Malformed(Exception):
+    """The input is no problem, certificate or result of this format."""
+
+
+@dataclass
+class Constraint:
+    """p >= 0, p == 0, or p >= 0 and a matrix of polynomials that is positive semidefinite."""
+
+    kind: str
+    polynomial: Polynomial
+    entries: list[Polynomial] = field(default_factory=list)
+
+    @property
+    def equality(self) -> bool:
+        """Whether the polynomial has to be zero."""
+        return self.kind == "ZERO"
+
+    @property
+    def side(self) -> int:
+        """Rows of the matrix, 0 without one."""
+        count = len(self.entries)
+        return (isqrt(8 * count + 1) - 1) // 2 if self.kind == "PSD" else count
+
+    def place(self, i: int, j: int) -> int:
+        """Which entry stands in row i and column j, -1 for a zero."""
+        i, j = max(i, j), min(i, j)
+        if self.kind == "PSD":
+            return i * (i + 1) // 2 + j
+        return 0 if i == j else (i if j == 0 else -1)
+
+
+@dataclass
+class Problem:
+    """Minimise the objective subject to constraints and bounds."""
+
+    dimension: int
+    objective: Polynomial
+    constraints: list[Constraint]
+    lower: list[Any]  # Fraction or -INF
+    upper: list[Any]
+    names: list[str]
+    squares: list[tuple[Fraction, Polynomial]] = field(default_factory=list)
+    sense: str = "min"
+
+    def about(self, variable: int, side: int) -> Problem:
+        """The problem with the objective side * x_variable over the same feasible set."""
+        objective = Polynomial({(variable + 1,): side})
+        given = self.constraints, self.lower, self.upper, self.names
+        return Problem(self.dimension, objective, *given)
+
+
+# ---- JSON ------------------------------------------------------------------------------------
+
+
+def load(path: str | Path) -> Any:
+    """A JSON text, without names twice in one object and without NaN and Infinity."""
+
+    def distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len(found := dict(pairs)) < len(pairs):
+            raise Malformed(f"{path}: a name stands twice in one object")
+        return found
+
+    def no_constant(text: str) -> Any:
+        raise Malformed(f"{path}: {text} is no number of JSON")
+
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        return json.loads(text, parse_constant=no_constant, object_pairs_hook=distinct)
+    except (OSError, ValueError, RecursionError) as error:
+        raise Malformed(f"{path}: {error}") from None
+
+
+def content(found: Any, place: str) -> tuple[str, Any]:
+    """The kind of a file and what it holds, if its format and version are known."""
+    name = text(item(found, "format", place), f"{place}.format")
+    version = whole(item(found, "version", place), f"{place}.version")
+    if version not in VERSIONS.get(name, ()):
+        raise Malformed(f"{place}: {name!r:.40} of version {version} is not known")
+    if (name, version) == ("sparsepop-py", 2):
+        modernise(found)
+    name = text(item(found, "is", place), f"{place}.is")
+    return name, item(found, name, place)
+
+
+def modernise(found: Any) -> None:
+    """Give the fields of version 2 the names of version 3, in place."""
+    stack = [found]
+    while stack:
+        inside = stack.pop()
+        if isinstance(inside, dict):
+            name = "part" if "cut" in inside else inside.get("is")
+            for old, new in OLD_NAMES.get(name, ()) if isinstance(name, str) else ():
+                if old in inside:
+                    inside[new] = inside.pop(old)
+            inside = list(inside.values())
+        stack += [value for value in inside if isinstance(value, (dict, list))]
+
+
+def item(found: Any, name: str, place: str) -> Any:
+    """A field of an object."""
+    if not isinstance(found, dict) or name not in found:
+        raise Malformed(f"{place}: there is no field {name!r}")
+    return found[name]
+
+
+def number(found: Any, place: str) -> float:
+    """A double, or one of the strings "inf" and "-inf"."""
+    if found in ("inf", "-inf"):
+        return INF if found == "inf" else -INF
+    try:
+        if type(found) in (int, float) and isfinite(value := float(found)):
+            return value
+    except OverflowError:
+        pass
+    raise Malformed(f"{place}: {found!r:.40} is not a number")
+
+
+def finite(found: Any, place: str) -> float:
+    """A double that is finite."""
+    if isinstance(found, str) or not isfinite(value := number(found, place)):
+        raise Malformed(f"{place}: not a finite number")
+    return value
+
+
+def of_type(kind: type) -> Callable[[Any, str], Any]:
+    """A value of exactly that type."""
+
+    def read(found: Any, place: str) -> Any:
+        if type(found) is not kind:
+            raise Malformed(f"{place}: {found!r:.40} is no {kind.__name__}")
+        return found
+
+    return read
+
+
+whole, flag, text, items = map(of_type, (int, bool, str, list))
+READERS = {"f": finite, "F": number, "i": whole, "b": flag, "t": text, "l": items}
+
+
+def array(found: Any, kind: str, rank: int, place: str) -> list[Any]:
+    """An array as nested lists: of finite (f) or any (F) doubles, whole numbers (i), flags (b)."""
+    name = text(item(found, "type", place), f"{place}.type")
+    shape = [whole(n, f"{place}.shape") for n in items(item(found, "shape", place), place)]
+    data = items(item(found, "data", place), f"{place}.data")
+    size = 1
+    for length in shape:
+        size *= length
+    fits = len(shape) == rank and 0 <= min(shape) <= max(shape) < 10**7 and size == len(data)
+    if name not in ("f8", "f4", "i8", "i4", "b1") or name[0] != kind.lower() or not fits:
+        raise Malformed(f"{place}: {len(data)} numbers as an array {name!r:.9} of shape {shape}")
+    values = [READERS[kind](value, f"{place}.data") for value in data]
+    return nested(values, shape)
+
+
+def nested(values: list[Any], shape: list[int]) -> list[Any]:
+    """A flat list as lists of lists."""
+    if len(shape) == 1:
+        return values
+    size = len(values) // shape[0] if shape[0] else 0
+    parts = (values[k * size : (k + 1) * size] for k in range(shape[0]))
+    return [nested(part, shape[1:]) for part in parts]
+
+
+def words(rows: list[list[int]], n: int, place: str) -> list[Word]:
+    """Rows of letters as words in n variables."""
+    if any(not 0 <= letter <= n for row in rows for letter in row):
+        raise Malformed(f"{place}: a variable outside 1..{n}")
+    return [tuple(sorted(letter for letter in row if letter)) for row in rows]
+
+
+def fields(found: Any, place: str, n: int, /, **kinds: Any) -> Any:
+    """The fields of an object, by what they have to be.
+
+    A kind is a letter of ``READERS``; with a digit an array of that rank; "w" and a digit an array
+    of words in n variables; or a class or function of (found, n, place). "?" allows null.
+    """
+    got = SimpleNamespace(where=place)
+    for name, kind in kinds.items():
+        here, value = f"{place}.{name}", item(found, name, place)
+        if isinstance(kind, str) and kind.endswith("?") and value is None:
+            pass
+        elif not isinstance(kind, str):
+            value = kind(value, n, here)
+        elif kind == "w2":
+            value = words(array(value, "i", 2, here), n, here)
+        elif kind == "w3":
+            value = [words(rows, n, here) for rows in array(value, "i", 3, here)]
+        elif kind[1:2].isdigit():
+            value = array(value, kind[0], int(kind[1]), here)
+        else:
+            value = READERS[kind[0]](value, here)
+        setattr(got, name, value)
+    return got
+
+
+def alike(place: str, *lists: Sized) -> None:
+    """Refuse lists of several lengths."""
+    if len({len(values) for values in lists}) > 1:
+        raise Malformed(f"{place}: its arrays do not belong together")
+
+
+def below(values: list[int], stop: int, place: str) -> None:
+    """Refuse numbers that are not in 0, ..., stop - 1."""
+    if any(not 0 <= value < stop for value in values):
+        raise Malformed(f"{place}: a number outside 0..{stop - 1}")
+
+
+# ---- problems --------------------------------------------------------------------------------
+
+
+def polynomial(found: Any, n: int, place: str) -> Polynomial:
+    """A polynomial in n variables; its words have to be distinct."""
+    got = fields(found, place, n, dimension="i", words="w2", coefficients="f1")
+    alike(place, got.words, got.coefficients)
+    if got.dimension != n or len(set(got.words)) < len(got.words):
+        raise Malformed(f"{place}: {got.dimension} variables, or a word that stands twice")
+    return Polynomial.of(got.words, got.coefficients)
+
+
+def polynomials(found: Any, n: int, place: str) -> list[Polynomial]:
+    """A list of polynomials."""
+    return [polynomial(p, n, f"{place}[{k}]") for k, p in enumerate(items(found, place))]
+
+
+def constraint(found: Any, n: int, place: str) -> Constraint:
+    """A constraint of a problem in n variables."""
+    got = fields(found, place, n, kind="t", polynomial=polynomial, entries=polynomials)
+    made = Constraint(got.kind, got.polynomial, got.entries)
+    matrix = made.kind in ("SECOND_ORDER", "PSD")
+    triangle = made.kind != "PSD" or len(got.entries) == made.side * (made.side + 1) // 2
+    if made.kind not in KINDS or matrix != (made.side > 1) or not triangle:
+        raise Malformed(f"{place}: kind {made.kind!r:.20} with {len(got.entries)} entries")
+    return made
+
+
+def weighted(found: Any, n: int, place: str) -> tuple[Fraction, Polynomial]:
+    """A weight >= 0 and a polynomial."""
+    if len(items(found, place)) != 2 or not finite(found[0], place) >= 0:
+        raise Malformed(f"{place}: not a weight >= 0 and a polynomial")
+    return Fraction(found[0]), polynomial(found[1], n, place)
+
+
+def problem(found: Any, place: str = "problem") -> Problem:
+    """A problem."""
+    n = whole(item(item(found, "objective", place), "dimension", place), place)
+    kinds = {"constraints": "l", "lower": "F1", "upper": "F1", "names": "l", "squares": "l"}
+    got = fields(found, place, n, objective=polynomial, sense="t", **kinds)
+    alike(place, got.lower, got.upper, got.names, range(n))
+    ends = [[v if v in (INF, -INF) else Fraction(v) for v in e] for e in (got.lower, got.upper)]
+    for low, high in zip(*ends, strict=True):
+        if not low <= high or low == INF or high == -INF:
+            raise Malformed(f"{place}: bounds {low}, {high}")
+    rows = [constraint(c, n, f"{place}.constraints[{k}]") for k, c in enumerate(got.constraints)]
+    names = [text(name, f"{place}.names") for name in got.names]
+    squares = [weighted(pair, n, f"{place}.squares[{k}]") for k, pair in enumerate(got.squares)]
+    return Problem(n, got.objective, rows, ends[0], ends[1], names, squares, got.sense)

@@ -1,0 +1,321 @@
+"""Identifications: the rows are those of the record, and the intervals follow from the proofs."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import Any
+
+from .certificate import Certificates
+from .parameter_box import Ends, combined, proved_box, rational
+from .point import ProvedPoint, infeasible
+from .polynomial import INF
+from .reading import (
+    Constraint,
+    Malformed,
+    fields,
+    finite,
+    item,
+    items,
+    number,
+    problem,
+    text,
+    whole,
+)
+from .result import NotProved, shown
+from .structure import ZERO, Record, Structure, Terms
+
+GROUPS = {"eta": "output", "xi": "input", "e": "equation"}
+
+
+class Identification:
+    """An identification as a file states it, with what was found of it on the way."""
+
+    def __init__(self, found: Any) -> None:
+        kinds = {k: "l" for k in ("parameters", "variables", "units", "rows", "given", "linear")}
+        kinds |= {"assumptions": "l", "ends": "l", "intervals": "l"}
+        self.got = fields(found, "file", 0, **kinds)
+        self.record = Record(found)
+        self.problem = problem(item(found, "problem", "file"))
+        self.names = [text(name, "parameters") for name in self.got.parameters]
+        self.units = [_unit(unit) for unit in self.got.units]
+        self.box = item(found, "box", "file")
+        self.given: Ends = [[bound(v) for v in items(ends, "given")] for ends in self.got.given]
+        n, p = self.problem.dimension, len(self.names)
+        if len(self.units) != n or len(self.got.variables) != n or len(set(self.names)) != p:
+            raise Malformed("units, variables: not one for each unknown, or a name twice")
+        if len(self.given) != 2 or any(len(ends) != p for ends in self.given):
+            raise Malformed("given: not two ends for each parameter")
+        self._number()
+        self.structure = self._stated(item(found, "structure", "file"))
+        self.taken: list[str] = []  # what is not checked
+        self.stated: list[str] = []  # rows that are part of the question
+        self.whole = True  # whether every feasible point of the problem explains the record
+        self.rounded = False  # whether rows of equation errors are rounded outwards
+
+    def _number(self) -> None:
+        """Which unknown is which parameter or sample."""
+        for k, triple in enumerate(self.got.variables):
+            group, channel, place = items(triple, "variables")
+            key = text(group, "variables"), whole(channel, "variables"), whole(place, "variables")
+            first = k < len(self.names)
+            if (group == "theta") != first or (first and place != k) or key in self.record.letters:
+                raise Malformed("variables: parameters come first, and each unknown stands once")
+            self.record.letters[key] = k + 1
+
+    def _stated(self, stated: Any) -> Structure | None:
+        """The structure, if it is one whose rows are built here."""
+        self.told = text(item(stated, "is", "structure"), "structure")
+        if self.told != "TransferFunction":
+            self.told = text(item(stated, "text", "structure"), "structure")
+            return None
+        found = Structure(stated, len(self.record.u), len(self.record.y))
+        if found.parameters != self.names:
+            raise Malformed("parameters: not those of the structure")
+        return found
+
+    # ---- rows -----------------------------------------------------------------------------
+
+    def check_rows(self) -> None:
+        """Every row of the problem follows from the record, the structure and the noise."""
+        if len(self.got.rows) != len(self.problem.constraints):
+            raise Malformed("rows: not one origin for each constraint")
+        if self.structure is None:
+            self.taken.append(f"the rows, which are said to be those of {self.told}")
+            return
+        self.sides: dict[tuple[str, int], set[bool]] = {}  # signs with which rows are there
+        for place, (origin, c) in enumerate(
+            zip(self.got.rows, self.problem.constraints, strict=True)
+        ):
+            if origin is None:
+                continue
+            name, k = items(origin, "rows")
+            if not 0 <= whole(k, "rows") < self.record.samples:
+                raise Malformed(f"rows[{place}]: no such sample")
+            why = self._differs(text(name, "rows"), k, c)
+            if why:
+                raise NotProved(f"row {place}, {name} at sample {k + 1}: {why}")
+        known = sum(origin is None for origin in self.got.rows)
+        self.stated = [f"given: {known} rows of priors and sets of noise"] if known else []
+        self.whole = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
+        for v in range(len(self.names), self.problem.dimension):
+            self._check_bounds(v)
+
+    def _wanted(self) -> list[tuple[str, int]]:
+        """All equations and samples that a row is possible for."""
+        assert self.structure is not None
+        zero = self.structure.zero
+        terms = {name: self.structure.equation(name) for name in self.structure.equations}
+        every = [(name, k) for name in terms for k in range(self.record.samples)]
+        return [(name, k) for name, k in every if self.record.possible(terms[name], k, zero)]
+
+    def _row(self, name: str, k: int) -> tuple[Terms, Fraction]:
+        """The polynomial of an equation at a sample, and how large it may be in size."""
+        assert self.structure is not None
+        places = {parameter: v for v, parameter in enumerate(self.names)}
+        row = self.record.row(self.structure.equation(name), places, k, self.structure.zero)
+        if name[0] != "y":
+            return row, ZERO
+        channel = int(name[1:])
+        letter = self.record.letters.get(("e", channel, k), 0)
+        if letter:
+            row[(letter,)] = Fraction(-1)
+        width: Fraction = self.record.bounds["equation"][channel - 1][k]
+        if width and self.structure.splits(channel - 1):
+            raise NotProved("a sum of partial outputs has no equation error")
+        return row, ZERO if letter else width
+
+    def _differs(self, name: str, k: int, c: Constraint) -> str:
+        """Why a constraint in units is not what the row says; empty where it is."""
+        row, width = self._row(name, k)
+        stated, wanted = c.polynomial.open(), {w: v for w, v in row.items() if v and w}
+        if set(stated) != set(wanted) or c.side or not wanted:
+            return "other unknowns than in the record"
+        ratios = set()
+        for word, value in stated.items():
+            for v in word:
+                value /= self.units[v - 1]
+            ratios.add(value / wanted[word])
+        if len(ratios) > 1:
+            return "other coefficients than in the record"
+        (factor,) = ratios
+        self.sides.setdefault((name, k), set()).update(
+            (False, True) if c.equality else {factor > 0}
+        )
+        own = row.get((), ZERO) * factor
+        if c.equality:
+            good = not width and c.polynomial.coefficient() == own
+            return "" if good else "another constant, or an equation error is left out"
+        slack = c.polynomial.coefficient() - own - width * abs(factor)
+        self.rounded |= slack > 0
+        return "" if slack >= 0 and width else "tighter than the bound of the equation error"
+
+    def _check_bounds(self, v: int) -> None:
+        """The bounds of an unknown sample are no tighter than what is known of it."""
+        group, channel, k = next(key for key, at in self.record.letters.items() if at == v + 1)
+        low, high = (times(e[v], self.units[v]) for e in (self.problem.lower, self.problem.upper))
+        known: tuple[Any, Any] | None = (-INF, INF)
+        if group == "slack":
+            known = (low, high)  # part of a prior, whose rows are taken as given
+        elif group in GROUPS:
+            size = self.record.bounds[GROUPS[group]][channel - 1][k]
+            known = (-size, size)
+        elif group in ("y", "u"):
+            known = self.record.range(group, channel - 1) or known
+        assert known is not None
+        if low > known[0] or high < known[1]:
+            raise NotProved(f"the bounds of {group}{channel}[{k + 1}] do not follow")
+        self.whole &= (low, high) == known
+
+    # ---- intervals ------------------------------------------------------------------------
+
+    def check(self) -> list[str]:
+        """What is proved, one line an interval, after what it rests on."""
+        self.check_rows()
+        box, why = proved_box(self)
+        self.taken += why
+        empty = any(a > b for a, b in zip(*box, strict=True))
+        used = {v for c in self.problem.constraints for w in c.polynomial.terms for v in w}
+        for v in range(len(self.names)):
+            pair = self.problem.lower[v], self.problem.upper[v]
+            low, high = (times(end, self.units[v]) for end in pair)
+            if not empty and v + 1 in used and not (low <= box[0][v] and box[1][v] <= high):
+                raise NotProved(f"the problem leaves out values of {self.names[v]} that may be")
+            self.whole &= v + 1 not in used or (
+                low >= self.given[0][v] and high <= self.given[1][v]
+            )
+        points = self._ends(box) + self._linear(box)
+        empty |= any(a > b for a, b in zip(*box, strict=True))
+        lines = self._asked()
+        for v, stated in enumerate(self.got.intervals):
+            lines += self._interval(v, stated, box, points, empty)
+        if len(self.got.intervals) != len(self.names):
+            raise Malformed("intervals: not one for each parameter")
+        return [*lines, "proved: no parameters explain the record"] if empty else lines
+
+    def _ends(self, box: Ends) -> list[Any]:
+        """Shrink the box by the certificates of its ends; the attained points."""
+        points = []
+        for place, end in enumerate(self.got.ends):
+            v, side = divmod(place, 2)
+            about = self.problem.about(v, 1 - 2 * side)
+            given = item(end, "certificate", "ends")
+            if given is not None:
+                certificates = Certificates(given, about, "ends.certificate")
+                proved, _ = certificates.prove()
+                least = bound(certificates.claim) if proved >= certificates.claim else proved
+                move(box, v, side, times(least, self.units[v]))
+            if item(end, "attained", "ends") is not None:
+                point = ProvedPoint(end["attained"], about, "ends.attained")
+                if reason := point.fails():
+                    raise NotProved(f"an attained point of {self.names[v]}: {reason}")
+                points.append(point)
+        return points
+
+    def _linear(self, box: Ends) -> list[Any]:
+        """Shrink the box by exact linear programs over the rows; the vertices they attain."""
+        n, points = self.problem.dimension, []
+        rows, equal = [], set[int]()
+        for k, c in enumerate(self.problem.constraints if self.got.linear else ()):
+            if any(len(word) > 1 for word in c.polynomial.open()):
+                raise Malformed("linear: a row that is not linear")
+            slopes = [c.polynomial.coefficient((v + 1,)) for v in range(n)]
+            rows.append([*slopes, c.polynomial.coefficient()])
+            equal |= {k} if c.equality else set()
+        rows += bound_rows(self.problem.lower, self.problem.upper)
+        for place, given in enumerate(self.got.linear):
+            v, side = divmod(place, 2)
+            status = item(given, "status", "linear")
+            if status != "UNBOUNDED":
+                pairs = items(item(given, "multipliers", "linear"), "linear")
+                least = combined(rows, pairs, None if status == "INFEASIBLE" else (v, side), equal)
+                move(box, v, side, least)
+            if item(given, "vertex", "linear") is not None:
+                x = [rational(value) for value in items(given["vertex"], "linear")]
+                if len(x) != n or infeasible(self.problem, x):
+                    raise NotProved(f"a vertex is not feasible ({infeasible(self.problem, x)})")
+                points.append(SimpleNamespace(x=x, radius=ZERO))
+        return points
+
+    def _asked(self) -> list[str]:
+        """What the intervals rest on, for people."""
+        record, lines = self.record, [f"structure: {self.told} of {', '.join(self.names)}"]
+        if self.structure is not None:
+            lines[0] += f" ({', '.join(f'{k} {v}' for k, v in self.structure.shown.items())})"
+        lines.append(f"record: {record.samples} samples, {len(record.starts)} records")
+        for name, table in record.bounds.items():
+            for channel, column in enumerate(table, 1):
+                if any(column):
+                    ends = shown(min(column)), shown(max(column))
+                    lines.append(f"noise: |{name} {channel}| <= {' .. '.join(dict.fromkeys(ends))}")
+        for name, low, high in zip(self.names, *self.given, strict=True):
+            if (low, high) != (-INF, INF):
+                lines.append(f"given: {name} in [{shown(low)}, {shown(high)}]")
+        lines += self.stated + [
+            f"assumed: {text(line, 'assumptions')}" for line in self.got.assumptions
+        ]
+        if self.rounded:
+            lines.append("rows of equation errors are rounded outwards, by less than a last bit")
+        return lines + [f"taken as given: {what}" for what in self.taken]
+
+    def _interval(
+        self, v: int, stated: Any, box: Ends, points: list[Any], empty: bool
+    ) -> list[str]:
+        """What is proved of one parameter."""
+        name = self.names[v]
+        if item(stated, "name", "intervals") != name:
+            raise Malformed("intervals: not in the order of the parameters")
+        low, high = (number(x, name) for x in items(item(stated, "outer", "intervals"), name))
+        if low > high and not empty:
+            raise NotProved("it is not proved that no parameters are consistent")
+        if empty:
+            return []
+        if low > box[0][v] or high < box[1][v]:
+            best = f"[{shown(box[0][v])}, {shown(box[1][v])}]"
+            raise NotProved(f"{name} in [{shown(low)}, {shown(high)}]: only {best} is proved")
+        line = f"proved: {name} in [{shown(low)}, {shown(high)}]"
+        inner = item(stated, "inner", "intervals")
+        if inner is None or not points or not self.whole:
+            return [line]
+        a, b = (number(x, name) for x in items(inner, name))
+        least = min(p.x[v] + p.radius for p in points) * self.units[v]
+        most = max(p.x[v] - p.radius for p in points) * self.units[v]
+        if self.problem.lower[v] == self.problem.upper[v]:
+            least = most = self.problem.lower[v] * self.units[v]
+        if a < least or b > most:
+            return [f"{line}; attained is less than the file says"]
+        return [f"{line}, attained from {shown(a)} to {shown(b)}"]
+
+
+def bound_rows(lower: list[Any], upper: list[Any]) -> list[list[Any]]:
+    """Rows x_v - lower >= 0 and then upper - x_v >= 0: slopes, and the constant or INF."""
+    n = len(lower)
+    rows = [[*(Fraction(j == v) for j in range(n)), -lower[v]] for v in range(n)]
+    return rows + [[*(Fraction(-(j == v)) for j in range(n)), upper[v]] for v in range(n)]
+
+
+def move(box: Ends, v: int, side: int, least: Any) -> None:
+    """Shrink a box by x_v >= least (side 0) or -x_v >= least (side 1)."""
+    if side == 0:
+        box[0][v] = max(box[0][v], least)
+    else:
+        box[1][v] = min(box[1][v], -least)
+
+
+def _unit(found: Any) -> Fraction:
+    value = Fraction(finite(found, "units"))
+    above, below = value.numerator, value.denominator
+    if value <= 0 or above & (above - 1) or below & (below - 1):
+        raise Malformed("units: not a power of two")
+    return value
+
+
+def bound(found: Any) -> Any:
+    """An end of an interval: a Fraction, INF or -INF."""
+    value = number(found, "bound")
+    return value if value in (INF, -INF) else Fraction(value)
+
+
+def times(value: Any, unit: Fraction) -> Any:
+    """An end in units as one in the units of the record."""
+    return value if value in (INF, -INF) else value * unit

@@ -1,0 +1,296 @@
+"""Rows of a transfer function on a record, built from its numbers: exactly, in rationals.
+
+With the noise-free samples y = y~ - eta and u = u~ - xi, output i of a structure with the
+denominators A_j and numerators B_j of its inputs has at every sample k the row
+
+    A_1 ... A_q y(k) - sum_j B_j (the other denominators) u_j(k) - c = e(k),
+
+denominators that are equal taken once. In the form "partial" it has instead the rows
+A_j z_j(k) - B_j u_j(k) = 0 for each input and y(k) - sum_j z_j(k) - c = 0.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .reading import Malformed, fields, finite, item, items, whole
+
+ZERO = Fraction(0)
+Terms = dict[tuple[int, ...], Fraction]  # polynomials in the unknowns: sorted letters from 1
+
+
+class Term(NamedTuple):
+    """A number times parameters times a signal some samples ago ("" for none)."""
+
+    sign: int
+    parameters: tuple[str, ...]
+    signal: str
+    lag: int
+
+
+class Sample(NamedTuple):
+    """A noise-free sample, known + sign * unknown; it lies within radius of centre."""
+
+    known: Fraction
+    letter: int
+    sign: int
+    centre: Fraction
+    radius: Fraction | None  # None where nothing is known
+
+
+class Structure:
+    """A transfer function between several inputs and outputs."""
+
+    def __init__(self, found: Any, inputs: int, outputs: int) -> None:
+        kinds = {"na": "l", "nb": "l", "nk": "l", "initial": "t", "form": "t"}
+        flags = {"common_denominator": "b", "offset": "b"}
+        got = fields(found, "structure", 0, **kinds, **flags)
+        for table in (got.na, got.nb, got.nk):
+            rows = [[whole(v, "structure") for v in items(row, "structure")] for row in table]
+            if len(rows) != outputs or any(len(r) != inputs or min(r) < 0 for r in rows):
+                raise Malformed("structure: orders that do not fit the channels")
+        if got.initial not in ("free", "zero") or got.form not in ("auto", "direct", "partial"):
+            raise Malformed("structure: initial or form of an unknown kind")
+        self.given, self.inputs, self.outputs = got, range(inputs), range(outputs)
+        self.many, self.zero = inputs * outputs > 1, got.initial == "zero"
+        names = ("na", "nb", "nk", "initial", "form", "common_denominator", "offset")
+        self.shown = {name: getattr(got, name) for name in names}
+
+    def _pair(self, i: int, j: int) -> str:
+        return f"[{i + 1},{j + 1}]" if self.many else ""
+
+    def denominator(self, i: int, j: int) -> tuple[str, ...]:
+        """Names of the coefficients of a denominator, from lag 1 on."""
+        pair = "" if self.given.common_denominator else self._pair(i, j)
+        return tuple(f"a{pair}{lag}" for lag in range(1, self.given.na[i][j] + 1))
+
+    def numerator(self, i: int, j: int) -> list[tuple[int, str]]:
+        """Lags and names of the coefficients of a numerator."""
+        first = self.given.nk[i][j]
+        return [(k, f"b{self._pair(i, j)}{k}") for k in range(first, first + self.given.nb[i][j])]
+
+    def offset(self, i: int) -> list[Term]:
+        """The term -c of an output."""
+        name = "c" if len(self.outputs) == 1 else f"c[{i + 1}]"
+        return [Term(-1, (name,), "", 0)] if self.given.offset else []
+
+    @property
+    def parameters(self) -> list[str]:
+        """The names of all parameters: denominators, numerators, offsets."""
+        pairs = [(i, j) for i in self.outputs for j in self.inputs]
+        names = [name for pair in pairs for name in self.denominator(*pair)]
+        names += [name for pair in pairs for _, name in self.numerator(*pair)]
+        names += [term.parameters[0] for i in self.outputs for term in self.offset(i)]
+        return list(dict.fromkeys(names))
+
+    @property
+    def equations(self) -> list[str]:
+        """The names of all equations."""
+        partial = [(i, j) for i in self.outputs for j in self.inputs if self.splits(i)]
+        names = [f"z[{i + 1},{j + 1}]" for i, j in partial]
+        return names + [f"y{i + 1}" for i in self.outputs]
+
+    def equation(self, name: str) -> list[Term]:
+        """The terms of an equation, by the name of the signal that it defines."""
+        for i in self.outputs:
+            if name == f"y{i + 1}":
+                return self.direct(i) if not self.splits(i) else self._sum(i)
+            for j in self.inputs:
+                if name == f"z[{i + 1},{j + 1}]" and self.splits(i):
+                    found = [Term(1, (), name, 0)]
+                    found += [
+                        Term(1, (a,), name, k) for k, a in enumerate(self.denominator(i, j), 1)
+                    ]
+                    return found + [Term(-1, (b,), f"u{j + 1}", k) for k, b in self.numerator(i, j)]
+        raise Malformed(f"rows: the structure has no equation {name!r:.20}")
+
+    def splits(self, i: int) -> bool:
+        """Whether an output is a sum of partial outputs, signals of their own."""
+        own = [self.denominator(i, j) for j in self.inputs]
+        several = len(set(own)) > 1
+        return bool(self.given.form == "partial" or (self.given.form == "auto" and several))
+
+    def _sum(self, i: int) -> list[Term]:
+        parts = [Term(-1, (), f"z[{i + 1},{j + 1}]", 0) for j in self.inputs]
+        return [Term(1, (), f"y{i + 1}", 0), *parts, *self.offset(i)]
+
+    def direct(self, i: int) -> list[Term]:
+        """The equation of an output with all denominators multiplied out."""
+        own = [self.denominator(i, j) for j in self.inputs]
+        distinct = [d for d in dict.fromkeys(own) if d]
+        found = [Term(1, names, f"y{i + 1}", lag) for lag, names in multiplied(distinct)]
+        for j in self.inputs:
+            others = multiplied([d for d in distinct if d != own[j]])
+            for shift, b in self.numerator(i, j):
+                found += [Term(-1, (*names, b), f"u{j + 1}", lag + shift) for lag, names in others]
+        return found + self.offset(i)
+
+
+def multiplied(denominators: list[tuple[str, ...]]) -> list[tuple[int, tuple[str, ...]]]:
+    """The product of polynomials 1 + sum of a_k q^-k as lags and names of parameters."""
+    found: list[tuple[int, tuple[str, ...]]] = [(0, ())]
+    for names in denominators:
+        factors = [(0, ()), *((k, (name,)) for k, name in enumerate(names, 1))]
+        found = [(p + q, (*a, *b)) for p, a in found for q, b in factors]
+    return found
+
+
+class Record:
+    """Samples, bounds of their noise, and the unknowns that stand for both."""
+
+    def __init__(self, found: Any) -> None:
+        got = fields(item(found, "record", "file"), "record", 0, u="l", y="l", starts="l")
+        self.u, self.y = ([_samples(c, True) for c in table] for table in (got.u, got.y))
+        self.samples = len(self.y[0]) if self.y else 0
+        noise = item(found, "noise", "file")
+        self.bounds = {
+            name: [_samples(c, False) for c in items(item(noise, name, "noise"), "noise")]
+            for name in ("output", "input", "equation")
+        }
+        tables = [self.u, self.y, self.bounds["input"], self.bounds["output"]]
+        lengths = {len(c) for table in (*tables, self.bounds["equation"]) for c in table}
+        channels = len(tables[0]) == len(tables[2]) and len(tables[1]) == len(tables[3])
+        if lengths != {self.samples} or not channels or not self.u:
+            raise Malformed("record: channels of several lengths")
+        if len(self.bounds["equation"]) != len(self.y):
+            raise Malformed("noise: not one bound of equation errors for each output")
+        if any(v < 0 for table in self.bounds.values() for c in table for v in c if v is not None):
+            raise Malformed("noise: a negative bound")
+        self.starts = [whole(v, "record.starts") for v in got.starts]
+        ordered = all(a < b for a, b in zip(self.starts, self.starts[1:], strict=False))
+        if self.starts[:1] != [0] or not ordered or self.starts[-1] >= self.samples:
+            raise Malformed("record.starts: not 0 and then later samples")
+        self.ranges = item(item(found, "record", "file"), "ranges", "record")
+        self.letters: dict[tuple[str, int, int], int] = {}
+
+    def first(self, k: int) -> int:
+        """The sample at which the record of sample k begins."""
+        return max(start for start in self.starts if start <= k)
+
+    def sample(self, signal: str, k: int) -> Sample:
+        """A noise-free sample of a signal."""
+        if signal[0] == "z":
+            return Sample(ZERO, self.letters.get((signal, 0, k), 0), 1, ZERO, None)
+        output, channel = signal[0] == "y", int(signal[1:]) - 1
+        value = (self.y if output else self.u)[channel][k]
+        if value is None:
+            letter = self.letters.get((signal[0], channel + 1, k), 0)
+            low, high = self.range(signal[0], channel) or (ZERO, None)
+            if high is None:
+                return Sample(ZERO, letter, 1, ZERO, None)
+            return Sample(ZERO, letter, 1, (low + high) / 2, (high - low) / 2)
+        bound = self.bounds["output" if output else "input"][channel][k]
+        if not bound:
+            return Sample(value, 0, 0, value, ZERO)
+        group = "eta" if output else "xi"
+        return Sample(value, self.letters.get((group, channel + 1, k), 0), -1, value, bound)
+
+    def range(self, signal: str, channel: int) -> tuple[Fraction, Fraction] | None:
+        """The range of all samples of a channel, where one is given."""
+        given = item(self.ranges, signal, "record.ranges")
+        if given is None:
+            return None
+        low, high = (Fraction(finite(v, "record.ranges")) for v in given[channel])
+        return low, high
+
+    def row(self, terms: list[Term], parameters: dict[str, int], k: int, zero: bool) -> Terms:
+        """The polynomial of an equation at sample k, in all unknowns."""
+        found: Terms = {}
+        for term, sample in self._used(terms, k, zero):
+            heads = [parameters[name] + 1 for name in term.parameters]
+            _add(found, heads, term.sign * sample.known)
+            if sample.letter:
+                _add(found, [*heads, sample.letter], Fraction(term.sign * sample.sign))
+            elif sample.sign:
+                raise Malformed("variables: a sample that is not known has no unknown")
+        return found
+
+    def regression(
+        self, terms: list[Term], parameters: dict[str, int], k: int, zero: bool
+    ) -> tuple[list[Fraction], list[Fraction]]:
+        """Y, R and w0, W of a row |Y + R theta| <= w0 + W |theta|; Y and w0 last in each list."""
+        count = len(parameters)
+        centre, radius = [ZERO] * (count + 1), [ZERO] * (count + 1)
+        for term, sample in self._used(terms, k, zero):
+            if len(term.parameters) > 1 or sample.radius is None:
+                raise Malformed("box: a row that is not linear in the parameters, or not bounded")
+            place = parameters[term.parameters[0]] if term.parameters else count
+            centre[place] += term.sign * sample.centre
+            radius[place] += sample.radius
+        return centre, radius
+
+    def possible(self, terms: list[Term], k: int, zero: bool) -> bool:
+        """Whether all samples of a row exist: known, or with an unknown or a range."""
+        for term in terms:
+            place = k - term.lag
+            if not term.signal or term.signal[0] == "z":
+                continue
+            if place < self.first(k):
+                if not zero:
+                    return False
+                continue
+            sample = self.sample(term.signal, place)
+            if sample.sign == 1 and not sample.letter and sample.radius is None:
+                return False
+        return True
+
+    def _used(self, terms: list[Term], k: int, zero: bool) -> list[tuple[Term, Sample]]:
+        found = []
+        for term in terms:
+            place = k - term.lag
+            if not term.signal:
+                found.append((term, Sample(Fraction(1), 0, 0, Fraction(1), ZERO)))
+            elif place >= self.first(k):
+                found.append((term, self.sample(term.signal, place)))
+            elif not zero:
+                raise Malformed(f"rows: sample {k} reaches before its record")
+        return found
+
+
+def _add(found: Terms, letters: list[int], value: Fraction) -> None:
+    key = tuple(sorted(letters))
+    found[key] = found.get(key, ZERO) + value
+
+
+def columns_of(path: str, record: Record) -> list[str]:
+    """Which column of a table holds which channel; raises where one holds none."""
+    try:
+        lines = [line for line in Path(path).read_text(encoding="utf-8-sig").splitlines()]
+    except (OSError, ValueError) as error:
+        raise Malformed(f"{path}: {error}") from None
+    while lines and lines[0][:1] in ("", "#", "%"):
+        del lines[0]
+    mark = next((m for m in ";\t," if lines and m in lines[0]), None)
+    rows = [[field.strip() for field in line.split(mark)] for line in lines]
+    names = rows.pop(0) if rows and any(_reading(field) == "no" for field in rows[0]) else None
+    if len({len(row) for row in rows}) != 1:
+        raise Malformed(f"{path}: lines of several lengths")
+    table = [[_reading(field) for field in column] for column in zip(*rows, strict=True)]
+    found = []
+    for letter, channels in (("u", record.u), ("y", record.y)):
+        for number, channel in enumerate(channels, 1):
+            places = [k for k, column in enumerate(table) if column == channel]
+            if not places:
+                raise Malformed(f"{path}: no column holds the samples of {letter}{number}")
+            name = repr(names[places[0]]) if names else str(places[0])
+            found.append(f"{letter}{number} is column {name} of {path}")
+    return found
+
+
+def _reading(field: str) -> Any:
+    """A reading, None where it is missing, "no" where it is something else."""
+    if field.lower() in ("", "nan", "na", "n/a", "null", "none", "?"):
+        return None
+    try:
+        return Fraction(finite(float(field), "reading"))
+    except (ValueError, Malformed):
+        return "no"
+
+
+def _samples(column: Any, gaps: bool) -> list[Any]:
+    return [
+        None if value is None and gaps else Fraction(finite(value, "record"))
+        for value in items(column, "record")
+    ]

@@ -1,0 +1,299 @@
+"""Read columns of numbers from text tables, so that no row can vanish.
+
+A row that is dropped makes its neighbours consecutive samples, and what is then proved is about
+another record. So there are three kinds of lines. Lines before the table may be blank or comments.
+One line may hold names, and further header lines are skipped where the user says how many there
+are. Every line after that is a sample, with missing fields perhaps, or an error that names it.
+Whatever was skipped is returned, and stands in the assumptions of the record.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.errors import DataError
+
+__all__ = ["Column", "Table", "has_names", "read_table"]
+
+Column = str | int
+PathLike = str | os.PathLike[str]
+
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "?"}
+# What spreadsheets write where a formula has no value: the sample is missing.
+_MISSING |= {"#n/a", "#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!"}
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_MARKS = ("#", "%")
+_MOST_QUOTED = 60  # characters of a line that a message shows
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a text table, and what was skipped on the way to them.
+
+    Parameters
+    ----------
+    columns : list of (N,) float
+        One array for each column that was asked for; missing samples are NaN.
+    skipped : tuple of str
+        A sentence for each line, or run of lines, that holds no sample.
+    """
+
+    columns: list[NDArray[np.float64]]
+    skipped: tuple[str, ...]
+
+
+def read_table(
+    path: PathLike, columns: Sequence[Column], decimal: str = ".", header: int | None = None
+) -> Table:
+    """Read columns of a text table.
+
+    Parameters
+    ----------
+    path : path-like
+        UTF-8 text; fields are separated by semicolons, tabs, commas or blanks, whichever of them
+        comes first in this order in the first line of the table.
+    columns : sequence of str or int
+        Names from the line of names, or numbers from 0.
+    decimal : {".", ","}
+        The decimal mark. With a comma, commas separate nothing.
+    header : int, optional
+        Number of lines before the first sample, blank lines and comments left out; the first of
+        them holds the names. By default one if the first line holds no number, else none.
+
+    Raises
+    ------
+    DataError
+        With file, line, column and what was found: a field that is neither a number nor a mark of
+        a missing sample, a line with another number of fields, a blank line or a comment between
+        samples, a first line that is half names and half numbers.
+    """
+    if decimal not in (".", ","):
+        raise DataError(f"decimal: found {decimal!r}, expected '.' or ','")
+    lines = _lines(path)
+    begin = next((k for k, (_, line) in enumerate(lines) if not _is_comment(line)), len(lines))
+    while lines and not lines[-1][1]:
+        lines.pop()
+    if begin >= len(lines):
+        raise DataError(f"{path}: found no lines, expected a table of numbers")
+    separator = _separator(lines[begin][1], decimal)
+    rows = [(number, _fields(path, number, line, separator)) for number, line in lines[begin:]]
+    width = len(rows[0][1])
+    names_at = _header_lines(path, rows[0], decimal, header)
+    names = [field.strip() for field in rows[0][1]] if names_at else None
+    _refuse_samples_in_comments(path, lines[:begin], separator, width, decimal)
+    places = [_place(path, column, names, width) for column in columns]
+    _check_distinct(path, columns, places)
+    values = _samples(path, lines[begin + names_at :], rows[names_at:], places, width, decimal)
+    skipped = _skipped(path, lines[:begin], rows[1:names_at] if names_at else [])
+    if separator == "," and names is None:
+        skipped += _doubtful_commas(path, rows)
+    return Table([values[:, k].copy() for k in range(len(places))], skipped)
+
+
+def has_names(path: PathLike) -> bool:
+    """Tell whether the first line of a table holds names.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    DataError
+        If there is no table, or its first line is half names and half numbers.
+    """
+    line = next(((n, line) for n, line in _lines(path) if not _is_comment(line)), None)
+    if line is None:
+        raise DataError(f"{path}: found no lines, expected a table of numbers")
+    fields = _fields(path, *line, _separator(line[1], "."))
+    return _header_lines(path, (line[0], fields), ".", None) > 0
+
+
+# ---- lines and fields -------------------------------------------------------------------
+
+
+def _lines(path: PathLike) -> list[tuple[int, str]]:
+    """Numbered lines without the blanks around them; only line feeds and returns end lines."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}, expected a table of numbers") from None
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{path}: found bytes that are no UTF-8 text (at {error.start}), "
+            "expected a table of numbers"
+        ) from None
+    lines = re.split(r"\r\n|\n|\r", text)
+    return [(number, line.strip(" \t")) for number, line in enumerate(lines, 1)]
+
+
+def _is_comment(line: str) -> bool:
+    return not line or line.startswith(_MARKS)
+
+
+def _separator(line: str, decimal: str) -> str | None:
+    marks = (";", "\t", ",") if decimal == "." else (";", "\t")
+    return next((mark for mark in marks if mark in line), None)
+
+
+def _fields(path: PathLike, number: int, line: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=separator, strict=True), [])
+    except csv.Error as error:
+        raise DataError(f"{path}, line {number}: {error}, expected fields") from None
+
+
+def _is_missing(field: str) -> bool:
+    return field.strip().lower() in _MISSING
+
+
+def _value(field: str, decimal: str) -> float | None:
+    """The number in a field, NaN for a missing one, None for anything else."""
+    if _is_missing(field):
+        return float("nan")
+    text = field.strip()
+    text = text.replace(",", ".") if decimal == "," and "." not in text else text
+    if decimal == "," and "." in field:
+        return None
+    return float(text) if _NUMBER.fullmatch(text) else None
+
+
+# ---- the header -------------------------------------------------------------------------
+
+
+def _header_lines(
+    path: PathLike, first: tuple[int, list[str]], decimal: str, header: int | None
+) -> int:
+    """How many lines of the table hold names, units and the like."""
+    if header is not None:
+        if isinstance(header, bool) or not isinstance(header, int) or header < 0:
+            raise DataError(f"header: found {header!r}, expected a number of lines from 0")
+        return header
+    number, fields = first
+    readable = [_value(field, decimal) is not None for field in fields]
+    if all(readable):
+        return 0
+    with_number = [f for f, known in zip(fields, readable, strict=True) if known]
+    if any(not _is_missing(field) for field in with_number):
+        odd = fields[readable.index(False)]
+        raise DataError(
+            f"{path}, line {number}: found {odd!r} beside numbers, expected a line of names or a "
+            "sample (say header=1 if these are names)"
+        )
+    return 1
+
+
+def _refuse_samples_in_comments(
+    path: PathLike, comments: list[tuple[int, str]], separator: str | None, width: int, decimal: str
+) -> None:
+    """Refuse a comment that reads like a sample, as ``#N/A,0.3`` does."""
+    for number, line in comments:
+        fields = line.split(separator) if separator else line.split()
+        values = [_value(field, decimal) for field in fields]
+        if width > 1 and len(fields) == width and None not in values:
+            raise DataError(
+                f"{path}, line {number}: found {_quoted(line)} above the table, which reads like "
+                "a sample, expected a comment; write a missing first field as an empty one"
+            )
+
+
+def _skipped(
+    path: PathLike, comments: list[tuple[int, str]], headers: list[tuple[int, list[str]]]
+) -> tuple[str, ...]:
+    found = [
+        f"{Path(path).name}: line {number}, a comment, was skipped: {_quoted(line)}"
+        for number, line in comments
+        if line
+    ]
+    found += [
+        f"{Path(path).name}: line {number} was skipped as a header: {_quoted(' '.join(fields))}"
+        for number, fields in headers
+    ]
+    return tuple(found)
+
+
+def _doubtful_commas(path: PathLike, rows: list[tuple[int, list[str]]]) -> tuple[str, ...]:
+    """Say that commas were read as separators where they may have been decimal marks."""
+    width = len(rows[0][1])
+    whole = all("." not in field for _, fields in rows for field in fields)
+    if not whole or width % 2:
+        return ()
+    return (
+        f"{Path(path).name}: commas were read as separators of whole numbers; "
+        "if they are decimal marks, say decimal=','",
+    )
+
+
+def _quoted(line: str) -> str:
+    return repr(line if len(line) <= _MOST_QUOTED else line[:_MOST_QUOTED] + "...")
+
+
+# ---- samples ----------------------------------------------------------------------------
+
+
+def _samples(
+    path: PathLike,
+    lines: list[tuple[int, str]],
+    rows: list[tuple[int, list[str]]],
+    places: list[int],
+    width: int,
+    decimal: str,
+) -> NDArray[np.float64]:
+    values = np.empty((len(rows), len(places)))
+    for row, ((number, line), (_, fields)) in enumerate(zip(lines, rows, strict=True)):
+        if not line:
+            raise DataError(
+                f"{path}, line {number}: found an empty line between samples, expected "
+                f"{width} fields; a missing sample keeps its separators"
+            )
+        if len(fields) != width:
+            raise DataError(
+                f"{path}, line {number}: found {len(fields)} fields, "
+                f"expected {width} as in the first line"
+            )
+        for out, place in enumerate(places):
+            value = _value(fields[place], decimal)
+            if value is None:
+                raise DataError(
+                    f"{path}, line {number}, column {place}: found {fields[place]!r}, "
+                    "expected a number"
+                )
+            values[row, out] = value
+    return values
+
+
+# ---- columns ----------------------------------------------------------------------------
+
+
+def _place(path: PathLike, column: Column, names: list[str] | None, width: int) -> int:
+    if isinstance(column, str):
+        if names is None or names.count(column) != 1:
+            raise DataError(
+                f"{path}: found no single column {column!r}, expected one of "
+                f"{names if names else f'the numbers 0..{width - 1} (no line of names)'}"
+            )
+        return names.index(column)
+    if isinstance(column, bool) or not isinstance(column, (int, np.integer)):
+        raise DataError(f"{path}: found column {column!r}, expected a name or a number")
+    if not 0 <= column < width:
+        raise DataError(f"{path}: found column {column}, expected 0..{width - 1}")
+    return int(column)
+
+
+def _check_distinct(path: PathLike, columns: Sequence[Column], places: list[int]) -> None:
+    """Refuse one column for two signals."""
+    for column, place in zip(columns, places, strict=True):
+        if places.count(place) > 1:
+            raise DataError(
+                f"{path}: found column {column!r} for two signals, expected one for each"
+            )

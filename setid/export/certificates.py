@@ -1,0 +1,276 @@
+"""Identifications as files that the second checker reads: record, structure, rows, proofs.
+
+The format is described in ``docs/certificate_format.md``, section "Records".
+"""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.record import IOData
+from setid.errors import SetidError
+from setid.formulation.formulation import Formulation
+from setid.formulation.layout import Layout
+from setid.formulation.regression import Regression
+from setid.formulation.units import in_units
+from setid.models.lti import TransferFunction
+from setid.proofs.parameter_box import start_of
+from setid.result.identification import Identification
+from sparsepop_py.verified.uncertain_rows.sign_tree import (
+    LeftInverse,
+    ParameterBox,
+    SignTree,
+    linear_rows,
+)
+
+__all__ = ["certificate_files"]
+
+_FORMAT, _VERSION = "setid", 1
+
+
+def certificate_files(result: Identification) -> dict[str, Any]:
+    """Write an identification as an object of JSON that a stranger can check.
+
+    Parameters
+    ----------
+    result : Identification
+        Of a structure with its own normalisation.
+
+    Returns
+    -------
+    dict
+        To be written by ``json.dump`` and checked by ``checker/check.py``.
+
+    Raises
+    ------
+    SetidError
+        If the result rests on another one (``unidentifiable="report"``): write that.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> model = setid.TransferFunction(na=1, nb=1)
+    >>> found = certificate_files(setid.identify(data, model, setid.Noise(equation=0.5)))
+    >>> found["identification"]["parameters"], found["identification"]["intervals"][1]["outer"]
+    (['a1', 'b0'], [1.9166666666666665, 2.109302325581396])
+    """
+    if result.reference is not None:
+        raise SetidError("result: found one that rests on its reference, expected result.reference")
+    formulation = result.formulation
+    problem, layout = formulation.problem, formulation.layout
+    scaled = in_units(result.problem, formulation)
+    about = scaled.problem if result.results or not result.bounds else problem
+    units = scaled.units if about is scaled.problem else np.ones(layout.dimension)
+    start = start_of(formulation)
+    found = {
+        "record": _record(formulation.data),
+        "structure": _structure(formulation.model),
+        "noise": _noise(formulation),
+        "assumptions": list(result.assumptions),
+        "parameters": list(formulation.parameters),
+        "variables": _variables(layout, formulation.data.samples),
+        "units": units.tolist(),
+        "problem": json.loads(sp.to_json(about))["problem"],
+        "rows": _origins(formulation),
+        "given": [[_number(v) for v in ends] for ends in start],
+        "box": None if result.box is None else _box(result.box, formulation, start),
+        "linear": [_linear_bound(bound) for bound in result.bounds],
+        "ends": [_end(item) for item in result.results],
+        "intervals": [
+            {
+                "name": item.name,
+                "outer": [_number(v) for v in item.outer],
+                "inner": None if item.inner is None else [_number(v) for v in item.inner],
+                "status": str(item.status),
+            }
+            for item in result.intervals.values()
+        ],
+    }
+    return {
+        "format": _FORMAT,
+        "version": _VERSION,
+        "is": "identification",
+        "identification": found,
+    }
+
+
+def _number(value: float) -> float | str:
+    value = float(value)
+    return value if np.isfinite(value) else str(value)
+
+
+def _columns(values: NDArray[np.float64]) -> list[list[float | None]]:
+    return [[None if np.isnan(v) else float(v) for v in column] for column in values.T]
+
+
+def _record(data: IOData) -> dict[str, Any]:
+    ranges = {"u": data.u_range, "y": data.y_range}
+    return {
+        "u": _columns(data.u),
+        "y": _columns(data.y),
+        "starts": data.starts.tolist(),
+        "ranges": {k: None if v is None else v.tolist() for k, v in ranges.items()},
+    }
+
+
+def _structure(model: Any) -> dict[str, Any]:
+    """Orders of a transfer function; of another structure its text only."""
+    if type(model) is not TransferFunction:
+        return {"is": "rows", "text": repr(model)}
+    names = ("na", "nb", "nk", "common_denominator", "offset", "initial", "form")
+    return {"is": "TransferFunction"} | {
+        name: [list(row) for row in value] if isinstance(value, tuple) else value
+        for name in names
+        for value in (getattr(model, name),)
+    }
+
+
+def _noise(formulation: Formulation) -> dict[str, Any]:
+    bounds = formulation.noise.bounds(formulation.data)
+    names = ("output", "input", "equation")
+    return {name: values.T.tolist() for name, values in zip(names, bounds, strict=True)}
+
+
+def _variables(layout: Layout, samples: int) -> list[Any]:
+    """For each unknown its group, its channel (from 1, 0 for none) and its sample or place."""
+    found: list[Any] = [None] * layout.dimension
+    for group, numbers in layout.groups.items():
+        if group in ("theta", "slack"):
+            for place, number in enumerate(numbers.tolist()):
+                found[number] = [group, 0, place]
+            continue
+        columns = numbers.reshape(samples, -1)
+        for k, channel in np.argwhere(columns >= 0).tolist():
+            own = channel + 1 if numbers.ndim == 2 else 0
+            found[int(columns[k, channel])] = [group, own, k]
+    return found
+
+
+def _origins(formulation: Formulation) -> list[Any]:
+    """For each row its equation and its sample from 0; null for priors and noise sets."""
+    rows, starts = formulation.rows, formulation.data.starts
+    found: list[Any] = []
+    for origin, name, record, sample in zip(
+        rows.origin, rows.equation, rows.record.tolist(), rows.sample.tolist(), strict=True
+    ):
+        place = int(starts[record - 1]) + sample - 1
+        found.append([name, place] if origin == "model" else None)
+    return found
+
+
+def _end(result: sp.Result) -> dict[str, Any]:
+    """Certificate and attained point of one end, as they are written in results."""
+    found = json.loads(sp.to_json(result))["result"]
+    return {"certificate": found["certificate"], "attained": found["attained"]}
+
+
+# ---- rationals --------------------------------------------------------------------------------
+
+
+def _linear_bound(bound: sp.LinearBound) -> dict[str, Any]:
+    return {
+        "status": str(bound.status),
+        "multipliers": [[int(row), str(value)] for row, value in bound.multipliers],
+        "vertex": _rationals(bound.vertex),
+        "ray": _rationals(bound.ray),
+    }
+
+
+def _rationals(values: tuple[Fraction, ...] | None) -> list[str] | None:
+    return None if values is None else [str(value) for value in values]
+
+
+# ---- boxes ------------------------------------------------------------------------------------
+
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict[str, Any]:
+    """Its ends, and its steps where it follows from rows one by one, else null."""
+    ends = {"lower": [_number(v) for v in box.lower], "upper": [_number(v) for v in box.upper]}
+    rows = formulation.regression
+    known = isinstance(box, ParameterBox) and rows is not None and rows is formulation.smoothed
+    if not known or type(formulation.model) is not TransferFunction:
+        return ends | {"steps": None, "kind": type(box).__name__}
+    assert rows is not None
+    steps, inside = [], (start[0], start[1])
+    for step in box.steps:
+        if isinstance(step, LeftInverse):
+            steps.append(_left_inverse(step, rows))
+            low, high = step.box()
+            inside = np.maximum(inside[0], low), np.minimum(inside[1], high)
+        else:
+            nodes: list[dict[str, Any]] = []
+            inside = _sign_tree(step, rows, inside, nodes)
+            steps.append({"is": "SignTree", "nodes": nodes})
+    return ends | {"steps": steps, "kind": "ParameterBox"}
+
+
+def _left_inverse(step: LeftInverse, rows: Regression) -> dict[str, Any]:
+    return {
+        "is": "LeftInverse",
+        "rows": [[int(i), int(k)] for i, k in zip(rows.output, rows.row, strict=True)],
+        "inverse": step.inverse.tolist(),
+        "centre": step.centre.tolist(),
+        "radius": step.radius.tolist(),
+    }
+
+
+def _sign_tree(tree: SignTree, rows: Regression, box: Box, nodes: list[dict[str, Any]]) -> Box:
+    """Append the nodes of a tree, children after their parents; the box that it proves."""
+    place = len(nodes)
+    node: dict[str, Any] = {"split": tree.split, "children": [], "rows": [], "bounds": []}
+    nodes.append(node)
+    if tree.split >= 0:
+        found = []
+        for child, half in zip(tree.children, _halves(box, tree.split), strict=True):
+            node["children"].append(len(nodes))
+            found.append(_sign_tree(child, rows, half, nodes))
+        return _hull(found)
+    if not tree.bounds:
+        return box
+    problem = linear_rows(rows, box)
+    used = sorted(
+        {n for b in tree.bounds for n, _ in b.multipliers if n < len(problem.constraints)}
+    )
+    count = len(problem.constraints)
+    for number in used:
+        slope = [0.0] * (len(rows.names) + 1)  # the constant last
+        polynomial = problem.constraints[number].polynomial
+        for word, value in zip(polynomial.words, polynomial.coefficients, strict=True):
+            slope[int(word[-1]) - 1] = float(value)
+        k, side = divmod(number, 2)
+        node["rows"].append([int(rows.output[k]), int(rows.row[k]), 1 - 2 * side, slope])
+    order = {number: own for own, number in enumerate(used)}
+    for bound in tree.bounds:
+        pairs = [
+            [order.get(int(n), int(n) - count + len(used)), str(value)]
+            for n, value in bound.multipliers
+        ]
+        node["bounds"].append({"empty": bound.status is sp.Status.INFEASIBLE, "multipliers": pairs})
+    assert place >= 0
+    if tree.bounds[0].status is sp.Status.INFEASIBLE:
+        return np.full(box[0].size, np.inf), np.full(box[0].size, -np.inf)
+    ends = np.array([bound.lower for bound in tree.bounds])
+    return np.maximum(box[0], ends[0::2]), np.minimum(box[1], -ends[1::2])
+
+
+def _halves(box: Box, place: int) -> tuple[Box, Box]:
+    high, low = box[1].copy(), box[0].copy()
+    high[place], low[place] = min(high[place], 0.0), max(low[place], 0.0)
+    return (box[0], high), (low, box[1])
+
+
+def _hull(parts: list[Box]) -> Box:
+    full = [part for part in parts if not np.any(part[0] > part[1])]
+    if not full:
+        return parts[0]
+    lows, highs = zip(*full, strict=True)
+    return np.min(lows, axis=0), np.max(highs, axis=0)

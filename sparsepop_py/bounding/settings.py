@@ -1,0 +1,59 @@
+"""Settings of bounds from single relaxations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["BOUNDING", "BoundingSettings"]
+
+
+@dataclass(frozen=True)
+class BoundingSettings:
+    """Settings of bounds from single relaxations: numbers of experience.
+
+    They decide accuracies and what is tried, never whether a bound is valid. Numbers without
+    another source are rules of thumb, chosen on the benchmark families.
+
+    Parameters
+    ----------
+    bits : tuple of int
+        Binary places that entries of Gram matrices are rounded to.
+    shift : float
+        Relative shift that keeps singular matrices from stopping an estimate.
+    trace : float
+        Weight of the trace beside the constant: it prefers few squares.
+    short_shares : tuple of float
+        Shares of the largest multiplier; smaller ones may be left out.
+    rough_accuracy : float
+        Accuracy that is enough of a solver whose gap is that of its safe value.
+    moments : int
+        Moments from which residuals add up to more than the gap that a solver leaves.
+    margins : tuple of float
+        Margins tried without a box, relative to the scaled objective.
+    accuracies : tuple of float
+        Accuracies at which solvers stop, one after the other.
+    interior_steps : tuple of float
+        Steps from the most accurate matrices into the interior.
+    many_variables : int
+        Variables from which a box takes too long to gain the last digits.
+    small_gap : float
+        Relative gap that is nearly closed, with many variables.
+    few_monomials : int
+        Monomials up to which rational elimination takes no time.
+    """
+
+    bits: tuple[int, ...] = (0, 2, 6, 12)
+    shift: float = 1e-10
+    trace: float = 0.1
+    short_shares: tuple[float, ...] = (1e-5, 1e-7, 1e-9)
+    rough_accuracy: float = 1e-4
+    moments: int = 100
+    margins: tuple[float, ...] = (1e-8, 1e-6, 1e-4)
+    accuracies: tuple[float, ...] = (1e-7, 1e-6, 1e-5, 1e-4)
+    interior_steps: tuple[float, ...] = (1e-3, 1e-2, 1e-1, 1.0)
+    many_variables: int = 300
+    small_gap: float = 1e-4
+    few_monomials: int = 40
+
+
+BOUNDING = BoundingSettings()

@@ -1,0 +1,122 @@
+"""Problems in units in which unknowns and rows are neither tiny nor huge.
+
+Units are powers of two, so that nothing is rounded: x = units * z is consistent if and only if
+z satisfies the problem in z, and what is proved of one is proved of the other.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import frozen
+
+__all__ = ["InUnits", "in_units"]
+
+Reals = NDArray[np.float64]
+_COARSE = 16  # records in ordinary units stay as they are
+_SMALL, _LARGE = 1e-290, 1e290  # beyond this, products of units might be rounded
+
+
+class InUnits(NamedTuple):
+    """A problem in z, and how to read it in x.
+
+    Parameters
+    ----------
+    problem : Problem
+    units : (n,) float
+        x = units * z.
+    factor : float
+        Values of the objective in x are this many times those in z.
+    """
+
+    problem: Problem
+    units: Reals
+    factor: float
+
+    def asked(self, objective: Polynomial) -> tuple[Polynomial, float]:
+        """An objective in x as one in z of ordinary size, and the factor between their values."""
+        restated = _restated(objective, self.units)
+        if not _safe(restated):
+            raise ProblemError("objective: expected coefficients that are neither tiny nor huge")
+        return _balanced(restated)
+
+
+def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUnits:
+    """State the same problem with unknowns and rows that are neither tiny nor huge.
+
+    Parameters
+    ----------
+    problem : Problem
+    sizes : (k,) float, optional
+        Least sizes of the first k unknowns, for those that bounds do not tell; 0 for none.
+
+    Returns
+    -------
+    InUnits
+        With all units one where other ones would not be exact.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> large = sp.Problem(x * y, [x + 1e6 * y <= 2e6], lower=[0, 0], upper=[2e6, 2])
+    >>> in_units(large).units.tolist()
+    [65536.0, 1.0]
+    """
+    units = _units(problem, sizes)
+    with np.errstate(all="ignore"):
+        lower, upper = problem.lower / units, problem.upper / units
+        restated = [_restated(row.polynomial, units) for row in problem.constraints]
+        objective, factor = _balanced(_restated(problem.objective, units))
+        balanced = [_balanced(polynomial)[0] for polynomial in restated]
+    exact = np.array_equal(lower * units, problem.lower)
+    exact &= np.array_equal(upper * units, problem.upper)
+    exact &= bool(np.all((units > _SMALL) & (units < _LARGE)))
+    # a product that was rounded as a subnormal looks ordinary once it is balanced
+    if not exact or not all(map(_safe, [*restated, *balanced, objective])):
+        return InUnits(problem, np.ones(units.size), 1.0)
+    pairs = zip(problem.constraints, balanced, strict=True)
+    rows = [replace(row, polynomial=polynomial) for row, polynomial in pairs]
+    return InUnits(Problem(objective, rows, lower, upper, problem.names), units, factor)
+
+
+def _units(problem: Problem, sizes: NDArray[np.float64] | None) -> Reals:
+    """Coarse powers of two near the sizes of signals and bounds; one where there is none."""
+    size = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
+    size = np.where(np.isfinite(size) & (size > 0), size, 0.0)
+    if sizes is not None:
+        size[: sizes.size] = np.maximum(size[: sizes.size], sizes)
+    power = np.frexp(np.where(size > 0, size, 1.0))[1]
+    return frozen(np.ldexp(1.0, _COARSE * np.round(power / _COARSE).astype(int)))
+
+
+def _restated(polynomial: Polynomial, units: Reals) -> Polynomial:
+    factors = np.append(1.0, units)[polynomial.words]
+    return _with(polynomial, polynomial.coefficients * np.prod(factors, axis=1))
+
+
+def _balanced(polynomial: Polynomial) -> tuple[Polynomial, float]:
+    """Divided by a coarse power of two near the largest coefficient, and that power."""
+    if not polynomial.terms:
+        return polynomial, 1.0
+    size = np.frexp(np.abs(polynomial.coefficients).max())[1]
+    power = _COARSE * round(float(size) / _COARSE)
+    return _with(polynomial, np.ldexp(polynomial.coefficients, -power)), math.ldexp(1.0, power)
+
+
+def _with(polynomial: Polynomial, values: Reals) -> Polynomial:
+    return Polynomial(polynomial.words, frozen(values), polynomial.dimension, polynomial.names)
+
+
+def _safe(polynomial: Polynomial) -> bool:
+    """Whether no coefficient came near overflow or underflow."""
+    size = np.abs(polynomial.coefficients)
+    return bool(np.all((size > _SMALL) & (size < _LARGE)))

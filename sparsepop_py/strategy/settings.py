@@ -1,0 +1,91 @@
+"""Settings of the search over relaxations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["STRATEGY", "StrategySettings"]
+
+
+@dataclass(frozen=True)
+class StrategySettings:
+    """Settings of the search over relaxations: numbers of experience.
+
+    They decide what is tried first and how long, never whether a bound is valid. Numbers without
+    another source are rules of thumb, chosen on the benchmark families (pooling, bilinear,
+    polynomial and identification problems).
+
+    Parameters
+    ----------
+    nodes_per_effort : float
+        Nodes that branch and bound is expected to need, over ``SharedState.effort``.
+    slice_seconds : float
+        Most seconds that a tree grows before relaxations are considered again.
+    patience_nodes : int
+        Nodes after which linear programs alone are not trusted to close the gap.
+    sweeps : int
+        Sweeps of propagation after a step that tightened the box.
+    obbt_rounds : int
+        Rounds of OBBT by linear programs for one objective.
+    poor_cutoff : float
+        Share of the gap: an attained value that falls by more was a poor cutoff.
+    smaller_box : float
+        Share of a width: in a smaller box relaxations are worth solving again.
+    shared_obbt_rounds : int
+        Rounds of OBBT by linear programs for the box that all objectives share.
+    most_shared_variables : int
+        Variables whose bounds linear programs tighten for all objectives, at most.
+    window : int
+        Constraints that linear programs start with where few variables complicate many.
+    gained : float
+        Share of a width: another round of OBBT follows where one fell below it.
+    turn : int
+        Steps of an objective before it is the next one's turn.
+    rounding : float
+        Gaps this small, of values near 1, are closed: a few units of rounding.
+    order_rounds : int
+        Rounds of one order while the attained value improves.
+    many_variables : int
+        Variables from which a closed gap ends the work at once.
+    more_orders : int
+        Orders above the first that are tried at most without a finite box.
+    most_tightened : int
+        Variables whose bounds linear programs tighten at the root, at most.
+    obbt_too_slow : float
+        OBBT that takes this many times as long as the next relaxation is left out.
+    branching_gain : float
+        Share of a gap, on a logarithmic scale, that a node closes in the time of an LP.
+    weak_share : float
+        Expected progress up to which a relaxation counts as weak.
+    few_variables : int
+        Branching variables up to which semidefinite relaxations tighten bounds: two
+        solves each.
+    long_problem : int
+        Constraints beyond which linear programs take longer than star relaxations do.
+    """
+
+    nodes_per_effort: float = 4.0
+    slice_seconds: float = 3.0
+    patience_nodes: int = 300
+    sweeps: int = 3
+    obbt_rounds: int = 3
+    poor_cutoff: float = 0.5
+    smaller_box: float = 0.7
+    shared_obbt_rounds: int = 4
+    most_shared_variables: int = 24
+    window: int = 40
+    gained: float = 0.8
+    turn: int = 5
+    rounding: float = 1e-12
+    order_rounds: int = 3
+    many_variables: int = 300
+    more_orders: int = 6
+    most_tightened: int = 12
+    obbt_too_slow: float = 3.0
+    branching_gain: float = 0.1
+    weak_share: float = 0.3
+    few_variables: int = 12
+    long_problem: int = 300
+
+
+STRATEGY = StrategySettings()

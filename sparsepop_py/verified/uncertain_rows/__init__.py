@@ -1,0 +1,1 @@
+"""Boxes of parameters from rows with bounded uncertainty: the records and their checks."""

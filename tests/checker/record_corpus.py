@@ -1,0 +1,136 @@
+"""Records of all kinds and what setid proves of them, as files for the second checker.
+
+``python tests/checker/record_corpus.py folder [from to]`` identifies them and writes one file each.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parent.parent)]
+
+import setid  # noqa: E402
+from setid.export.certificates import certificate_files  # noqa: E402
+
+Case = tuple[str, Any, Any, Any, Any]  # name, data, model, noise, priors
+
+
+def response(u: np.ndarray, a: list[float], b: list[float], errors: np.ndarray) -> np.ndarray:
+    """y(k) = -sum a_i y(k-i) + sum b_j u(k-j) + e(k), at rest before the record."""
+    y = np.zeros(u.size)
+    for k in range(u.size):
+        past = sum(-c * y[k - i] for i, c in enumerate(a, 1) if k >= i)
+        y[k] = past + sum(c * u[k - j] for j, c in enumerate(b) if k >= j) + errors[k]
+    return y
+
+
+def record(seed: int, kind: str, size: int = 10, order: int = 1, noise: float = 0.05) -> Any:
+    """Data of a stable system with noise of a kind: e, o, i, or several of them."""
+    rng = np.random.default_rng(seed)
+    u = rng.choice([-1.0, 1.0], size) * rng.uniform(0.5, 1.5, size)
+    a = [float(rng.uniform(-0.8, 0.8))] if order == 1 else [-1.1, 0.4]
+    b = [float(v) for v in rng.uniform(0.5, 2.0, order)]
+    errors = rng.uniform(-noise, noise, size) * ("e" in kind)
+    y = response(u, a, b, errors) + rng.uniform(-noise, noise, size) * ("o" in kind)
+    u = u + rng.uniform(-noise, noise, size) * ("i" in kind)
+    return setid.IOData(u, y)
+
+
+def noise_of(kind: str, bound: float = 0.05) -> Any:
+    """The bounds that belong to :func:`record`."""
+    names = {"e": "equation", "o": "output", "i": "input"}
+    return setid.Noise(**{names[letter]: bound for letter in kind})
+
+
+def cases() -> Iterator[Case]:
+    """Over fifty records."""
+    first = setid.TransferFunction(1, 1)
+    for seed in range(4):
+        for kind in ("e", "o", "i", "oi", "eo", "eoi"):
+            yield f"{kind}-{seed}", record(seed, kind), first, noise_of(kind), ()
+    second = setid.TransferFunction(2, 2)
+    for seed in range(3):
+        for kind in ("e", "o"):
+            data = record(10 + seed, kind, 16, 2, 0.02)
+            yield f"second-{kind}-{seed}", data, second, noise_of(kind, 0.02), ()
+    for seed in range(3):
+        data = record(20 + seed, "o")
+        yield f"stable-{seed}", data, first, noise_of("o"), (setid.Stable(),)
+        yield f"box-{seed}", data, first, noise_of("o"), (setid.Box({"a1": (-1, 1), "b0": (0, 3)}),)
+        zero = setid.TransferFunction(1, 1, initial="zero")
+        yield f"zero-{seed}", data, zero, noise_of("o"), ()
+        offset = setid.TransferFunction(1, 1, offset=True)
+        yield f"offset-{seed}", data, offset, noise_of("e", 0.3), ()
+        relative = setid.Noise(output=0.05, relative=True)
+        clean = record(20 + seed, "")
+        yield f"relative-{seed}", clean, first, relative, ()
+        yield f"empty-{seed}", data, first, noise_of("o", 0.002), ()
+        both = setid.IOData.concat([record(30 + seed, "o", 6), record(30 + seed, "o", 7)])
+        yield f"two-{seed}", both, first, noise_of("o", 0.06), ()
+        sets = setid.Noise(output=0.05, constraints=[setid.EnergyBound("output", 0.2)])
+        yield f"energy-{seed}", data, first, sets, ()
+    yield from several()
+
+
+def several() -> Iterator[Case]:
+    """Several channels, missing samples, structures that come as rows."""
+    rng = np.random.default_rng(5)
+    u = rng.choice([-1.0, 1.0], (14, 2))
+    y = response(u[:, 0], [-0.5], [1.0], np.zeros(14)) + response(
+        u[:, 1], [0.3], [0.5], np.zeros(14)
+    )
+    y = y + rng.uniform(-0.02, 0.02, 14)
+    two = setid.IOData(u, y)
+    common = setid.TransferFunction(1, 2, inputs=2, common_denominator=True)
+    yield "common", two, common, setid.Noise(equation=1.5), ()
+    apart = setid.TransferFunction(1, 1, inputs=2)
+    poles = setid.Box({"a[1,1]1": (-0.9, 0.9), "a[1,2]1": (-0.9, 0.9)})
+    wide = setid.Box({"b[1,1]0": (-3, 3), "b[1,2]0": (-3, 3)})
+    yield "apart", two, apart, setid.Noise(output=0.02), (poles, wide)
+    data = record(7, "o", 12)
+    gone = data.y.ravel().copy()
+    gone[5] = np.nan
+    yield "gap", setid.IOData(data.u, gone), setid.TransferFunction(1, 1), noise_of("o"), ()
+    known = setid.IOData(data.u, gone, y_range=(-20, 20))
+    yield "gap-range", known, setid.TransferFunction(1, 1), noise_of("o"), ()
+    narx = setid.PolynomialNARX(["y1", "u0", "y1*u0"], 1, 0)
+    yield "narx", record(8, "e", 14), narx, noise_of("e"), ()
+
+
+@functools.cache
+def written(name: str) -> str:
+    """The file of one record."""
+    case = next(case for case in cases() if case[0] == name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = setid.identify(*case[1:], options=setid.Options(time_limit=20))
+    assert found.verify(case[1])
+    return json.dumps(certificate_files(found))
+
+
+def main(folder: Path, begin: int, end: int) -> None:
+    """Identify and write."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data, model, noise, priors in list(cases())[begin:end]:
+        started = time.time()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            limits = setid.Options(time_limit=8)
+            found = setid.identify(data, model, noise, priors, options=limits)
+        (folder / f"{name}.json").write_text(json.dumps(certificate_files(found)))
+        print(f"{name}: {found.status}, {time.time() - started:.1f} s", flush=True)
+
+
+if __name__ == "__main__":
+    first_, last_ = (int(v) for v in sys.argv[2:4]) if len(sys.argv) > 3 else (0, 10**6)
+    main(Path(sys.argv[1]), first_, last_)

@@ -1,0 +1,123 @@
+"""The pages run, their links lead somewhere, and they speak the field's language."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+import sparsepop_py as sp
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+    ROOT / "sparsepop_py" / "verified" / "README.md",
+]
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
+# Python blocks in order; a block of text that follows one is what it prints.
+CODE = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", re.M | re.S)
+# Words of an older private language, as whole words outside of code.
+PRIVATE = (
+    "rungs?|climb(?:s|ed|ing)?|ladders?|squeez(?:e|es|ed|ing)|narrow(?:s|ed|ing)?"
+    "|agendas?|told|grounds?|endless|dear(?:er)?"
+)
+
+MADE = ("benchmarks/results/",)  # where programs write
+
+
+def text(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def code(name: str) -> list[tuple[str, str]]:
+    return CODE.findall(text(name))
+
+
+WITH_CODE = [name for name in NAMES if name.startswith("docs") and code(name)]
+
+
+@pytest.mark.parametrize("name", WITH_CODE)
+def test_code_of_a_page_runs_and_prints_what_the_page_shows(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    scope: dict[str, object] = {"__name__": "page"}
+    for number, (block, shown) in enumerate(code(name)):
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(compile(block, f"{name} block {number}", "exec", dont_inherit=True), scope)
+        assert shown.rstrip() in printed.getvalue(), f"{name} block {number}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_links_lead_somewhere(name: str) -> None:
+    page = ROOT / name
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)]*))?\)", text(name)):
+        if "://" in target:
+            continue
+        found = page.parent / target if target else page
+        assert found.exists(), f"{name} links to {target}"
+        if anchor:
+            assert anchor in anchors(found), f"{name} links to {target}#{anchor}"
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors that a Markdown page has, one a heading."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    kept = (re.sub(r"[^\w\- ]", "", heading.lower()) for heading in headings)
+    return {heading.strip().replace(" ", "-") for heading in kept}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pages_speak_the_words_of_the_field(name: str) -> None:
+    prose = re.sub(r"```.*?```|`[^`\n]*`|\]\([^)]*\)", "", text(name), flags=re.S)
+    assert re.findall(rf"\b(?:{PRIVATE})\b", prose, re.I) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_files_that_pages_name_exist(name: str) -> None:
+    named = re.findall(r"`((?:sparsepop_py|setid|tests|benchmarks|examples)/[\w./-]+)`", text(name))
+    absent = [path for path in named if path not in MADE and not (ROOT / path).exists()]
+    assert absent == []
+
+
+def test_every_option_is_documented() -> None:
+    table = text("docs/parameters.md").split("## Options of solve and solve_each")[1]
+    documented = re.findall(r"^\| `(\w+)` \|", table, re.M)
+    assert documented == [option.name for option in dataclasses.fields(sp.Options)]
+
+
+def test_the_design_page_names_every_room() -> None:
+    page = text("docs/design.md")
+    rooms = [
+        path.stem if path.is_file() else f"{path.name}/"
+        for package in ("sparsepop_py", "setid")
+        for path in (ROOT / package).iterdir()
+        if not path.name.startswith("_") and (path.is_dir() or path.suffix == ".py")
+    ]
+    assert [room for room in rooms if f"`{room}`" not in page] == []
+
+
+def test_every_page_is_listed() -> None:
+    listed = {
+        (ROOT / folder / target).resolve()
+        for folder in ("docs", "docs/benchmarks", "docs/decisions")
+        for target in re.findall(r"\]\(([^)#]+\.md)\)", text(f"{folder}/README.md"))
+    }
+    pages = {path for path in (ROOT / "docs").rglob("*.md") if path.name != "README.md"}
+    assert pages - listed == set()
+
+
+def test_every_decision_has_a_date_and_what_was_rejected() -> None:
+    for path in (ROOT / "docs/decisions").glob("0*.md"):
+        record = path.read_text(encoding="utf-8")
+        assert re.search(r"^20\d\d-\d\d-\d\d$", record, re.M), path.name
+        headings = re.findall(r"^## (.*)$", record, re.M)
+        assert headings[:4] == ["Context", "Decision", "Alternatives rejected", "Measured"]
