@@ -30,6 +30,7 @@ __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows"]
 Reals = NDArray[np.float64]
 
 _UNIT = 2.0**-53
+_LEAST = 2.0**-1074  # a product that underflows loses at most this
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +56,7 @@ class LeftInverse:
         if self.inverse.shape != (p, count) or not np.all(self.radius > 0):
             return False
         drive, coupling = drive_and_coupling(rows, self.inverse, self.centre)
-        reached = (coupling @ self.radius + drive) * (1.0 + 1e-12)
+        reached = (coupling @ self.radius + drive) * (1.0 + 1e-12) + (p + 8) * _LEAST
         return bool(np.all(np.isfinite(reached)) and np.all(reached < self.radius))
 
     def box(self) -> tuple[Reals, Reals]:
@@ -67,14 +68,14 @@ class LeftInverse:
 def drive_and_coupling(rows: UncertainRows, inverse: Reals, centre: Reals) -> tuple[Reals, Reals]:
     """Upper ends of d (p,) and G (p, p)."""
     count, p = rows.regressors.shape
-    loss = 2.0 * (count + p + 8) * _UNIT
+    loss, lost = 2.0 * (count + p + 8) * _UNIT, (count + p + 8) * _LEAST
     size, slope = np.abs(inverse), np.abs(rows.regressors)
     offset = np.abs(rows.target + rows.regressors @ centre)
     offset = offset + loss * (np.abs(rows.target) + slope @ np.abs(centre))
-    drive = size @ (offset + rows.radius + rows.radii @ np.abs(centre))
+    drive = size @ (offset + rows.radius + rows.radii @ np.abs(centre) + 3 * lost)
     rest = np.abs(np.eye(p) - inverse @ rows.regressors)
     coupling = size @ rows.radii + rest + loss * (size @ slope + np.eye(p))
-    return drive * (1.0 + 4 * loss), coupling * (1.0 + 4 * loss)
+    return drive * (1.0 + 4 * loss) + lost, coupling * (1.0 + 4 * loss) + 3 * lost
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -250,7 +251,8 @@ def linear_rows(rows: UncertainRows, box: Box) -> Problem:
         regressors, target = side * rows.regressors, side * rows.target
         settled = sign * _up(rows.radii - sign * regressors)
         rough = rows.radii * slope - regressors
-        error = 4 * _UNIT * (np.abs(rows.radii * slope) + np.abs(regressors)) * reach
+        error = 4 * _UNIT * (np.abs(rows.radii * slope) + np.abs(regressors))
+        error = (error + 2 * _LEAST) * reach + _LEAST
         used = open_ & noisy & np.isfinite(shift)
         matrix = np.where(noisy, np.where(used, rough, settled), -regressors)
         room = _up(spare - target)
@@ -267,7 +269,7 @@ def _secant(low: float, high: float) -> tuple[float, float]:
         return 0.0, np.inf
     slope = (high + low) / (high - low)
     ends = [high - slope * high, -low - slope * low]
-    return slope, float(max(ends) + 8 * _UNIT * max(-low, high))
+    return slope, float(max(ends) + 8 * _UNIT * max(-low, high) + 4 * _LEAST)
 
 
 def _up(values: Reals) -> Reals:
