@@ -53,7 +53,9 @@ class LeftInverse:
         d + G v <= v and G v < v for v = radius > 0 imply it, since G is not negative.
         """
         count, p = rows.regressors.shape
-        if self.inverse.shape != (p, count) or not np.all(self.radius > 0):
+        if self.inverse.shape != (p, count) or self.centre.shape != (p,):
+            return False
+        if self.radius.shape != (p,) or not np.all(self.radius > 0):
             return False
         drive, coupling = drive_and_coupling(rows, self.inverse, self.centre)
         reached = (coupling @ self.radius + drive) * (1.0 + 1e-12) + (p + 8) * _LEAST
@@ -197,14 +199,13 @@ def _replay(tree: SignTree, rows: UncertainRows, box: Box) -> Box | None:
     if not tree.bounds:
         return box
     problem, objectives = linear_rows(rows, box), signed_variables(len(rows.names))
-    if len(tree.bounds) not in (1, len(objectives)):
+    empty = tree.bounds[0].status == "INFEASIBLE"
+    if len(tree.bounds) != len(objectives) and not (empty and len(tree.bounds) == 1):
         return None
     for bound, objective in zip(tree.bounds, objectives, strict=False):
         if not bound.verify(problem, objective).ok:
             return None
-    if tree.bounds[0].status == "INFEASIBLE":
-        return nothing(box)
-    return shrunk(box, tree.bounds)
+    return nothing(box) if empty else shrunk(box, tree.bounds)
 
 
 def signed_variables(p: int) -> list[Polynomial]:

@@ -68,6 +68,23 @@ def test_other_inverses_prove_nothing(value):
             assert not inverse(value, 2.0, radius).holds(rows)
 
 
+def test_arrays_of_other_shapes_prove_nothing():
+    rows = UncertainRows(("x", "y"), [-1.0, -2.0], np.eye(2), [0.0, 0.0], np.zeros((2, 2)))
+    good = LeftInverse(np.eye(2), np.array([1.0, 2.0]), np.full(2, 1e-9))
+    assert good.holds(rows)
+    for fields in (
+        {"centre": np.array([[1.0], [2.0]])},
+        {"centre": np.array([1.0])},
+        {"centre": np.array(1.0)},
+        {"radius": np.full((2, 1), 1e-9)},
+        {"radius": np.array(1e-9)},
+        {"radius": np.full(3, 1e-9)},
+        {"inverse": np.eye(3)},
+        {"inverse": np.ones(2)},
+    ):
+        assert not replace(good, **fields).holds(rows)
+
+
 def test_each_parameter_needs_its_radius():
     """x = 1, and y is in no row."""
     rows = UncertainRows(("x", "y"), [-1.0], [[1.0, 0.0]], [0.0], [[0.0, 0.0]])
@@ -254,6 +271,8 @@ def test_leaves_prove_their_own_bounds():
     ):
         tree = SignTree(-1, (), tuple(wrong))
         assert not box_of(("m",), [2.0], [2.0], start, tree).verify(BALANCE, start)
+        assert not box_of(("m",), INSIDE[0], [1.6], start, tree).verify(BALANCE, start)
+        assert not box_of(("m",), [2.0], INSIDE[1], start, tree).verify(BALANCE, start)
     assert not box_of(("m",), [2.0], [2.0], start, good).verify(BALANCE, start)
     assert not box_of(("m",), *INSIDE, start).verify(BALANCE, start)
     other = one_row(-3.0, 2.0, 0.5, 0.25)
