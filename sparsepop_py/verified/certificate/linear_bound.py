@@ -26,6 +26,8 @@ from sparsepop_py.verified.certificate.polyhedron import Polyhedron
 
 __all__ = ["LinearBound", "check_linear", "cost_of", "value_at"]
 
+_LESS = "the multipliers prove less than is claimed"
+
 
 @dataclass(frozen=True, eq=False)
 class LinearBound:
@@ -105,7 +107,7 @@ class LinearBound:
     def _bound(self, rows: Polyhedron, objective: Polynomial) -> tuple[float, str]:
         """Compute the bound that the multipliers prove, and a reason if they fail."""
         if self.status == "UNBOUNDED":
-            return -np.inf, ""
+            return -np.inf, "" if self.lower == -np.inf else _LESS
         total, rest = Fraction(0), [-Fraction(c) for c in cost_of(objective)]
         if self.status == "INFEASIBLE":
             rest = [Fraction(0)] * rows.dimension
@@ -124,7 +126,7 @@ class LinearBound:
             return (np.inf, "") if total < 0 else (-np.inf, "no contradiction follows")
         proved = Fraction(objective.constant_term) - total
         bound = float(Interval.of_fraction(proved).lo)
-        return bound, "" if bound >= self.lower else "the multipliers prove less than is claimed"
+        return bound, "" if bound >= self.lower else _LESS
 
     def _point_fails(self, rows: Polyhedron, objective: Polynomial) -> str:
         """Describe the fault of the attained point or ray, empty if there is none."""
@@ -136,7 +138,7 @@ class LinearBound:
             return "the attained point violates a row"
         if self.status == "OPTIMAL":
             value = value_at(objective, self.vertex)
-            return "" if value <= Fraction(self.upper) else "the point attains more than claimed"
+            return "" if value <= self.upper else "the point attains more than claimed"
         if self.ray is None or len(self.ray) != rows.dimension or not _holds(rows, self.ray, 0):
             return "the ray leaves the set"
         falls = value_at(objective, self.ray) < Fraction(objective.constant_term)
