@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
@@ -13,7 +13,7 @@ from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.unbounded import Unbounded
 
-__all__ = ["EndProof", "Evidence", "Verification"]
+__all__ = ["Claimed", "EndProof", "Evidence", "Verification"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,3 +99,11 @@ class Evidence:
     def empty(self) -> bool:
         """Whether it is claimed that no parameter is consistent."""
         return any(item.status is IntervalStatus.EMPTY for item in self.intervals.values())
+
+
+class Claimed(Protocol):
+    """A result that shows the evidence for what it claims."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """The claims and all that they rest on."""
