@@ -22,6 +22,7 @@ from setid.formulation.units import in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Claimed, EndProof
 from setid.proofs.parameter_box import start_of
+from sparsepop_py.io.json_ import CERTIFICATE, PROVED_POINT
 from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,
@@ -58,8 +59,9 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> model = setid.TransferFunction(na=1, nb=1)
     >>> found = certificate_files(setid.identify(data, model, setid.Noise(equation=0.5)))
-    >>> found["identification"]["parameters"], found["identification"]["intervals"][1]["outer"]
-    (['a1', 'b0'], [1.9166666666666665, 2.109302325581396])
+    >>> low, high = found["identification"]["intervals"][1]["outer"]
+    >>> found["identification"]["parameters"], round(low, 9), round(high, 9)
+    (['a1', 'b0'], 1.916666667, 2.109302326)
     """
     claims = result.evidence
     if claims.reference is not None:
@@ -166,10 +168,13 @@ def _origins(formulation: Formulation) -> list[Any]:
     return found
 
 
-def _end(result: EndProof) -> dict[str, Any]:
+def _end(end: EndProof) -> dict[str, Any]:
     """Certificate and attained point of one end, as they are written in results."""
-    found = json.loads(sp.to_json(result))["result"]
-    return {"certificate": found["certificate"], "attained": found["attained"]}
+    point, proof = end.attained, end.certificate
+    return {
+        "certificate": None if proof is None else CERTIFICATE.write(proof),
+        "attained": None if point is None else PROVED_POINT.write(point),
+    }
 
 
 # ---- rationals --------------------------------------------------------------------------------
