@@ -213,7 +213,7 @@ def _coefficients(result: Identification) -> dict[str, str]:
 
 
 def _sign_test(item: ParameterInterval) -> str:
-    """What the interval says of the coefficient's sign, and whether that can be trusted."""
+    """Read the sign of a coefficient off its interval, if that can be trusted."""
     low, high = item.outer
     if low > 0 or high < 0:
         return f"needed: its sign is {'positive' if low > 0 else 'negative'}, proved"

@@ -81,7 +81,7 @@ class OutputBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """How well the nominal model explains a record, and what every consistent model says.
+    """Fit of the nominal model to a record, with the band of all consistent models.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def compare(
     kind: Kind | None = None,
     noise: Noise | None = None,
 ) -> Comparison:
-    """Fit of the nominal model to a record, and the band that holds for every model.
+    """Compare the nominal model and the band of all models with a record.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is known of the noise: bounds on each sample, and polynomial sets over the record."""
+"""Bounded noise: a bound for each sample, and polynomial sets over the record."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Bound = float | NDArray[np.float64]
 
 
 class NoiseVariables(Protocol):
-    """What constraints on the noise ask of the layout of a formulation."""
+    """Numbers of noise samples and their polynomials, as constraints on the noise use them."""
 
     @property
     def starts(self) -> NDArray[np.int64]:

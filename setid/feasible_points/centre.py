@@ -1,4 +1,4 @@
-"""The centre of the outer box: its worst-case error, and whether it is consistent, both proved."""
+"""The centre of the outer box, its proved worst-case error, and its consistency."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def central(result: FeasibleSet) -> Central:
 
 
 def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
-    """How far each parameter of a consistent vector can be from an estimate, proved.
+    """Bound the distance of each consistent parameter from an estimate.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
 
 
 def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
-    """Whether a parameter vector is consistent, proved either way; None where neither is.
+    """Prove that a parameter vector is consistent, or that it is not.
 
     A witness whose noise is repaired exactly proves that it is. That it is not is what the
     engine proves of the problem with these parameters fixed.

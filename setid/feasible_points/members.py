@@ -52,7 +52,7 @@ def noise_level(formulation: Formulation, theta: Reals) -> float:
 
 
 def is_member(formulation: Formulation, theta: Reals) -> bool:
-    """Whether theta is consistent with data, noise bounds and priors, up to rounding."""
+    """Check theta against data, noise bounds and priors, up to rounding."""
     return noise_level(formulation, theta) <= 1.0 + ROUNDING
 
 

@@ -114,7 +114,7 @@ def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]
 
 
 def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:
-    """Whether equations that were linearised hold, up to rounding."""
+    """Check equations that were linearised, up to rounding."""
     return all(
         abs(c.polynomial(x)) <= 1e-9 * (1.0 + np.abs(c.polynomial.coefficients).max())
         for c, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True)

@@ -36,7 +36,7 @@ __all__ = ["Built", "Rows", "build"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Where each constraint of the problem comes from, arrays of shape (m,).
+    """Origin of each constraint of the problem, in arrays of shape (m,).
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Rows:
 
 
 class Built(NamedTuple):
-    """What :func:`build` makes."""
+    """Problem, layout, rows and equations, as :func:`build` returns them."""
 
     problem: sp.Problem
     layout: Layout

@@ -464,7 +464,7 @@ def _rounded_products(data: IOData, equations: Sequence[Equation]) -> tuple[str,
 
 
 def _is_rounded(values: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Whether a product of arrays, taken from the left, is no double (Dekker 1971, mul12)."""
+    """Check for products of arrays that are no doubles (Dekker 1971, mul12)."""
     product, lost = values[0], np.zeros(values[0].size, bool)
     with np.errstate(all="ignore"):
         for other in values[1:]:

@@ -99,7 +99,7 @@ def equivalent(
     other: ArrayLike | Mapping[str, float],
     tolerance: float = 1e-9,
 ) -> bool:
-    """Whether two parameter vectors of a structure have the same outputs for all inputs.
+    """Check that two parameter vectors have the same outputs for all inputs.
 
     Both are brought to one normalisation, in which they must agree; vectors of different
     normalisations are to be given in full, for ``model.normalised(None)``.

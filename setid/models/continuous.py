@@ -233,7 +233,7 @@ class ContinuousTransferFunction:
         return TransferFunction(*shape, initial=self.initial, offset=self.offset)
 
     def between_samples(self, delta: float) -> str:
-        """What is taken for granted of the signals between samples, with the bound in use."""
+        """State the assumption on signals between samples, with the bound in use."""
         held = "held constant" if self.hold == "constant" else "linear"
         if self.method == "indirect":
             return f"the sampled system is a {self.counterpart!r}"

@@ -91,7 +91,7 @@ class StaticMap:
 
     @property
     def polynomial(self) -> bool:
-        """Whether all basis functions are powers and products."""
+        """True if all basis functions are powers and products."""
         return not any(callable(item) for item in self.basis)
 
     def text(self, place: int) -> str:

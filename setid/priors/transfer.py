@@ -25,7 +25,7 @@ __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
 @dataclass(frozen=True, slots=True)
 class Stable(Plain):
-    """All poles in the closed disc of radius 1 - margin; in continuous time left of -margin.
+    """All poles in the closed disc of radius 1 - margin, or left of -margin.
 
     With margin 0 this is the closure of stability. See :mod:`setid.priors.stability` for the
     rows, and :mod:`setid.priors.hurwitz` for those of continuous time.
@@ -136,7 +136,7 @@ class Stable(Plain):
         return found
 
     def admits(self, model: Structure, box: Mapping[str, Interval]) -> bool:
-        """Prove that all parameters in a box are stable, where the rows do not say so."""
+        """Prove that all parameters in a box are stable, where rows do not."""
         if self.form != "jury":
             return True
         for _, names in self._labelled(model):
@@ -216,7 +216,7 @@ class MinimumPhase(Plain):
 
 @dataclass(frozen=True, slots=True)
 class DCGain(Plain):
-    """Static gain of one transfer function: N(1) / D(1), or b_0 / a_0 in continuous time.
+    """Static gain of one transfer function, N(1) / D(1) or b_0 / a_0.
 
     Parameters
     ----------
@@ -379,7 +379,7 @@ class ZeroIn(_RootIn):
 
 
 class _Region(NamedTuple):
-    """Where roots may lie: rows, further unknowns and their values."""
+    """A region for roots: rows, further unknowns and their values."""
 
     rows: Callable[..., list[sp.Constraint]]
     unknowns: Callable[[int, bool, str], dict[str, Interval]]

@@ -18,7 +18,7 @@ __all__ = ["Claimed", "EndProof", "Evidence", "Verification"]
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What a check found; true where every claim holds.
+    """Verdict of a check; true where every claim holds.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Verification:
 
 
 class EndProof(NamedTuple):
-    """What proves one end of an interval, and what attains it.
+    """Proof of one end of an interval, and a point that attains it.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Evidence:
 
     @property
     def empty(self) -> bool:
-        """Whether it is claimed that no parameter is consistent."""
+        """True if it is claimed that no parameter is consistent."""
         return any(item.status is IntervalStatus.EMPTY for item in self.intervals.values())
 
 

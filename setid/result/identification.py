@@ -1,4 +1,4 @@
-"""What an identification returns: proved intervals, attained points, and what they rest on.
+"""Result of an identification: proved intervals, attained points, and their evidence.
 
 ``outer`` always means *proved*: every parameter vector that is consistent with the data,
 the structure, the noise bounds and the priors lies in it. ``inner`` always means

@@ -200,12 +200,12 @@ def _simulate(
 
 
 def weight(term: Term, theta: Mapping[str, float]) -> float:
-    """What multiplies the signals of a term."""
+    """Compute the factor of the signals of a term."""
     return term.coefficient * float(np.prod([theta[name] for name in term.parameters]))
 
 
 def leading(equation: Equation, theta: Mapping[str, float]) -> float:
-    """What multiplies the defined sample: 1, and more where the equation is implicit.
+    """Compute the factor of the defined sample: 1, unless the equation is implicit.
 
     Raises
     ------

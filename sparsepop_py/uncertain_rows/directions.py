@@ -121,7 +121,7 @@ def units_of_rows(rows: UncertainRows) -> Reals:
 def _proved(
     cube: Callable[[int], Cube], number: int, whole: int, end: float
 ) -> tuple[Certificate, int, float] | None:
-    """A proof that s is positive on one side, from how many rows, and the bound of s."""
+    """Prove that s is positive on one side, from as few rows as will do."""
     count, seconds = min(_FEW, whole), _BRIEFLY
     while True:
         side = cube(count).side(number)
@@ -135,7 +135,7 @@ def _proved(
 
 
 def _least(side: InUnits, end: float) -> Certificate | None:
-    """A proof that s is positive; None where none was found, or where s = 0 is attained."""
+    """Prove that s is positive; None where no proof is found."""
     gap, slice_ = _GAP, _SLICE
     while (left := end - time.monotonic()) > 0:
         options = Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=min(left, slice_))

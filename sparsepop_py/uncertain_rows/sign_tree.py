@@ -120,7 +120,7 @@ def parameter_box(
 def _process_node(
     rows: UncertainRows, box: Box, left: list[int], until: float
 ) -> tuple[SignTree, Box]:
-    """Process one node: bound it, or branch at the zero of a parameter with an open sign."""
+    """Process one node: bound it, or branch where the sign of a parameter is open."""
     if time.monotonic() >= until:
         return SignTree(-1, (), ()), box
     place = _undecided(rows, box)
@@ -152,7 +152,7 @@ def _undecided(rows: UncertainRows, box: Box) -> int | None:
 
 
 def left_inverse(matrix: Reals) -> Reals:
-    """Compute the pseudoinverse (p, R) with columns of one size, so that none counts as zero.
+    """Compute the pseudoinverse (p, R) of columns brought to one size.
 
     Parameters
     ----------

@@ -33,12 +33,12 @@ class Bounds:
 
     @property
     def empty(self) -> bool:
-        """Whether it is proved that no parameter vector is consistent."""
+        """True if it is proved that no parameter vector is consistent."""
         return bool(np.any(self.lower > self.upper))
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all that would make it smaller had been looked at."""
+        """True if time ended before all work was done."""
         return False
 
     def __repr__(self) -> str:
@@ -56,7 +56,7 @@ class Bounds:
 
 
 def gained(old: Box | Reals, new: Box | Reals) -> bool:
-    """Whether some width shrank by enough to be worth another round."""
+    """Check that some width shrank by enough to be worth another round."""
     with np.errstate(invalid="ignore"):
         before, after = old[1] - old[0], new[1] - new[0]
         smaller = (after < _GAINED * before) | (np.isinf(before) & np.isfinite(after))

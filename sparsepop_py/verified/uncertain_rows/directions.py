@@ -102,7 +102,7 @@ class DirectionBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all nodes had been processed."""
+        """True if time ended before all nodes had been processed."""
         return self.last.cut_short
 
     def used_rows(self, rows: UncertainRows) -> dict[int, int]:
@@ -116,7 +116,7 @@ class DirectionBox(Bounds):
 
 
 def suits(coupled: CoupledRows) -> bool:
-    """Whether the rows of samples are linear in the parameters, all else in them bounded."""
+    """Check that rows are linear in the parameters, and all else in them bounded."""
     problem, p = coupled.problem, coupled.parameters
     size = np.abs(problem.rows.coefficients)
     if not (size.min(initial=1.0) > _TINY and size.max(initial=1.0) < 1.0 / _TINY):
@@ -132,7 +132,7 @@ def suits(coupled: CoupledRows) -> bool:
 
 
 def exact_units(scale: Reals, count: int) -> bool:
-    """Whether they are positive and rows in them exact: powers of two, neither tiny nor huge."""
+    """Check that units are powers of two, neither tiny nor huge, so that rows stay exact."""
     if scale.shape != (count,) or not np.all((scale > 0) & np.isfinite(scale)):
         return False
     half, power = np.frexp(scale)
@@ -155,7 +155,7 @@ class Cube(NamedTuple):
     names: tuple[str, ...]
 
     def side(self, number: int) -> InUnits:
-        """Minimise s over the side phi_i = 1 (for number 2 i, from 0) or -1 (2 i + 1)."""
+        """Minimise s over one side of the cube."""
         low, high = self.lower.copy(), self.upper.copy()
         low[number // 2] = high[number // 2] = -1.0 if number % 2 else 1.0
         s = variables(len(self.names), list(self.names))[-1]
@@ -163,7 +163,7 @@ class Cube(NamedTuple):
 
 
 def cubes(coupled: CoupledRows, first: ParameterBox, scale: Reals) -> Callable[[int], Cube]:
-    """The cube in what signs leave, of as many rows of samples as are asked for."""
+    """State the cube of directions for a number of rows, within known signs."""
     known = coupled.problem
     p, n = scale.size, known.dimension
     names = (*known.names, "s")

@@ -76,7 +76,7 @@ class ProductRows:
 
     @property
     def sums(self) -> tuple[Total, ...]:
-        """Sums of monomials that static gains speak of: of the a, and of b gamma for each gamma."""
+        """Sums of monomials in which gains of 1 occur: of a, and of b gamma."""
         found: list[Total] = []
         for numerator, denominator in self.gains:
             found.append(tuple((i,) for i in denominator))
@@ -92,14 +92,14 @@ class ProductRows:
         return [sign * total for total in totals for sign in (1.0, -1.0)]
 
     def shrunk(self, box: Reals, low: Reals, high: Reals, sums: Sequence[Ends] = ()) -> Reals:
-        """The box (2, p) of theta, the columns in [low, high], sums of columns in ``sums``."""
+        """Shrink a box (2, p) of theta by bounds of the columns and of their sums."""
         columns = zip(self.columns, low.tolist(), high.tolist(), strict=True)
         ends = {column: (a, b) for column, a, b in columns}
         return contracted(box, ends | dict(zip(self.sums, sums, strict=bool(sums))), self.gains)
 
 
 def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) -> Reals:
-    """A box of theta made smaller by bounds of sums of products, and by static gains of 1.
+    """Shrink a box of theta by bounds of sums of products, and by gains of 1.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _total(ends: Sequence[Ends], total: Total) -> Ends:
 
 
 def _settle_total(ends: list[Ends], total: Total, found: Ends) -> None:
-    """A sum of monomials lies in ``found``: solved for each monomial, and that for each factor."""
+    """Solve a bounded sum of monomials for each monomial and each factor."""
     for monomial in total:
         rest = tuple(other for other in total if other != monomial)
         mine = plus(found, times((-1.0, -1.0), _total(ends, rest))) if rest else found

@@ -142,7 +142,7 @@ class ParameterBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all nodes had been processed."""
+        """True if time ended before all nodes had been processed."""
         trees = [step for step in self.steps if isinstance(step, SignTree)]
         return any(not leaf.bounds for tree in trees for leaf in tree.leaves())
 

@@ -64,7 +64,7 @@ class CoefficientLimit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """What the problems of all faces have in common."""
+    """Common parts of the problems of all faces."""
 
     coupled: CoupledRows
     rows: ProductRows
@@ -96,16 +96,16 @@ class Faces:
         return {face: [self._row(row, face) for row in kept] for face in self.far}
 
     def _expressible(self, row: Constraint) -> bool:
-        """Whether the unknowns of a face can express a constraint."""
+        """Check that the unknowns of a face can express a constraint."""
         return all(map(self._suits, row.polynomial.words.tolist()))
 
     def _suits(self, word: Sequence[int]) -> bool:
-        """Whether a term has a partner at most, and an unbounded parameter only with a partner."""
+        """Check that an unbounded parameter occurs only with one partner."""
         far = sum(letter - 1 in self.far for letter in word)
         return far <= sum(letter - 1 in self.partners for letter in word) <= 1
 
     def _mapped(self, factors: Sequence[int], face: int) -> list[int]:
-        """A product of theta and noise in the unknowns of a face: c for b, s for gamma_face."""
+        """Map a product to the unknowns of a face: c for b, s for gamma_face."""
         if face in factors:
             return sorted(v for v in factors if v != face)
         if any(v in self.far for v in factors):
@@ -127,7 +127,7 @@ class Faces:
         return float(np.exp2(np.clip(np.round(np.log2(top / below)), -60, 60)))
 
     def holds(self, face: int, reach: float, proof: Certificate | None) -> bool:
-        """Whether a face is proved to hold no consistent point."""
+        """Check that a face is proved to hold no consistent point."""
         box = self.unknowns(face, reach)
         if np.any(box[0] > box[1]):
             return True
