@@ -168,6 +168,14 @@ def consistency(
     boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
     small as the rounding of the readings is not resolved further.
     A discretisation error bound of a continuous-time model counts as output noise.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> found = setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
+    >>> found.explains, bool(found.verify())
+    (True, True)
     """
     settings = options or Options(time_limit=60.0)
     for name, found, kind in (("options", settings, Options), ("noise", noise, Noise)):

@@ -51,6 +51,15 @@ class OutputBand:
         Range of the models' outputs.
     reading_low, reading_high : (N, ny) float
         Where readings lie if the assumptions hold: noise and equation error included.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.predict(result)
+    >>> band.mode, band.low[1:].ravel().round(2)
+    ('prediction', array([-6.33,  0.67,  2.32]))
     """
 
     kind: Kind
@@ -91,6 +100,14 @@ class Comparison:
     fit : (ny,) float
         100 (1 - |y - yhat| / |y - mean y|), in per cent; 100 is perfect.
     band : OutputBand
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.compare(result).theta.round(3)
+    array([-0.434,  2.013])
     """
 
     names: tuple[str, ...]
@@ -188,6 +205,15 @@ def simulate_band(
     ------
     SetidError
         If the feasible set is empty, or data do not fit the structure.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.simulate_band(result)
+    >>> band.kind, bool((band.low <= band.high).all())
+    ('proved', True)
     """
     record, bounds = _record(result, data, noise)
     model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
@@ -301,6 +327,15 @@ def compare(
     -------
     Comparison
         Samples from which the simulation starts do not count for the fit.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> found = setid.compare(result)
+    >>> found.fit.round(1), len(found.band.outside)
+    (array([90.4]), 0)
     """
     if mode == "simulation":
         band = simulate_band(result, validation, kind, noise)

@@ -56,6 +56,15 @@ class FrequencyBand:
     regions : (F, V) complex
         For a proved band the corners of a quadrangle that contains the response at each
         frequency (V = 4), for a sampled one the responses of V members.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.frequency_band(result, [0.5, 1.0])
+    >>> band.kind, band.regions.shape
+    ('proved', (2, 4))
     """
 
     kind: Kind
@@ -74,7 +83,12 @@ class FrequencyBand:
             return np.asarray(20.0 * np.log10(self.magnitude), np.float64)
 
     def plot(self, kind: str = "bode") -> NDArray | Axes:
-        """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes."""
+        """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes.
+
+        Parameters
+        ----------
+        kind : {"bode", "nyquist", "nichols"}
+        """
         from setid.plots.responses import plot_frequency_band
 
         return plot_frequency_band(self, kind)
@@ -92,6 +106,14 @@ class StepBand:
     time : (N,) float
     nominal : (N,) float
     low, high : (N,) float
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.step_band(result, 3).time
+    array([0., 1., 2.])
     """
 
     kind: Kind
@@ -352,6 +374,15 @@ def step_band(
     ------
     SetidError
         If the feasible set is empty, or nothing can be proved of this structure.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.step_band(result, 3)
+    >>> bool(((band.low <= band.nominal) & (band.nominal <= band.high)).all())
+    True
     """
     data, model = result.formulation.data, result.formulation.model
     count = natural(length, "length", SetidError, least=1)

@@ -49,6 +49,14 @@ class Central:
     ----------
     M. Milanese, A. Vicino, "Optimal estimation theory for dynamic systems with set
     membership uncertainty: an overview", Automatica 27 (1991) 997-1009, section 3.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> result.centre.member, result.centre.error.round(3)
+    (True, array([0.089, 0.096]))
     """
 
     names: tuple[str, ...]
@@ -122,6 +130,14 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     -------
     (p,) float
         Infinite where an outer interval is.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.worst_case_error(result, [-0.5, 2.0]).round(4)
+    array([0.1547, 0.1093])
     """
     low, high = result.outer_box
     values = np.asarray(theta, float)

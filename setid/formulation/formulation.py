@@ -160,7 +160,12 @@ class Formulation:
         return sp.to_structs(self.problem.with_objective(sign * self.layout.variable(name)))
 
     def to_gms(self, path: str | os.PathLike[str]) -> None:
-        """Write the problem as a GAMS scalar file."""
+        """Write the problem as a GAMS scalar file.
+
+        Parameters
+        ----------
+        path : str or path
+        """
         sp.write_gms(self.problem, path)
 
     def point(

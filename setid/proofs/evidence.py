@@ -78,6 +78,14 @@ class Evidence:
         For a structure without a normalisation: the evidence with the one that was used.
     nonzero : ParameterBox, CellBox or None
         Proof that the normalisation of the reference excludes no consistent system.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> result.evidence.empty, len(result.evidence.bounds)
+    (False, 4)
     """
 
     formulation: Formulation
