@@ -34,31 +34,31 @@ def argument_of(found: Any, n: int, place: str) -> Any:
 
 
 class Replay:
-    """One problem, a level of its objective (or None), and what steps ask of them."""
+    """One problem, a cutoff of its objective (or None), and what steps ask of them."""
 
-    def __init__(self, problem: Problem, level: Fraction | None, holds: Holds) -> None:
-        self.problem, self.level, self.holds = problem, level, holds
+    def __init__(self, problem: Problem, cutoff: Fraction | None, holds: Holds) -> None:
+        self.problem, self.cutoff, self.holds = problem, cutoff, holds
         self.notes: list[str] = []
         self.constant = squares_constant(problem)
         self._rows: dict[bool, Rows] = {}
 
-    def rows(self, cutoff: bool) -> Rows:
-        """The rows of propagation, with the cut-off or without."""
-        if cutoff not in self._rows:
+    def rows(self, uses_cutoff: bool) -> Rows:
+        """The rows of propagation, with the row of the cutoff or without."""
+        if uses_cutoff not in self._rows:
             found = [
                 BoxRow(c.polynomial, (0, 0 if c.equality else INF))
                 for c in self.problem.constraints
             ]
-            found += self._cut_off() if cutoff else []
-            self._rows[cutoff] = self._with_matrices(found)
-        return self._rows[cutoff]
+            found += self._of_cutoff() if uses_cutoff else []
+            self._rows[uses_cutoff] = self._with_matrices(found)
+        return self._rows[uses_cutoff]
 
-    def _cut_off(self) -> list[BoxRow]:
-        """The row f <= level, and |p| <= sqrt((level - constant) / weight) for squares."""
-        assert self.level is not None
-        found = [BoxRow(self.problem.objective, (-INF, iv.above(self.level)))]
+    def _of_cutoff(self) -> list[BoxRow]:
+        """The row f <= cutoff, and |p| <= sqrt((cutoff - constant) / weight) for squares."""
+        assert self.cutoff is not None
+        found = [BoxRow(self.problem.objective, (-INF, iv.above(self.cutoff)))]
         if self.constant is not None:
-            room = max(self.level - self.constant, Fraction(0))
+            room = max(self.cutoff - self.constant, Fraction(0))
             for weight, p in self.problem.squares:
                 if weight > 0:
                     reach = iv.root_above(iv.above(room / weight), 2)
@@ -79,11 +79,11 @@ class Replay:
                         minors.add((first + a, first + b, first + d))
         return Rows(found, sorted(minors))
 
-    def system(self, level: Fraction | None) -> list[Row]:
-        """What generators 1, 2, ... are: the constraints, and level - f >= 0 behind them."""
+    def system(self, cutoff: Fraction | None) -> list[Row]:
+        """What generators 1, 2, ... are: the constraints, and cutoff - f >= 0 behind them."""
         found = [Row(c.polynomial, c.equality) for c in self.problem.constraints]
-        if level is not None:
-            room = constant(level)
+        if cutoff is not None:
+            room = constant(cutoff)
             room.add(self.problem.objective, -1)
             found.append(Row(room, False))
         return found
@@ -112,14 +112,14 @@ def squares_constant(problem: Problem) -> Fraction | None:
 
 
 class Step:
-    """A step; ``cutoff`` says whether it holds only where the objective is at most the level."""
+    """A step; ``uses_cutoff`` where it holds for points with f(x) <= the cutoff only."""
 
     KINDS: ClassVar[dict[str, Any]]
-    cutoff = False
+    uses_cutoff = False
 
     def __init__(self, found: Any, n: int, place: str) -> None:
         self.given = fields(found, place, n, **self.KINDS)
-        self.cutoff = getattr(self.given, "cutoff", self.cutoff)
+        self.uses_cutoff = getattr(self.given, "uses_cutoff", self.uses_cutoff)
         self.check(n)
 
     def check(self, n: int) -> None:
@@ -133,37 +133,32 @@ class Step:
 class Propagation(Step):
     """A number of sweeps, fewer where nothing changes any more."""
 
-    KINDS: ClassVar = {"sweeps": "i", "cutoff": "b"}
+    KINDS: ClassVar = {"sweeps": "i", "uses_cutoff": "b"}
 
     def apply(self, replay: Replay, box: Box) -> None:
         """See the class."""
-        rows = replay.rows(self.cutoff)
+        rows = replay.rows(self.uses_cutoff)
         for _ in range(min(self.given.sweeps, MOST_SWEEPS)):
-            if box.empty or not box.stale[self.cutoff]:
+            if box.empty or not box.stale[self.uses_cutoff]:
                 break
-            rows.sweep(box, self.cutoff)
+            rows.sweep(box, self.uses_cutoff)
 
 
 class Sublevel(Step):
-    """|t_v| <= (K - 1)^(1 / 2d) where f <= level, from an identity with a floor."""
+    """|t_v| <= (K - 1)^(1 / 2d) where f <= cutoff, from an identity with a floor."""
 
-    KINDS: ClassVar = {"identity": Identity, "level": "f"}
-    cutoff = True
+    KINDS: ClassVar = {"identity": Identity, "cutoff": "f"}
+    uses_cutoff = True
 
     def apply(self, replay: Replay, box: Box) -> None:
         """See the class."""
-        identity, level, scaling = (
-            self.given.identity,
-            self.given.level,
-            self.given.identity.scaling,
-        )
-        if (
-            replay.level is None
-            or replay.level > level
-            or not replay.fits(scaling, box, "an identity")
-        ):
+        identity, least = self.given.identity, self.given.cutoff
+        if replay.cutoff is None or replay.cutoff > least:
+            replay.notes.append("a sublevel set is about a lower cutoff")
             return
-        system = replay.system(Fraction(level))
+        if not replay.fits(identity.scaling, box, "a sublevel set"):
+            return
+        system = replay.system(Fraction(least))
         proved = identity.prove(system, replay.problem.constraints, Polynomial())
         if proved.bound == -INF or not proved.floor > 0:
             replay.notes.append(f"a sublevel set gives no box: {proved.reason}")
@@ -180,8 +175,8 @@ class Sublevel(Step):
         for word in words:
             if len(set(word)) == 1:
                 v, power = word[0] - 1, 2 * len(word)
-                reach = iv.exact(iv.root_above(room, power)) * Fraction(scaling.scale[v])
-                middle = Fraction(scaling.centre[v])
+                reach = iv.exact(iv.root_above(room, power)) * Fraction(identity.scaling.scale[v])
+                middle = Fraction(identity.scaling.centre[v])
                 box.shrink(v, iv.below(middle - reach), iv.above(middle + reach))
 
 
@@ -276,7 +271,7 @@ class Tightening(Step):
         "side": "i1",
         "value": "F1",
         "argument": argument_of,
-        "cutoff": "b",
+        "uses_cutoff": "b",
     }
 
     def check(self, n: int) -> None:
@@ -293,7 +288,7 @@ class Tightening(Step):
         got = self.given
         if not replay.fits(got.argument.scaling, box, "a tightening"):
             return
-        system = replay.system(replay.level if self.cutoff else None)
+        system = replay.system(replay.cutoff if self.uses_cutoff else None)
         asked = [Polynomial({(v + 1,): s}) for v, s in zip(got.variable, got.side, strict=True)]
         if isinstance(got.argument, LinearDual):
             bounds = got.argument.prove(system, asked)
@@ -350,7 +345,7 @@ class Part:
         self.steps = [tagged(s, n, f"{place}.steps[{k}]", STEPS) for k, s in enumerate(got.steps)]
         self.children = [whole(child, place) for child in got.children]
         below([count - 1 - child for child in self.children], count - 1 - own, f"{place}.children")
-        pair = found["branch"] if "branch" in found else item(found, "cut", place)
+        pair = item(found, "branch", place)
         self.branch: tuple[int, Fraction] | None = None
         if pair is not None:
             alike(place, items(pair, f"{place}.branch"), range(2))
@@ -364,9 +359,9 @@ class Certificate:
     """A claim and its argument."""
 
     def __init__(self, found: Any, n: int, place: str, own: int) -> None:
-        got = fields(found, place, n, bound="F", cutoff="f?", parts="l")
+        got = fields(found, place, n, fingerprint="t", bound="F", cutoff="f?", parts="l")
         self.claim = got.bound
-        self.level = None if got.cutoff is None else Fraction(got.cutoff)
+        self.cutoff = None if got.cutoff is None else Fraction(got.cutoff)
         count = len(got.parts)
         if not count:
             raise Malformed(f"{place}: no parts")
@@ -377,7 +372,7 @@ class Certificate:
 
     def prove(self, problem: Problem, holds: Holds) -> tuple[Any, list[str]]:
         """The lower bound that the argument proves, and what may be wrong where it is weak."""
-        replay = Replay(problem, self.level, holds)
+        replay = Replay(problem, self.cutoff, holds)
         ends = zip(problem.lower, problem.upper, strict=True)
         stack = [(self.parts[0], Box([(iv.below(a), iv.above(b)) for a, b in ends]))]
         bound, why, used = INF, list[str](), False
@@ -385,10 +380,10 @@ class Certificate:
             part, box = stack.pop()
             replay.notes = []
             for step in part.steps:
-                if step.cutoff and self.level is None:
-                    replay.notes.append("a step needs a cut-off, which the certificate lacks")
+                if step.uses_cutoff and self.cutoff is None:
+                    replay.notes.append("a step needs a cutoff, which the certificate lacks")
                 elif not box.empty:
-                    used |= step.cutoff
+                    used |= step.uses_cutoff
                     step.apply(replay, box)
             if part.branch is not None and not box.empty:
                 v, at = part.branch
@@ -401,8 +396,8 @@ class Certificate:
             value = INF if box.empty else self._bound(replay, part, box)
             if value < bound:
                 bound, why = value, [part.place, *replay.notes]
-        if used and self.level is not None and bound > self.level:
-            return self.level, ["nothing is proved above the cut-off"]
+        if used and self.cutoff is not None and bound > self.cutoff:
+            return self.cutoff, ["nothing is proved above the cutoff"]
         return bound, why
 
     def _bound(self, replay: Replay, part: Part, box: Box) -> Any:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 from . import reading, text
 from .reading import Malformed, Problem
 from .record import Identification
-from .result import NotProved, check_certificate, check_result
+from .result import NotProved, check_certificate, check_result, remarks
 from .structure import columns_of
 
 USAGE = """usage: check.py problem.json certificate.json     (the problem also as .gms or text)
@@ -51,28 +52,31 @@ def checked(arguments: list[str]) -> list[str]:
             return [*columns_of(arguments[1], about.record), *about.check()]
     if not 1 <= len(arguments) <= 2:
         raise Malformed(USAGE)
-    problem = problem_of(arguments[0]) if len(arguments) == 2 else None
+    problem, stated = problem_of(arguments[0]) if len(arguments) == 2 else (None, None)
     name, found = reading.content(reading.load(arguments[-1]), arguments[-1])
     if name == "identification" and problem is None:
         return Identification(found).check()
+    given = found
     if name == "result":
-        lines = check_result(found, problem)
-        sense = reading.problem(reading.item(found, "problem", "result")).sense
+        lines, given = check_result(found, problem), reading.item(found, "certificate", "result")
+        stated = reading.item(found, "problem", "result") if problem is None else stated
+        problem = problem or reading.problem(stated)
     elif name == "certificate" and problem is not None:
-        lines, sense = check_certificate(problem, found), problem.sense
+        lines = check_certificate(problem, found)
     else:
         raise Malformed(f"{arguments[-1]} holds a {name!r:.40}\n{USAGE}")
-    remark = "(objective is the negative of what is maximised)"
-    return [*lines, remark] if sense == "max" else lines
+    lines += remarks(stated, given) if stated and given else []
+    negated = ["(objective is the negative of what is maximised)"]
+    return lines + (negated if problem.sense == "max" else [])
 
 
-def problem_of(path: str) -> Problem:
-    """The problem in a file, by what the file holds."""
+def problem_of(path: str) -> tuple[Problem, Any]:
+    """The problem in a file, by what the file holds, and its JSON or None."""
     if not path.endswith(".json"):
-        return text.problem_of(path)
+        return text.problem_of(path), None
     name, found = reading.content(reading.load(path), path)
     if name == "result":
         found = reading.item(found, "problem", path)
     elif name != "problem":
         raise Malformed(f"{path} holds a {name!r:.40}, not a problem")
-    return reading.problem(found)
+    return reading.problem(found), found

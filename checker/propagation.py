@@ -22,7 +22,7 @@ Factors = list[tuple[int, int]]
 class Box:
     """Intervals of all variables; it holds no point where a lower end lies above the upper one.
 
-    ``stale`` holds the variables that changed since the last sweep with and without a cut-off:
+    ``stale`` holds the variables that changed since the last sweep with and without a cutoff:
     a row none of whose variables changed says what it said before.
     """
 
@@ -75,12 +75,12 @@ class Rows:
         self.rows = rows
         self.minors = minors
 
-    def sweep(self, box: Box, cutoff: bool) -> None:
+    def sweep(self, box: Box, uses_cutoff: bool) -> None:
         """One sweep, in place; the box is empty where it proves that it holds no point."""
-        stale = box.stale[cutoff]
+        stale = box.stale[uses_cutoff]
         chosen = [r for r in self.rows if self.minors or not stale.isdisjoint(r.variables)]
-        box.stale[cutoff] = set()
-        if cutoff:  # these rows are among those with the cut-off
+        box.stale[uses_cutoff] = set()
+        if uses_cutoff:  # the other rows are among these
             box.stale[False] = set()
         begin = list(box.ends)
         ranges = [_ranges(row, begin) for row in chosen]

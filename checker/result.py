@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from hashlib import sha256
+from struct import pack
 from typing import Any
 
 from .certificate import Certificates
@@ -27,13 +29,44 @@ def shown(value: Any) -> str:
         return "a number beyond all doubles"
 
 
-def fingerprint(given: Problem) -> str | None:
-    """The name of a problem that certificates carry.
+def fingerprint(found: Any) -> str:
+    """The name that certificates of version 3 give a problem, from its JSON.
 
-    Nothing rests on it here: every claim is proved for the problem at hand. This function is the
-    place to compute "v2:" and the SHA-256 of the problem's bytes, and to compare.
+    Nothing rests on it: every claim is proved for the problem at hand. It tells files that were
+    mixed up.
     """
-    return None
+    rows, squares = found["constraints"], found["squares"]
+    polynomials = [found["objective"]]
+    for row in rows:
+        polynomials += [row["polynomial"], *row["entries"]]
+    polynomials += [polynomial for _, polynomial in squares]
+    bounds = [[float(v) + 0.0 for v in found[name]["data"]] for name in ("lower", "upper")]
+    parts = [
+        b"sparsepop-py problem 2",
+        packed("q", [found["objective"]["dimension"], len(rows), len(squares)]),
+        ",".join(row["kind"] for row in rows).encode(),
+        packed("q", [len(row["entries"]) for row in rows]),
+        packed("q", [length for p in polynomials for length in p["words"]["shape"]]),
+        packed("i", [letter for p in polynomials for letter in p["words"]["data"]]),
+        packed("d", [value for p in polynomials for value in p["coefficients"]["data"]]),
+        *(packed("d", side) for side in bounds),
+        packed("d", [weight + 0.0 for weight, _ in squares]),
+    ]
+    whole = b"".join(len(part).to_bytes(8, "little") + part for part in parts)
+    return "v2:" + sha256(whole).hexdigest()
+
+
+def packed(kind: str, values: list[Any]) -> bytes:
+    """Numbers one after another: 8 bytes (q), 4 bytes (i) or doubles (d), the low byte first."""
+    return pack(f"<{len(values)}{kind}", *values)
+
+
+def remarks(found: Any, certificates: Any) -> list[str]:
+    """What the name of a problem says of a certificate."""
+    name = certificates[-1]["fingerprint"]
+    if not name.startswith("v2:") or name == fingerprint(found):
+        return []
+    return ["remark: by its fingerprint the certificate was made for another problem"]
 
 
 def proved_bound(certificates: Certificates, claim: Any) -> str:

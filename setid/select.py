@@ -199,7 +199,7 @@ def _family(family: Any, data: IOData) -> Family:
     return family
 
 
-def _try(make: Family, order: int, degree: int, given: tuple) -> SelectionStep:
+def _try(make: Family, order: int, degree: int, given: tuple[Any, ...]) -> SelectionStep:
     data, noise, priors, options = given
     result = identify(data, make(order, degree), noise, priors, options)
     return SelectionStep(order, degree, *_decision(result), result)

@@ -51,7 +51,7 @@ __all__ = ["solve", "solve_each"]
 
 @one_thread
 def solve(
-    problem: Problem, options: Options | None = None, *, start: NDArray | None = None
+    problem: Problem, options: Options | None = None, *, start: NDArray[Any] | None = None
 ) -> Result:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
@@ -103,8 +103,8 @@ def solve_each(
     objectives: Sequence[Polynomial],
     options: Options | None = None,
     *,
-    start: NDArray | None = None,
-    repair: Callable[[NDArray], NDArray] | None = None,
+    start: NDArray[Any] | None = None,
+    repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None,
     points: Sequence[ProvedPoint] = (),
     branch_on: Sequence[int] | None = None,
     on_progress: Callable[[int, float, float], None] | None = None,
@@ -267,7 +267,7 @@ def _with_widths(
     return done
 
 
-def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.float64]]:
+def _start_vectors(problem: Problem, start: NDArray[Any] | None) -> list[NDArray[np.float64]]:
     if start is None:
         return []
     try:
@@ -281,9 +281,11 @@ def _start_vectors(problem: Problem, start: NDArray | None) -> list[NDArray[np.f
     return [vector]
 
 
-def _solve_one(context: SolveContext, starts: list[NDArray], shared: Model | None) -> SearchState:
+def _solve_one(
+    context: SolveContext, starts: list[NDArray[Any]], shared: Model | None
+) -> SearchState:
     """Search an incumbent, then loop over relaxations; an interrupt keeps what is proved."""
-    problem, candidates = context.problem, list[NDArray]()
+    problem, candidates = context.problem, list[NDArray[Any]]()
     try:
         with context.stages.stage("search"):
             box = shared.box if shared else Interval(problem.lower, problem.upper)
@@ -394,7 +396,7 @@ def _unproved(
 
 
 def _points(
-    problem: Problem, best: ProvedPoint | None, candidates: list[NDArray]
+    problem: Problem, best: ProvedPoint | None, candidates: list[NDArray[Any]]
 ) -> tuple[Point, ...]:
     """Select distinct candidates, the attained one first, then by value."""
     vectors = [best.x] if best is not None else []

@@ -286,7 +286,7 @@ def _plane(result: Result, ax: Axes) -> None:
     _finish(result, ax)
 
 
-def _equations(problem: Problem, X: Any, Y: Any, points: NDArray, ax: Axes) -> None:
+def _equations(problem: Problem, X: Any, Y: Any, points: NDArray[Any], ax: Axes) -> None:
     drawn = False
     for row, equal in zip(problem.constraints, problem.equality, strict=True):
         values = row.polynomial(points).reshape(X.shape)

@@ -52,7 +52,7 @@ def test_code_of_a_page_runs_and_prints_what_the_page_shows(
     for number, (block, shown) in enumerate(code(name)):
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            exec(compile(block, f"{name} block {number}", "exec"), scope)
+            exec(compile(block, f"{name} block {number}", "exec", dont_inherit=True), scope)
         assert shown.rstrip() in printed.getvalue(), f"{name} block {number}"
 
 
@@ -92,3 +92,32 @@ def test_every_option_is_documented() -> None:
     table = text("docs/parameters.md").split("## Options of solve and solve_each")[1]
     documented = re.findall(r"^\| `(\w+)` \|", table, re.M)
     assert documented == [option.name for option in dataclasses.fields(sp.Options)]
+
+
+def test_the_design_page_names_every_room() -> None:
+    page = text("docs/design.md")
+    rooms = [
+        path.stem if path.is_file() else f"{path.name}/"
+        for package in ("sparsepop_py", "setid")
+        for path in (ROOT / package).iterdir()
+        if not path.name.startswith("_") and (path.is_dir() or path.suffix == ".py")
+    ]
+    assert [room for room in rooms if f"`{room}`" not in page] == []
+
+
+def test_every_page_is_listed() -> None:
+    listed = {
+        (ROOT / folder / target).resolve()
+        for folder in ("docs", "docs/benchmarks", "docs/decisions")
+        for target in re.findall(r"\]\(([^)#]+\.md)\)", text(f"{folder}/README.md"))
+    }
+    pages = {path for path in (ROOT / "docs").rglob("*.md") if path.name != "README.md"}
+    assert pages - listed == set()
+
+
+def test_every_decision_has_a_date_and_what_was_rejected() -> None:
+    for path in (ROOT / "docs/decisions").glob("0*.md"):
+        record = path.read_text(encoding="utf-8")
+        assert re.search(r"^20\d\d-\d\d-\d\d$", record, re.M), path.name
+        headings = re.findall(r"^## (.*)$", record, re.M)
+        assert headings[:4] == ["Context", "Decision", "Alternatives rejected", "Measured"]

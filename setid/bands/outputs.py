@@ -8,7 +8,7 @@ priors are falsified. *Sampled* bands are what members of the set reach.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +81,7 @@ class OutputBand:
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
         return np.argwhere(gone)
 
-    def plot(self) -> NDArray:
+    def plot(self) -> NDArray[Any]:
         """Draw the readings and the band, one axis an output; returns the axes."""
         from setid.plots.outputs import plot_output_band
 
@@ -135,7 +135,7 @@ class Comparison:
             )
         return "\n".join(lines)
 
-    def plot(self) -> NDArray:
+    def plot(self) -> NDArray[Any]:
         """Draw the band with the fit in the title; returns the axes."""
         from setid.plots.outputs import plot_comparison
 

@@ -7,7 +7,7 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,7 +82,7 @@ class FrequencyBand:
         with np.errstate(divide="ignore"):
             return np.asarray(20.0 * np.log10(self.magnitude), np.float64)
 
-    def plot(self, kind: str = "bode") -> NDArray | Axes:
+    def plot(self, kind: str = "bode") -> NDArray[Any] | Axes:
         """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes.
 
         Parameters

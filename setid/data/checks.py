@@ -14,8 +14,8 @@ from setid.errors import DataError, SetidError
 __all__ = [
     "FrozenMapping",
     "channels_of",
-    "frozen",
     "entries_of",
+    "frozen",
     "natural",
     "number",
     "range_of",
@@ -68,7 +68,7 @@ class FrozenMapping(Mapping[K, V]):
         return repr(self._items)
 
 
-def frozen(array: NDArray) -> NDArray:
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
     """The same array, made read-only."""
     array.flags.writeable = False
     return array

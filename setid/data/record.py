@@ -340,7 +340,7 @@ class IOData:
         inside = self.starts[(self.starts > begin) & (self.starts < end)] - begin
         return self._like(self.u[part], self.y[part], starts=np.append(0, inside))
 
-    def _like(self, u: NDArray, y: NDArray, **changes: Any) -> IOData:
+    def _like(self, u: NDArray[Any], y: NDArray[Any], **changes: Any) -> IOData:
         kept: dict[str, Any] = {
             "Ts": self.Ts,
             "assumptions": self.assumptions,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ Ends = tuple[float, float]
 
 def inner_ends(
     points: Sequence[sp.ProvedPoint | None], place: int
-) -> tuple[Ends | None, tuple[NDArray | None, NDArray | None]]:
+) -> tuple[Ends | None, tuple[NDArray[Any] | None, NDArray[Any] | None]]:
     """The lowest and highest attained values of a parameter, and where.
 
     Parameters

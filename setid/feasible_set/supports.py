@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
@@ -45,7 +47,7 @@ def cover_of(result: FeasibleSet) -> Cover:
     return proved.cover(result.formulation, *result.outer_box)
 
 
-def supports(cover: Cover, directions: NDArray | list[list[float]]) -> Reals:
+def supports(cover: Cover, directions: NDArray[Any] | list[list[float]]) -> Reals:
     """Proved least and largest value of linear functions of theta.
 
     Parameters

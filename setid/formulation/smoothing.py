@@ -11,6 +11,7 @@ are what they are, and sums are rounded outwards.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +65,7 @@ def smoothed(
     return Regression(rows.names, *columns)
 
 
-def _own(rows: Regression, chosen: Integers) -> tuple[NDArray, ...]:
+def _own(rows: Regression, chosen: Integers) -> tuple[NDArray[Any], ...]:
     fields = ("target", "regressors", "radius", "radii", "row", "record", "sample", "output")
     return tuple(getattr(rows, field)[chosen] for field in fields)
 
@@ -120,7 +121,7 @@ def _summed(
     terms: list[_Term],
     bounds: tuple[Reals, Reals, Reals],
     start: int,
-) -> tuple[NDArray, ...]:
+) -> tuple[NDArray[Any], ...]:
     """Sums of the rows of a run up to each of those that are kept."""
     first, last = int(rows.row[run[0]]), int(rows.row[run[-1]])
     channel = int(rows.output[run[0]]) - 1

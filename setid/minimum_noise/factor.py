@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from sparsepop_py.uncertain_rows.directions import units_of_rows
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
-__all__ = ["least_factor", "search_factor", "on_box", "refuted_factor", "rounding_factor"]
+__all__ = ["least_factor", "on_box", "refuted_factor", "rounding_factor", "search_factor"]
 
 _REACH = 4.0  # of parameters whose terms are of the size of the others
 _GAP = 0.01  # of the factor, in a search
@@ -33,7 +33,7 @@ _LEAST = 2.0**-6  # of a factor without a finite box: what is tried next is its 
 _DIGITS = 2.0**-46  # of the readings: noise that rounding alone explains
 
 
-def rounding_factor(data: IOData, bounds: tuple[NDArray, ...]) -> float:
+def rounding_factor(data: IOData, bounds: tuple[NDArray[Any], ...]) -> float:
     """Compute the factor with which noise is as small as the rounding of readings."""
     sizes = np.nanmax(np.abs(data.y)), np.nanmax(np.abs(data.u)), np.nanmax(np.abs(data.y))
     parts = [size / b[b > 0].max() for size, b in zip(sizes, bounds, strict=True) if np.any(b > 0)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +78,7 @@ class NoiseScale:
 # ---- the problem --------------------------------------------------------------------------
 
 
-def scaled_noise(bounds: tuple[NDArray, ...], factor: float) -> Noise:
+def scaled_noise(bounds: tuple[NDArray[Any], ...], factor: float) -> Noise:
     """Noise bounds times a factor, rounded up."""
     parts = [np.where(b > 0, np.nextafter(b * factor, inf), 0.0) for b in bounds]
     if factor == 1.0:

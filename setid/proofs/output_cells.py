@@ -17,7 +17,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,7 +227,9 @@ def _first_cells(parts: Parts, poles: Reals) -> Reals:
     return np.array(faces)
 
 
-def _measured(parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray) -> tuple:
+def _measured(
+    parts: Parts, formulation: Formulation, cells: Reals, rows: NDArray[Any]
+) -> tuple[Any, ...]:
     upto = int(rows[-1]) + 1
     found = enclosed(
         cells,
@@ -244,7 +246,7 @@ def _pruned(
     parts: Parts,
     formulation: Formulation,
     cells: Reals,
-    known: NDArray,
+    known: NDArray[Any],
     until: float,
     rounds: int,
 ) -> tuple[Reals, Fitted | None, int]:
@@ -269,7 +271,7 @@ def _halved(
     parts: Parts,
     formulation: Formulation,
     cells: Reals,
-    rows: NDArray,
+    rows: NDArray[Any],
     until: float,
     rounds: int,
 ) -> tuple[Reals, int, bool]:
@@ -298,7 +300,7 @@ def _halved(
 
 
 def _effects(
-    found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray, noise: Reals
+    found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray[Any], noise: Reals
 ) -> Reals:
     """Effect of each coordinate of a cell on outputs, in noise bounds, shape (C, d)."""
     z = np.abs(found.centre[:, rows]) + 1e-300
@@ -311,7 +313,7 @@ def _effects(
     return np.where(width, np.maximum(np.nan_to_num(effect, nan=1e300, posinf=1e300), 1e-300), -1.0)
 
 
-def _halves(cells: Reals, place: NDArray) -> Reals:
+def _halves(cells: Reals, place: NDArray[Any]) -> Reals:
     every = np.arange(len(cells))
     middle = cells[every, :, place].mean(axis=1)
     left, right = cells.copy(), cells.copy()

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +100,7 @@ def cover(formulation: Formulation, lower: Reals, upper: Reals) -> Cover:
 
 def supports(
     cover: Cover,
-    directions: NDArray | list[list[float]],
+    directions: NDArray[Any] | list[list[float]],
     proposer: Callable[[Cover], Multipliers],
 ) -> Reals:
     """Bound linear functions of theta from below and above.

@@ -257,7 +257,9 @@ class Matrices:
         """The constraints that have a matrix."""
         return np.flatnonzero(self.side)
 
-    def entry(self, constraint: NDArray, i: NDArray, j: NDArray) -> NDArray[np.int64]:
+    def entry(
+        self, constraint: NDArray[Any], i: NDArray[Any], j: NDArray[Any]
+    ) -> NDArray[np.int64]:
         """Row of ``system`` in row i and column j of the matrix of each constraint."""
         return self.table[self.first[constraint] + i * self.side[constraint] + j]
 

@@ -11,6 +11,7 @@ array of shape (T, D), so that everything here is vectorised.
 from __future__ import annotations
 
 from itertools import combinations_with_replacement
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -87,7 +88,7 @@ def multiply(left: Words, right: Words) -> Words:
     return product
 
 
-def pack(words: Words, dimension: int) -> NDArray:
+def pack(words: Words, dimension: int) -> NDArray[Any]:
     """Pack words (T, D) to sortable keys (T,); equal widths give comparable keys.
 
     Keys are 64-bit integers where they fit and fixed-width byte strings otherwise.
@@ -112,7 +113,7 @@ def collect(words: Words, dimension: int) -> tuple[Words, NDArray[np.int64]]:
     return words[first], inverse.ravel()
 
 
-def evaluate(words: Words, points: NDArray) -> NDArray:
+def evaluate(words: Words, points: NDArray[Any]) -> NDArray[Any]:
     """Evaluate words at ``points``: (n,) gives (T,), (N, n) gives (N, T)."""
     if points.ndim == 1:  # local searches call it thousands of times
         letters = np.concatenate([_ONE, points]).take(words.T)
@@ -137,7 +138,7 @@ def runs(words: Words) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np
     return row, words[row, column].astype(np.int64) - 1, ends - position
 
 
-def are_exponents(values: NDArray) -> NDArray[np.bool_]:
+def are_exponents(values: NDArray[Any]) -> NDArray[np.bool_]:
     """Mark whole numbers from 0 to LARGEST_POWER: powers that words can hold."""
     return (values >= 0) & (values <= LARGEST_POWER) & (values == np.floor(values))
 

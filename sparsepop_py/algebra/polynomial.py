@@ -153,7 +153,7 @@ class Constraint:
         return f"{label}{self.polynomial} {relation} 0"
 
 
-def _frozen(array: NDArray) -> NDArray:
+def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     array.flags.writeable = False
     return array
 

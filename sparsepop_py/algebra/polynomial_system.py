@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -58,7 +59,7 @@ class PolynomialSystem:
             dimension,
         )
 
-    def take(self, rows: NDArray) -> PolynomialSystem:
+    def take(self, rows: NDArray[Any]) -> PolynomialSystem:
         """Select rows, in the order given."""
         number = np.full(self.size, -1)
         number[rows] = np.arange(len(rows))
@@ -72,7 +73,7 @@ class PolynomialSystem:
             self.dimension,
         )
 
-    def without(self, rows: NDArray) -> PolynomialSystem:
+    def without(self, rows: NDArray[Any]) -> PolynomialSystem:
         """Empty the chosen rows."""
         gone = np.zeros(self.size, bool)
         gone[rows] = True
@@ -81,7 +82,7 @@ class PolynomialSystem:
             self.words[keep], self.coefficients[keep], self.row[keep], self.size, self.dimension
         )
 
-    def terms_of(self, rows: NDArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def terms_of(self, rows: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Terms of the chosen rows: position in ``rows`` and term number, both (L,)."""
         first = np.searchsorted(self.row, np.arange(self.size + 1))
         count = first[rows + 1] - first[rows]
@@ -89,13 +90,13 @@ class PolynomialSystem:
         within = np.arange(position.size) - (np.cumsum(count) - count)[position]
         return position, first[rows][position] + within
 
-    def values(self, x: NDArray) -> NDArray[np.float64]:
+    def values(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Values at ``x`` of shape (n,), giving (m,)."""
         terms = self.coefficients * monomials.evaluate(self.words, x)
         return np.bincount(self.row, weights=terms, minlength=self.size).astype(float)
 
     @cached_property
-    def _gradient(self) -> tuple[NDArray, NDArray, NDArray, Words]:
+    def _gradient(self) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], Words]:
         """Terms of all partial derivatives: row, variable, coefficient, word."""
         term, variable, power = monomials.runs(self.words)
         words = self.words[term].copy()
@@ -104,7 +105,7 @@ class PolynomialSystem:
         words.sort(axis=1)
         return self.row[term], variable, self.coefficients[term] * power, words
 
-    def gradient(self, x: NDArray) -> NDArray[np.float64]:
+    def gradient(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Gradient of the only row at ``x``, shape (n,)."""
         _, variable, coefficient, words = self._gradient
         values = coefficient * monomials.evaluate(words, x)
@@ -131,20 +132,20 @@ class PolynomialSystem:
         """Rows and variables of the entries that :meth:`slopes` lists, ascending."""
         return self._places[:2]
 
-    def slopes(self, x: NDArray) -> NDArray[np.float64]:
+    def slopes(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Entries of the Jacobian at ``x`` that are not zero everywhere."""
         _, _, coefficient, words = self._gradient
         rows, _, entry = self._places
         values = coefficient * monomials.evaluate(words, x)
         return np.bincount(entry, weights=values, minlength=rows.size).astype(float)
 
-    def dense_jacobian(self, x: NDArray) -> NDArray[np.float64]:
+    def dense_jacobian(self, x: NDArray[Any]) -> NDArray[np.float64]:
         """Jacobian at ``x`` of shape (n,), dense (m, n)."""
         matrix = np.zeros((self.size, self.dimension))
         matrix[self.jacobian_places()] = self.slopes(x)
         return matrix
 
-    def jacobian(self, x: NDArray) -> sps.csr_array:
+    def jacobian(self, x: NDArray[Any]) -> sps.csr_array:
         """Jacobian at ``x`` of shape (n,), sparse (m, n)."""
         rows, columns = self.jacobian_places()
         first = np.searchsorted(rows, np.arange(self.size + 1)).astype(np.int32)

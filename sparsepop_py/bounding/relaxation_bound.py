@@ -6,6 +6,7 @@ box -> scale -> cliques -> relax -> assemble -> solve -> certify
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -406,7 +407,7 @@ def build_relaxations(
     objectives: tuple[Polynomial, ...],
     model: Model,
     options: Options,
-    typical: NDArray | None = None,
+    typical: NDArray[Any] | None = None,
 ) -> Model:
     """Scale the problem to the box of a model and build the relaxations on it.
 

@@ -83,7 +83,7 @@ class Search:
     settings: NodeSettings
     proof: BoxProof
     box: Interval
-    search_incumbent: Callable[[SolveContext, list[NDArray]], SolveContext]
+    search_incumbent: Callable[[SolveContext, list[NDArray[Any]]], SolveContext]
     start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
     count: int = 0
     seen: int = 0

@@ -299,7 +299,7 @@ def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:
     return sps.csr_array(matrix.astype(np.int64).reshape((terms, n)))
 
 
-def _check_exponents(struct: _Struct, values: NDArray) -> None:
+def _check_exponents(struct: _Struct, values: NDArray[Any]) -> None:
     wrong = values[~monomials.are_exponents(values)]
     if wrong.size:
         expected = f"non-negative integers up to {monomials.LARGEST_POWER}"

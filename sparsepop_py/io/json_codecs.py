@@ -124,7 +124,7 @@ def _write_array(values: Any) -> Any:
     return {"type": name, "shape": list(values.shape), "data": flat}
 
 
-def _read_array(found: Any, place: str) -> NDArray:
+def _read_array(found: Any, place: str) -> NDArray[Any]:
     name, shape, data = (field_of(found, key, place) for key in ("type", "shape", "data"))
     if name not in _TYPES:
         raise wrong(f"{place}.type", name, "one of " + ", ".join(_TYPES))

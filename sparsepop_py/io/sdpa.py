@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -212,7 +213,7 @@ class _Lines:
 
 def _checked(
     table: NDArray[np.float64], m: int, sizes: list[int], reader: _Lines
-) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     index, value = table[:, :4], table[:, 4]
     limit = np.abs(np.array(sizes))
     fits = np.all(index % 1 == 0, axis=1) & (index[:, 0] >= 0) & (index[:, 0] <= m)
@@ -232,7 +233,7 @@ def _checked(
 
 
 def _rows(
-    sizes: list[int], block: NDArray, i: NDArray, j: NDArray
+    sizes: list[int], block: NDArray[Any], i: NDArray[Any], j: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], Cones]:
     """Conic row and weight of each entry: diagonal blocks and blocks of size 1 first."""
     size = np.array(sizes)

@@ -15,6 +15,7 @@ R. E. Curto, L. A. Fialkow, Trans. Amer. Math. Soc. 352 (2000) 2825-2855 (flat e
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +87,10 @@ def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
 
 
 def extract_clique(
-    matrix: NDArray, basis: Words, members: Sequence[int] | NDArray, tolerance: float = 1e-4
+    matrix: NDArray[Any],
+    basis: Words,
+    members: Sequence[int] | NDArray[Any],
+    tolerance: float = 1e-4,
 ) -> Points:
     """Extract the atoms of the measure behind the moment matrix of one clique.
 
@@ -215,7 +219,7 @@ def combine(
 # ---- one clique -------------------------------------------------------------------------
 
 
-def _shifts(basis: Words, members: NDArray) -> NDArray[np.int64]:
+def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:
     """Find the row of x_v times word j, shape (k, s), -1 for none."""
     width = basis.shape[1] + 1
     letters = (members + 1).astype(np.int32)[:, None, None]
@@ -229,7 +233,7 @@ def _shifts(basis: Words, members: NDArray) -> NDArray[np.int64]:
     return np.where(keys[row] == wanted, row, -1).reshape(members.size, -1)
 
 
-def _atoms(matrix: NDArray, shifted: NDArray, tolerance: float) -> NDArray | None:
+def _atoms(matrix: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDArray[Any] | None:
     """Compute the atoms (rank, k), or None if the matrix is not flat."""
     values, vectors = np.linalg.eigh(matrix)
     kept = values > tolerance * values[-1]
@@ -248,19 +252,21 @@ def _atoms(matrix: NDArray, shifted: NDArray, tolerance: float) -> NDArray | Non
     return _joint_eigenvalues(echelon[shifted[:, pivots]])
 
 
-def _joint_eigenvalues(multiplications: NDArray) -> NDArray[np.float64]:
+def _joint_eigenvalues(multiplications: NDArray[Any]) -> NDArray[np.float64]:
     """Compute the eigenvalues (rank, k) of commuting matrices (k, rank, rank).
 
     A random combination separates the atoms, so that its Schur vectors are those of every
     matrix; the Schur form is orthogonal and hence stable (Corless, Gianni, Trager 1997).
     """
-    share: NDArray = np.random.default_rng(_SEED).random((multiplications.shape[0],))
+    share: NDArray[Any] = np.random.default_rng(_SEED).random((multiplications.shape[0],))
     mixture = np.tensordot(share / share.sum(), multiplications, axes=1)
     _, schur = linalg.schur(mixture, output="real")
     return np.einsum("rj,vrs,sj->jv", schur, multiplications, schur)
 
 
-def _by_weight(points: NDArray, moments: NDArray, basis: Words, members: NDArray) -> Points:
+def _by_weight(
+    points: NDArray[Any], moments: NDArray[Any], basis: Words, members: NDArray[Any]
+) -> Points:
     """Sort points by falling weight in the measure, from the moments of the basis words."""
     local = (np.searchsorted(members + 1, basis) + 1).astype(np.int32)
     words = np.where(basis > 0, local, 0).astype(np.int32)
@@ -271,7 +277,7 @@ def _by_weight(points: NDArray, moments: NDArray, basis: Words, members: NDArray
 # ---- many cliques -----------------------------------------------------------------------
 
 
-def _agreement(known: NDArray, candidates: NDArray) -> NDArray[np.float64]:
+def _agreement(known: NDArray[Any], candidates: NDArray[Any]) -> NDArray[np.float64]:
     """Compute the largest relative difference of points (P, k) and candidates (C, k), (P, C)."""
     gap = np.abs(known[:, None, :] - candidates[None, :, :])
     scale = np.maximum(1.0, np.nan_to_num(np.abs(candidates), nan=1.0))
@@ -279,7 +285,7 @@ def _agreement(known: NDArray, candidates: NDArray) -> NDArray[np.float64]:
 
 
 def _pairs(
-    distance: NDArray, tolerance: float, limit: int, rng: np.random.Generator
+    distance: NDArray[Any], tolerance: float, limit: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match partial points with candidates: (row, pick), rows ascending.
 

@@ -8,6 +8,7 @@ inequalities by linear programs. The proof itself is
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -76,7 +77,7 @@ def _first_proof(problem: Problem, candidate: NDArray[np.float64]) -> ProvedPoin
     return None
 
 
-def _candidates(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
+def _candidates(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
     """Yield x snapped to bounds and round numbers, then pulled further and further inside."""
     size = 1.0 + np.abs(x)
     snapped = np.where(x - problem.lower <= _ACTIVE * size, problem.lower, x)
@@ -96,7 +97,7 @@ def _candidates(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
 
 
 def _pull_inside(
-    problem: Problem, x: NDArray, depth: float, loose: bool
+    problem: Problem, x: NDArray[Any], depth: float, loose: bool
 ) -> NDArray[np.float64] | None:
     """Move by a linear program to where nearly active inequalities hold with a margin.
 
@@ -145,7 +146,7 @@ def _pull_inside(
     return moved
 
 
-def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str]]:
+def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], NDArray[Any], str]]:
     """Yield equalities, the variables to solve them for, and the kind of proof."""
     equal = np.flatnonzero(problem.equality)
     nothing = np.zeros(0, np.int64)
@@ -168,7 +169,7 @@ def _plans(problem: Problem, x: NDArray) -> Iterator[tuple[NDArray, NDArray, str
         yield equal[rows], solved, proof
 
 
-def _leading_columns(matrix: NDArray) -> NDArray[np.int64] | None:
+def _leading_columns(matrix: NDArray[Any]) -> NDArray[np.int64] | None:
     """Select as many columns as rows by QR with pivoting; None if rows depend."""
     _, triangle, pivots = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
     m = matrix.shape[0]
@@ -190,7 +191,7 @@ def _couplings(system: PolynomialSystem) -> set[tuple[int, int]]:
 
 
 def _pivots(
-    jacobian: NDArray, weight: NDArray, blocked: set[tuple[int, int]] | None
+    jacobian: NDArray[Any], weight: NDArray[Any], blocked: set[tuple[int, int]] | None
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Select rows and columns of a well-conditioned square part, by full pivoting.
 

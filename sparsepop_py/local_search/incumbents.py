@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,8 @@ _GAIN = 0.01  # of the allowed gap: a point that gains less is not proved while 
 
 
 def search_incumbent(
-    problem: Problem, starts: list[NDArray], context: SolveContext, proved: float = -np.inf
-) -> tuple[ProvedPoint | None, list[NDArray]]:
+    problem: Problem, starts: list[NDArray[Any]], context: SolveContext, proved: float = -np.inf
+) -> tuple[ProvedPoint | None, list[NDArray[Any]]]:
     """Search from several starts for a better incumbent.
 
     The search ends early at a point that closes the gap to the ``proved`` bound.
@@ -88,8 +89,8 @@ def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
 
 
 def first_incumbent(
-    context: SolveContext, starts: Iterator[NDArray]
-) -> tuple[SolveContext, list[NDArray]]:
+    context: SolveContext, starts: Iterator[NDArray[Any]]
+) -> tuple[SolveContext, list[NDArray[Any]]]:
     """Search until the first proved point.
 
     A relaxation comes next, and its moments are the best start. Starts are taken from the iterator
@@ -119,7 +120,7 @@ def first_incumbent(
     return (context if found is None else replace(context, best=found)), vectors
 
 
-def _with_repaired(context: SolveContext, starts: list[NDArray]) -> list[NDArray]:
+def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[NDArray[Any]]:
     """Put the repaired forms of starts before them, as far as these differ."""
     if context.repair is None:
         return starts
@@ -128,8 +129,8 @@ def _with_repaired(context: SolveContext, starts: list[NDArray]) -> list[NDArray
 
 
 def update_incumbent(
-    context: SolveContext, starts: list[NDArray], proved: float = -np.inf
-) -> tuple[SolveContext, list[NDArray]]:
+    context: SolveContext, starts: list[NDArray[Any]], proved: float = -np.inf
+) -> tuple[SolveContext, list[NDArray[Any]]]:
     """Search from starts and keep the better incumbent.
 
     Parameters
@@ -177,7 +178,7 @@ def candidates_from_moments(
     return [scaling.point(t) for t in found]
 
 
-def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
     """Choose starting points in a box: many in few variables, none in very many."""
     n = problem.dimension
     count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0

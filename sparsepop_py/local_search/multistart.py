@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +101,7 @@ def _decide(problem: Problem, x: NDArray[np.float64]) -> Problem:
     return Problem(problem.objective, rest, lower, upper, problem.names)
 
 
-def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
+def _settled(constraint: Constraint, lower: NDArray[Any], upper: NDArray[Any]) -> bool:
     """Check whether fixed variables make an equality hold, by zero factors or altogether."""
     p = constraint.polynomial
     if constraint.kind is not Kind.ZERO:
@@ -113,7 +114,7 @@ def _settled(constraint: Constraint, lower: NDArray, upper: NDArray) -> bool:
 
 
 def _tries(
-    rows: RowForm, start: NDArray, tolerance: float, method: str | None, end: float
+    rows: RowForm, start: NDArray[Any], tolerance: float, method: str | None, end: float
 ) -> Iterator[NDArray[np.float64]]:
     """Yield the start and the ends of local searches from it, the cheapest search first."""
     problem, start = rows.problem, rows.start(start)
@@ -129,7 +130,7 @@ def _tries(
     branch = _decide(problem, start)
     failed = True
 
-    def feasible(x: NDArray) -> bool:
+    def feasible(x: NDArray[Any]) -> bool:
         return bool(rows.given.violation(rows.point(x)) <= tolerance)
 
     # vertices of linear programs satisfy equations better, and their existence is proved sooner
@@ -177,7 +178,7 @@ class Aim:
 
 
 def _candidates(
-    rows: RowForm, start: NDArray, aim: Aim, method: str | None, end: float
+    rows: RowForm, start: NDArray[Any], aim: Aim, method: str | None, end: float
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """List nearly feasible (value, vector) pairs that one start leads to."""
     kept: list[tuple[float, NDArray[np.float64]]] = []
@@ -191,7 +192,7 @@ def _candidates(
 
 
 def _rated(
-    rows: RowForm, found: list[NDArray], aim: Aim
+    rows: RowForm, found: list[NDArray[Any]], aim: Aim
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Select the nearly feasible vectors, with their values."""
     kept = []
@@ -262,7 +263,7 @@ def best_attained(
 
 def _best_proved(
     problem: Problem,
-    found: list[tuple[float, NDArray]],
+    found: list[tuple[float, NDArray[Any]]],
     best: ProvedPoint | None,
     aim: Aim,
     end: float,

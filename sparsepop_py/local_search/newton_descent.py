@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -29,7 +30,7 @@ _DENSE = 60  # variables up to which elimination is dense
 _SHIFTS = 12  # times a shift grows tenfold before the search ends
 
 
-def zeros_of_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
+def zeros_of_squares(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
     """Take shifted Gauss-Newton steps where the objective is a sum of squares.
 
     They end at zeros of the squares where those of the expanded objective stop in one of its
@@ -40,10 +41,10 @@ def zeros_of_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np
     weight = np.array([w for w, _ in problem.squares])
     system = PolynomialSystem.stack([r for _, r in problem.squares], problem.dimension)
 
-    def value(x: NDArray) -> float:
+    def value(x: NDArray[Any]) -> float:
         return float(weight @ np.square(system.values(x)))
 
-    def model(x: NDArray, inner: NDArray) -> tuple[sps.csr_array, NDArray]:
+    def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[sps.csr_array, NDArray[Any]]:
         jacobian = system.jacobian(x)[:, inner]
         weighted = sps.diags_array(weight) @ jacobian
         return sps.csr_array(jacobian.T @ weighted), weighted.T @ system.values(x)
@@ -51,20 +52,20 @@ def zeros_of_squares(problem: Problem, start: NDArray, end: float) -> NDArray[np
     return _descended(problem, start, end, value, model)
 
 
-def newton_polish(problem: Problem, x: NDArray, end: float) -> NDArray[np.float64]:
+def newton_polish(problem: Problem, x: NDArray[Any], end: float) -> NDArray[np.float64]:
     """Take shifted Newton steps from a point near a minimum."""
     row = problem.objective_row
 
-    def value(x: NDArray) -> float:
+    def value(x: NDArray[Any]) -> float:
         return float(row.values(x)[0])
 
-    def model(x: NDArray, inner: NDArray) -> tuple[sps.csr_array, NDArray]:
+    def model(x: NDArray[Any], inner: NDArray[Any]) -> tuple[sps.csr_array, NDArray[Any]]:
         return row.gradient_system.jacobian(x)[inner][:, inner], row.gradient(x)[inner]
 
     return _descended(problem, x, end, value, model)
 
 
-def _solved(matrix: sps.csr_array, right: NDArray) -> NDArray[np.float64]:
+def _solved(matrix: sps.csr_array, right: NDArray[Any]) -> NDArray[np.float64]:
     if right.size > _DENSE:
         return np.asarray(spsolve(matrix.tocsc(), right))
     try:
@@ -77,8 +78,8 @@ def _descended(
     problem: Problem,
     x: NDArray[np.float64],
     end: float,
-    value: Callable[[NDArray], float],
-    model: Callable[[NDArray, NDArray], tuple[sps.csr_array, NDArray]],
+    value: Callable[[NDArray[Any]], float],
+    model: Callable[[NDArray[Any], NDArray[Any]], tuple[sps.csr_array, NDArray[Any]]],
 ) -> NDArray[np.float64]:
     """Take steps -(H + shift I)^-1 g in the inner variables while they descend.
 

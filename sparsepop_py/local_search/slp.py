@@ -23,6 +23,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -139,7 +140,7 @@ class _Search:
         return low, high
 
     def ahead(
-        self, at: _Place, penalty: float, bounds: tuple[NDArray, NDArray]
+        self, at: _Place, penalty: float, bounds: tuple[NDArray[Any], NDArray[Any]]
     ) -> tuple[float, _Place | None]:
         """Linearise at an iterate; return the predicted reduction and the next iterate."""
         gradient = self.problem.objective_row.gradient(at.x) / self.scale
@@ -149,7 +150,7 @@ class _Search:
         return penalty * at.off - found[1], self.place(found[0])
 
 
-def restored(problem: Problem, x: NDArray, held: NDArray[np.int64]) -> NDArray[np.float64]:
+def restored(problem: Problem, x: NDArray[Any], held: NDArray[np.int64]) -> NDArray[np.float64]:
     """Choose the variables that are not held for least violation."""
     return _restored(_Search(problem, held), x)
 
@@ -167,7 +168,7 @@ def violated_rows(
     return np.flatnonzero(off > _VIOLATED)
 
 
-def _restored(search: _Search, x: NDArray) -> NDArray[np.float64]:
+def _restored(search: _Search, x: NDArray[Any]) -> NDArray[np.float64]:
     problem = search.problem
     low, high = problem.lower.copy(), problem.upper.copy()
     low[search.held] = high[search.held] = x[search.held]

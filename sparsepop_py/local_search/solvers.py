@@ -100,7 +100,7 @@ def _value(problem: Problem, end: float) -> Any:
     return value
 
 
-def _by_bounds(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
+def _by_bounds(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
     bounds = Bounds(problem.lower, problem.upper)
     options = {"maxiter": 500, "maxfun": 1500, "ftol": 1e-12, "gtol": 1e-10}
     x = minimize(
@@ -121,7 +121,7 @@ def _stop_far_away(intermediate_result: Any) -> None:
         raise StopIteration
 
 
-def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
+def _by_slsqp(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
     rows, size = problem.rows, _row_sizes(problem)
     constraints = []
     for kind, chosen in (
@@ -154,7 +154,7 @@ def _by_slsqp(problem: Problem, start: NDArray, end: float) -> NDArray[np.float6
     return np.asarray(result.x)
 
 
-def _independent(problem: Problem, x: NDArray) -> NDArray[np.bool_]:
+def _independent(problem: Problem, x: NDArray[Any]) -> NDArray[np.bool_]:
     """Select equalities, without linear ones that depend on others (SLSQP fails on them)."""
     chosen = problem.equality.copy()
     degree = np.array([c.polynomial.degree for c in problem.constraints], int)
@@ -174,7 +174,7 @@ def _row_sizes(problem: Problem) -> NDArray[np.float64]:
     return size
 
 
-def _by_trust_region(problem: Problem, start: NDArray, end: float) -> NDArray[np.float64]:
+def _by_trust_region(problem: Problem, start: NDArray[Any], end: float) -> NDArray[np.float64]:
     rows = problem.rows
     upper = np.where(problem.equality, 0.0, np.inf)
     constraint = NonlinearConstraint(rows.values, 0.0, upper, jac=rows.jacobian)
@@ -191,7 +191,7 @@ def _by_trust_region(problem: Problem, start: NDArray, end: float) -> NDArray[np
     return np.asarray(result.x)
 
 
-def _ipopt(problem: Problem, start: NDArray) -> NDArray[np.float64]:
+def _ipopt(problem: Problem, start: NDArray[Any]) -> NDArray[np.float64]:
     try:
         import casadi
     except ImportError as error:

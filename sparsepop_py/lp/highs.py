@@ -74,8 +74,8 @@ class LinearModel:
     def __init__(
         self,
         matrix: sps.csr_array,
-        rows: tuple[NDArray, NDArray],
-        columns: tuple[NDArray, NDArray],
+        rows: tuple[NDArray[Any], NDArray[Any]],
+        columns: tuple[NDArray[Any], NDArray[Any]],
         options: Mapping[str, bool | int | float | str] | None = None,
     ) -> None:
         self._highs = highspy.Highs()
@@ -90,8 +90,8 @@ class LinearModel:
     def load(
         self,
         matrix: sps.csr_array,
-        rows: tuple[NDArray, NDArray],
-        columns: tuple[NDArray, NDArray],
+        rows: tuple[NDArray[Any], NDArray[Any]],
+        columns: tuple[NDArray[Any], NDArray[Any]],
     ) -> None:
         """Another program; the basis is kept where the shape is the same."""
         m, n = matrix.shape
@@ -110,7 +110,7 @@ class LinearModel:
         self._shape = (m, n)
         self._feasible = False
 
-    def bound(self, columns: NDArray, lower: NDArray, upper: NDArray) -> None:
+    def bound(self, columns: NDArray[Any], lower: NDArray[Any], upper: NDArray[Any]) -> None:
         """Other bounds for some columns."""
         self._feasible = False
         self._highs.changeColsBounds(columns.size, columns.astype(np.int32), lower, upper)

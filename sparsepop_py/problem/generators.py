@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +109,7 @@ def stack_words(constraints: Words, bounds: Words) -> Words:
 
 
 def single_letters(
-    lower: NDArray[np.float64], upper: NDArray[np.float64], rows: int, generator: NDArray
+    lower: NDArray[np.float64], upper: NDArray[np.float64], rows: int, generator: NDArray[Any]
 ) -> NDArray[np.int32]:
     """Find the variable v of generators +-x_v, 0 for 1, -1 for others."""
     n = lower.size

@@ -9,6 +9,8 @@ H. Waki, S. Kim, M. Kojima, M. Muramatsu, SIAM J. Optim. 17 (2006) 218-242, sect
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -104,14 +106,18 @@ def bilinear_control(
     return Problem(cost.objective, rows, names=names, squares=cost.squares)
 
 
-def _fourth_powers(number: NDArray, shift: float, n: int) -> Squares:
+def _fourth_powers(number: NDArray[Any], shift: float, n: int) -> Squares:
     """Squares of (x_v + shift)^2."""
     terms = [(1.0, [0, 0]), (2.0 * shift, [0]), (shift * shift, [])]
     return Squares.build(1.0, number, [term for term in terms if term[0]], n)
 
 
 def _equation(
-    linear: list[NDArray], values: list[NDArray], pairs: NDArray, coupling: NDArray, n: int
+    linear: list[NDArray[Any]],
+    values: list[NDArray[Any]],
+    pairs: NDArray[Any],
+    coupling: NDArray[Any],
+    n: int,
 ) -> Constraint:
     """Build the constraint: values times linear plus coupling times pairs is zero."""
     letters, size = np.concatenate(linear), np.concatenate(values)

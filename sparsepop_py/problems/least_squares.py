@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,7 @@ from sparsepop_py.problem.problem import Problem
 
 __all__ = ["Squares", "Term", "check_size", "least_squares"]
 
-Term = tuple[float, Sequence[int | NDArray]]
+Term = tuple[float, Sequence[int | NDArray[Any]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Squares:
     coefficients: NDArray[np.float64]
 
     @staticmethod
-    def build(weight: float, centres: NDArray, terms: Sequence[Term], n: int) -> Squares:
+    def build(weight: float, centres: NDArray[Any], terms: Sequence[Term], n: int) -> Squares:
         """Build one square for each i in ``centres``.
 
         A term (c, [a, b]) stands for c x_{i+a} x_{i+b}. A shift is a number, or an array with one

@@ -10,6 +10,7 @@ monomials is sound, since fewer monomials only make a relaxation weaker.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -24,7 +25,7 @@ __all__ = ["Bases", "by_size", "clique_bases", "reduced_bases"]
 Bases = list[tuple[NDArray[np.int64], Words]]
 
 
-def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray, degree: int) -> Bases:
+def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray[Any], degree: int) -> Bases:
     """Full bases of the given cliques, stacked by clique size.
 
     Parameters
@@ -53,7 +54,7 @@ def clique_bases(members: Sequence[tuple[int, ...]], clique: NDArray, degree: in
 
 
 def reduced_bases(
-    problem: Problem, members: Sequence[tuple[int, ...]], home: NDArray, order: int
+    problem: Problem, members: Sequence[tuple[int, ...]], home: NDArray[Any], order: int
 ) -> Bases:
     """Reduce the moment bases of all cliques by the equalities they are home to."""
     equalities: dict[int, list[int]] = {}
@@ -63,7 +64,7 @@ def reduced_bases(
         if 0 < polynomial.degree <= order and inside:
             equalities.setdefault(int(home[number]), []).append(int(number))
     plain = np.array([c for c in range(len(members)) if c not in equalities], int)
-    stacked: dict[int, list[tuple[NDArray, Words]]] = {}
+    stacked: dict[int, list[tuple[NDArray[Any], Words]]] = {}
     for place, basis in clique_bases(members, plain, order):
         stacked.setdefault(basis.shape[1], []).append((plain[place], basis))
     for clique, numbers in equalities.items():

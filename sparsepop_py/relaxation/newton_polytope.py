@@ -20,6 +20,7 @@ Automatic Control 54 (2009) (diagonal inconsistency).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ def consistent_bases(
     """
     width = max([1, *(2 * b.shape[2] for _, b in bases), *(w.shape[1] for w in held)])
 
-    def keys(words: Words) -> NDArray:
+    def keys(words: Words) -> NDArray[Any]:
         words = monomials.widen(words, width)
         return monomials.pack(words if rewrite is None else rewrite(words), dimension)
 

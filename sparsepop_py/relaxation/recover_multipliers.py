@@ -9,6 +9,7 @@ needs to be exact: losses show in the remainder of the identity.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -215,7 +216,7 @@ def shortened(identity: Identity, share: float = 1e-8) -> Identity:
     return replace(identity, multipliers=tuple(kept))
 
 
-def _letters(problem: Problem, generator: NDArray) -> NDArray[np.int32]:
+def _letters(problem: Problem, generator: NDArray[Any]) -> NDArray[np.int32]:
     return single_letters(problem.lower, problem.upper, len(problem.constraints), generator)
 
 

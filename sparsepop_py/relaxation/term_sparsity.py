@@ -33,7 +33,7 @@ Automatic Control 54 (2009) (sign symmetries).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sps
@@ -261,7 +261,7 @@ def _numbered(
     return tables, distinct, parts[0]
 
 
-def _part(group: BlockGroup, chosen: NDArray) -> BlockGroup:
+def _part(group: BlockGroup, chosen: NDArray[Any]) -> BlockGroup:
     place = None if group.place is None else group.place[chosen]
     generator, clique = group.generator[chosen], group.clique[chosen]
     return BlockGroup(group.free, generator, clique, group.basis[chosen], place)
@@ -278,7 +278,7 @@ def _chosen(mask: NDArray[np.bool_]) -> Cover:
 
 
 def _everywhere(
-    graph: NDArray, shape: NDArray, place: NDArray
+    graph: NDArray[Any], shape: NDArray[Any], place: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Repeat positions (q, c) in graphs (q,) at every block of that shape (K,)."""
     ranked = np.argsort(shape, kind="stable")
@@ -310,7 +310,7 @@ def _distinct(blocks: Blocks, dimension: int) -> Blocks:
         if not b.free and b.size > 1:
             held.append((b.generator[:, None] * total + name).ravel())
     inner = np.unique(np.concatenate(held))
-    seen: dict[tuple[bool, int], NDArray] = {}
+    seen: dict[tuple[bool, int], NDArray[Any]] = {}
     result: Blocks = []
     for b, name in zip(blocks, names, strict=True):
         key = (b.free, b.size)

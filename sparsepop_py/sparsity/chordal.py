@@ -32,7 +32,7 @@ _SMALL_CLIQUE = 10  # largest clique up to which a smaller one gains too little 
 Members = tuple[tuple[int, ...], ...]
 
 
-def incidence(row: NDArray, variable: NDArray, shape: tuple[int, int]) -> sps.csr_array:
+def incidence(row: NDArray[Any], variable: NDArray[Any], shape: tuple[int, int]) -> sps.csr_array:
     """Build the incidence matrix of groups (rows) and variables (columns)."""
     return sps.csr_array((np.ones(row.size, np.int32), (row, variable)), shape=shape)
 
@@ -235,7 +235,7 @@ def _maximum_cardinality_order(adjacent: list[set[int]]) -> NDArray[np.int64]:
 # ---- cliques ----------------------------------------------------------------------------
 
 
-def clique_tree(graph: sps.csr_array, order: NDArray[np.int64]) -> tuple[Members, NDArray]:
+def clique_tree(graph: sps.csr_array, order: NDArray[np.int64]) -> tuple[Members, NDArray[Any]]:
     """Build maximal cliques and clique tree of a chordal graph.
 
     A vertex with its later neighbours in the perfect elimination order is a clique; it is maximal
@@ -285,7 +285,7 @@ def clique_tree(graph: sps.csr_array, order: NDArray[np.int64]) -> tuple[Members
 
 def _root_tree(
     members: list[tuple[int, ...]], links: list[tuple[int, int]]
-) -> tuple[Members, NDArray]:
+) -> tuple[Members, NDArray[Any]]:
     """Order the cliques by their members as far as the running intersection allows.
 
     The elimination order would start a chain at its far end; the least clique of each

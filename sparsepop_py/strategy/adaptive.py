@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -286,7 +287,7 @@ class AdaptiveSearch:
             self.best = box_bound
         self.outcome = better(self.outcome, made)
 
-    def _search_incumbent(self, starts: list[NDArray]) -> None:
+    def _search_incumbent(self, starts: list[NDArray[Any]]) -> None:
         """Run local searches; a better incumbent lowers the cutoff and tightens the box."""
         if not starts or self.over:
             return
@@ -294,7 +295,7 @@ class AdaptiveSearch:
         if self._search_in_tree(self.context, starts).upper < upper:
             self._shrink()
 
-    def _search_in_tree(self, context: SolveContext, starts: list[NDArray]) -> SolveContext:
+    def _search_in_tree(self, context: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
         self.context, candidates = update_incumbent(context, starts, self.bound)
         self.candidates = self.candidates + candidates
         return self.context

@@ -78,7 +78,7 @@ class MultiObjectiveSearch:
     stages: Stages
     deadline: Deadline
     report: Callable[[int, SearchState], None] | None = None
-    repair: Callable[[NDArray], NDArray] | None = None
+    repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
     quoted: dict[tuple[int, int], Certificate] = field(default_factory=dict)
@@ -331,7 +331,7 @@ def _obbt_rounds(
         STRATEGY.shared_obbt_rounds if active is None else 2 * STRATEGY.shared_obbt_rounds
     ):
         mccormick = LinearRelaxation.of(problem, box, cliques, None, active)
-        seen: list[NDArray] = []
+        seen: list[NDArray[Any]] = []
         smaller, step, _ = tighten_bounds(replay, mccormick, box, variables, deadline.left, seen)
         if step is not None and is_empty(smaller):
             break
@@ -356,7 +356,7 @@ def _obbt_rounds(
     return replace(model, proof=BoxProof(tuple(steps)), box=box), active
 
 
-def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray]:
+def first_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
     """Choose starts of local searches: random, or the middle of the box with a star."""
     if Products.of(problem).has_star:
         return [box.middle()]

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +75,7 @@ class SearchState:
 INTERRUPTED = "interrupted: what is proved so far is kept"
 
 
-def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchState:
+def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> SearchState:
     """Return the state of a search interrupted before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
@@ -85,9 +86,9 @@ def unstarted_state(context: SolveContext, candidates: list[NDArray]) -> SearchS
 
 def run_orders(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
+    more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     """Bound one objective by one relaxation order, or with effort "auto" by growing ones.
 
@@ -127,9 +128,9 @@ def _restricted(problem: Problem) -> bool:
 
 def _after_unconstrained(
     context: SolveContext,
-    candidates: list[NDArray],
-    more_starts: Iterator[NDArray],
-    go_on: Callable[[SolveContext, list[NDArray]], SearchState],
+    candidates: list[NDArray[Any]],
+    more_starts: Iterator[NDArray[Any]],
+    go_on: Callable[[SolveContext, list[NDArray[Any]]], SearchState],
 ) -> SearchState:
     """Bound the objective on the whole space; continue where that is not enough."""
     free = _by_gram_matrices(context, candidates, more_starts)
@@ -156,7 +157,7 @@ def _with_unconstrained(state: SearchState) -> SearchState:
 
 
 def _by_gram_matrices(
-    context: SolveContext, candidates: list[NDArray], more_starts: Iterator[NDArray]
+    context: SolveContext, candidates: list[NDArray[Any]], more_starts: Iterator[NDArray[Any]]
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
     start, bound = time.process_time(), None
@@ -186,9 +187,9 @@ def _by_gram_matrices(
 
 def _run_orders(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
+    more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     if context.options.effort == "auto":
         with context.stages.stage("presolve"):
@@ -227,9 +228,9 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
 
 def _orders(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
+    more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
@@ -295,10 +296,10 @@ def _history_entry(
 
 def _rounds(
     context: SolveContext,
-    candidates: list[NDArray],
+    candidates: list[NDArray[Any]],
     shared: Model | None,
-    more_starts: Iterator[NDArray],
-) -> tuple[SolveContext, CertifiedBound, list[NDArray]]:
+    more_starts: Iterator[NDArray[Any]],
+) -> tuple[SolveContext, CertifiedBound, list[NDArray[Any]]]:
     """Repeat one order while the attained value improves."""
     outcome: CertifiedBound | None = None
     for _ in range(1 if shared else STRATEGY.order_rounds):

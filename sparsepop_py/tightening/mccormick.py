@@ -22,6 +22,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -253,7 +254,7 @@ def tighten_bounds(
     box: Interval,
     variables: Sequence[int],
     time_limit: float | None = None,
-    seen: list[NDArray] | None = None,
+    seen: list[NDArray[Any]] | None = None,
 ) -> tuple[Interval, Tightening | None, bool]:
     """Tighten the bounds of variables on a box by two linear programs each (OBBT).
 
@@ -282,9 +283,9 @@ def tighten_bounds(
         Whether a program was infeasible.
     """
     n = box.lo.size
-    prices: list[NDArray] = []
+    prices: list[NDArray[Any]] = []
     chosen: list[tuple[int, int]] = []
-    points: list[NDArray] = []
+    points: list[NDArray[Any]] = []
     width = box.hi - box.lo
     deadline = Deadline(time_limit)
     sides = [

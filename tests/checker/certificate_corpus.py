@@ -1,11 +1,12 @@
 """Problems of all kinds and what the package proves of them, as files for the second checker.
 
-``python tests/checker/certificate_corpus.py folder [group ...]`` solves them and writes ``group-name.json``,
-one result a file. Only the public face of the package is used.
+``python tests/checker/certificate_corpus.py folder [group ...]`` solves them and writes
+``group-name.json``, one result a file. Only the public face of the package is used.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 import time
@@ -33,7 +34,12 @@ def known() -> Solved:
     """The problems that the package's own tests damage certificates of."""
     for make, result in known_certificates.known_results().items():
         yield make.__name__, result
-        yield f"{make.__name__}-auto", sp.solve(make(), sp.Options(effort="auto", time_limit=10))
+
+
+def known_auto() -> Solved:
+    """The same problems with the ladder."""
+    for make in known_certificates.KNOWN:
+        yield make.__name__, sp.solve(make(), sp.Options(effort="auto", time_limit=10))
 
 
 def zoo(effort: str = "presolve", every: int = 1) -> Solved:
@@ -224,6 +230,7 @@ def deep() -> Solved:
 
 GROUPS: dict[str, Callable[[], Solved]] = {
     "known": known,
+    "known_auto": known_auto,
     "zoo": zoo,
     "zoo_auto": lambda: zoo("auto"),
     "random": random,
@@ -252,25 +259,41 @@ def kinds(result: dict) -> set[str]:
     if certificates and certificates[-1]["bound"] == "inf":
         found.add("no feasible point")
     for part in (part for c in certificates for part in c["parts"]):
-        found |= {step["is"] for step in part["steps"]}
-        if part["children"]:
-            found.add("tree")
-        arguments = [part["argument"]]
-        arguments += [s.get("argument") or s.get("identity") for s in part["steps"]]
-        for argument in filter(None, arguments):
-            found.add(argument["is"] if "is" in argument else "Identity")
-            groups = argument.get("multipliers", ())
-            if any(group["floor"] for group in groups):
-                found.add("floor")
-            if any(group["place"] for group in groups):
-                found.add("matrix multiplier")
-            if argument.get("priced"):
-                found.add("priced")
-            if argument.get("products", {}).get("data"):
-                found.add("products")
-            scaling = argument.get("scaling")
-            if scaling and scaling["ends"]:
-                found.add("ends of t")
+        found |= {step["is"] for step in part["steps"]} | ({"tree"} if part["children"] else set())
+        given = [s.get("argument") or s.get("identity") for s in part["steps"]]
+        for argument in filter(None, [part["argument"], *given]):
+            found |= traits(argument)
+    return found
+
+
+def traits(argument: dict) -> set[str]:
+    """What an identity, linear dual or Gram matrix makes use of."""
+    groups = argument.get("multipliers", ())
+    scaling = argument.get("scaling") or {"ends": None}
+    holds = {
+        argument.get("is", "Identity"): True,
+        "floor": any(group["floor"] for group in groups),
+        "matrix multiplier": any(group["place"] for group in groups),
+        "priced": argument.get("priced"),
+        "products": argument.get("products", {}).get("data"),
+        "ends of t": scaling["ends"],
+    }
+    return {name for name, value in holds.items() if value}
+
+
+# what fast tests look at: how many of a group
+FEW = {"known": 6, "random": 9, "trees": 8, "matrices": 6, "coercive": 4, "inverses": 4}
+FEW |= {"empty": 4, "families": 4, "switches": 4, "unbounded": 2, "examples": 4, "chains": 6}
+
+
+@functools.cache
+def solved(group: str, most: int) -> dict[str, str]:
+    """The first results of a group, as JSON."""
+    found = {}
+    for name, value in GROUPS[group]():
+        found[name] = sp.to_json(value)
+        if len(found) == most:
+            break
     return found
 
 

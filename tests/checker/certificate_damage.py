@@ -1,4 +1,6 @@
-"""Damaged files: ``python tests/checker/certificate_damage.py folder count`` changes results field by field.
+"""Damaged files: results are changed field by field, by a fixed seed.
+
+``python tests/checker/certificate_damage.py folder count`` prints what the checker says of them.
 
 A damaged result may be accepted only where what it claims is still true. Whether it is follows
 from the undamaged result, whose bound is proved and whose point is attained: a lower bound above
@@ -62,24 +64,25 @@ def changed(value: Any, chance: random.Random) -> Any:
         if value in ("inf", "-inf"):
             return chance.choice([0.0, -1e308, 1e308, "nan"])
         return chance.choice([value + "x", "", "Identity", "OPTIMAL", "INFEASIBLE", "UNBOUNDED", 3])
-    if value is None:
-        return chance.choice([0, [], {}, -1e6, [0, 0.0]])
     if isinstance(value, list) and value:
-        kept = copy.deepcopy(value)
-        place = chance.randrange(len(kept))
-        action = chance.randrange(5)
-        if action == 0:
-            del kept[place]
-        elif action == 1:
-            kept.append(copy.deepcopy(kept[place]))
-        elif action == 2:
-            chance.shuffle(kept)
-        elif action == 3:
-            kept[place] = None
-        else:
-            kept = []
-        return kept
-    return chance.choice([None, [], {}, 0, "x"])
+        return other_list(value, chance)
+    return chance.choice([None, [], {}, 0, "x", -1e6, [0, 0.0]])
+
+
+def other_list(value: list, chance: random.Random) -> list:
+    """Another list: shorter, longer, in another order, with a hole, or empty."""
+    kept = copy.deepcopy(value)
+    place = chance.randrange(len(kept))
+    action = chance.randrange(5)
+    if action == 0:
+        del kept[place]
+    elif action == 1:
+        kept.append(copy.deepcopy(kept[place]))
+    elif action == 2:
+        chance.shuffle(kept)
+    elif action == 3:
+        kept[place] = None
+    return [] if action == 4 else kept
 
 
 def _is_kind(place: Place, kind: float) -> bool:

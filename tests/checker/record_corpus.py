@@ -1,10 +1,11 @@
 """Records of all kinds and what setid proves of them, as files for the second checker.
 
-``python tests/checker/record_corpus.py folder [from] [to]`` identifies them and writes one file each.
+``python tests/checker/record_corpus.py folder [from to]`` identifies them and writes one file each.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 import time
@@ -19,7 +20,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent)]
 
 import setid  # noqa: E402
-from setid.export.certificates import certificate_files  # noqa: E402
+from setid.result.certificate_files import certificate_files  # noqa: E402
 
 Case = tuple[str, Any, Any, Any, Any]  # name, data, model, noise, priors
 
@@ -104,6 +105,17 @@ def several() -> Iterator[Case]:
     yield "gap-range", known, setid.TransferFunction(1, 1), noise_of("o"), ()
     narx = setid.PolynomialNARX(["y1", "u0", "y1*u0"], 1, 0)
     yield "narx", record(8, "e", 14), narx, noise_of("e"), ()
+
+
+@functools.cache
+def written(name: str) -> str:
+    """The file of one record."""
+    case = next(case for case in cases() if case[0] == name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = setid.identify(*case[1:], options=setid.Options(time_limit=20))
+    assert found.verify(case[1])
+    return json.dumps(certificate_files(found))
 
 
 def main(folder: Path, begin: int, end: int) -> None:

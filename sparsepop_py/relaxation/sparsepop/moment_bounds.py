@@ -7,6 +7,8 @@ diagonal is at most the larger of two diagonal ones.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,7 @@ __all__ = ["moment_bounds"]
 
 def moment_bounds(
     problem: Problem,
-    ends: tuple[NDArray, NDArray],
+    ends: tuple[NDArray[Any], NDArray[Any]],
     words: Words,
     groups: tuple[BlockGroup, ...],
     switch: int,

@@ -10,6 +10,7 @@ their rows are scaled by D Z D with a diagonal D.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
@@ -80,7 +81,9 @@ class ReducedProgram:
         return _again(whole, solution, y, z)
 
 
-def _again(program: ConicProgram, of: ConicSolution, y: NDArray, z: NDArray) -> ConicSolution:
+def _again(
+    program: ConicProgram, of: ConicSolution, y: NDArray[Any], z: NDArray[Any]
+) -> ConicSolution:
     words = of.iterations, of.seconds, of.solver, of.detail
     return replace(recomputed(program, of.status, y, z, *words), wall=of.wall)
 
@@ -157,7 +160,7 @@ def _pivots(
     return rows[order], leading[order]
 
 
-def _triangle(program: ConicProgram, rows: NDArray, moments: NDArray) -> sps.csr_array:
+def _triangle(program: ConicProgram, rows: NDArray[Any], moments: NDArray[Any]) -> sps.csr_array:
     return sps.csr_array(sps.csc_array(sps.csr_array(program.A)[rows])[:, moments])
 
 
@@ -174,7 +177,7 @@ def _of_rows(relaxation: Relaxation) -> tuple[NDArray[np.int64], Words]:
 
 
 def _original(
-    relaxation: Relaxation, scaled: Scaled, moments: NDArray, rows: NDArray
+    relaxation: Relaxation, scaled: Scaled, moments: NDArray[Any], rows: NDArray[Any]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Compute sizes of moments, rows and objective in the units of the given problem."""
     scale = np.where(scaled.scaling.scale > 0, scaled.scaling.scale, 1.0)

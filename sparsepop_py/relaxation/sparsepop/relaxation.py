@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -336,7 +337,7 @@ class _Unions:
             for v in cliques.members[k]:
                 self.holding.setdefault(v, []).append(k)
 
-    def of(self, support: NDArray) -> tuple[int, tuple[int, ...]]:
+    def of(self, support: NDArray[Any]) -> tuple[int, tuple[int, ...]]:
         """Find the first clique covering a support, and the variables after merging others."""
         wanted = support.tolist()
         rare = min(wanted, key=lambda v: len(self.holding[v]))

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +38,7 @@ class _Terms:
     ``block``, ``left`` and ``right`` number the product of the basis that it comes from.
     """
 
-    keys: NDArray
+    keys: NDArray[Any]
     sign: NDArray[np.float64]
     block: NDArray[np.int64]
     left: NDArray[np.int64]
@@ -105,11 +106,13 @@ def _terms(block: BlockGroup, system: Generators, rules: Rules, width: int) -> _
     return _Terms(keys, sign, row // block.rows_each, i[which], j[which])
 
 
-def _keys(words: Words, width: int, rules: Rules, system: Generators) -> NDArray:
+def _keys(words: Words, width: int, rules: Rules, system: Generators) -> NDArray[Any]:
     return monomials.pack(rules.rewritten(monomials.widen(words, width)), system.dimension)
 
 
-def _matched(parts: Sequence[_Terms], kept: Sequence[NDArray], known: NDArray) -> NDArray:
+def _matched(
+    parts: Sequence[_Terms], kept: Sequence[NDArray[Any]], known: NDArray[Any]
+) -> NDArray[Any]:
     """Find monomials whose coefficients do not force squares to vanish."""
     found, up, down = [known], [known[:0]], [known[:0]]
     for part, keep in zip(parts, kept, strict=True):

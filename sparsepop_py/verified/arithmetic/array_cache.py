@@ -8,6 +8,7 @@ so that those that are stored together hold them once.
 from __future__ import annotations
 
 import hashlib
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -15,10 +16,10 @@ from numpy.typing import NDArray
 
 __all__ = ["indices", "interned"]
 
-_IN_USE: WeakValueDictionary[bytes, NDArray] = WeakValueDictionary()
+_IN_USE: WeakValueDictionary[bytes, NDArray[Any]] = WeakValueDictionary()
 
 
-def interned(array: NDArray) -> NDArray:
+def interned(array: NDArray[Any]) -> NDArray[Any]:
     """Return the array in use that equals this one; read-only, the first time a copy.
 
     Parameters
@@ -47,6 +48,6 @@ def interned(array: NDArray) -> NDArray:
     return found
 
 
-def indices(array: NDArray) -> NDArray[np.int32]:
+def indices(array: NDArray[Any]) -> NDArray[np.int32]:
     """Whole numbers from 0 to below 2^31, as certificates store them."""
     return interned(array.astype(np.int32))

@@ -65,7 +65,7 @@ def up(x: ArrayLike) -> NDArray[np.float64]:
     return np.nextafter(x, np.inf)
 
 
-def _times(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+def _times(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
     """Multiply with 0 * inf = 0; only exact zeros give zero, not underflow."""
     with np.errstate(invalid="ignore", over="ignore", under="ignore"):
         product = a * b
@@ -168,7 +168,7 @@ class Interval:
 
 
 def _power(
-    magnitude: NDArray, exponent: NDArray, rounded: Callable[[NDArray], NDArray]
+    magnitude: NDArray[Any], exponent: NDArray[Any], rounded: Callable[[NDArray[Any]], NDArray[Any]]
 ) -> NDArray[np.float64]:
     """Powers of non-negative numbers by rounded multiplications; 1 for exponent 0."""
     result: NDArray[np.float64] = np.where(exponent > 0, magnitude, 1.0)
@@ -178,7 +178,7 @@ def _power(
     return np.where((exponent > 0) & (magnitude == 0), 0.0, result)
 
 
-def sum_by(index: NDArray, terms: Interval, size: int) -> Interval:
+def sum_by(index: NDArray[Any], terms: Interval, size: int) -> Interval:
     """Enclosures of the sums of ``terms`` that share an index, shape (size,).
 
     Single terms and empty sums stay exact.

@@ -16,6 +16,8 @@ Computing 4, 1969; A. Neumaier, Interval Methods for Systems of Equations, Cambr
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
@@ -46,7 +48,7 @@ def polished(
     return x
 
 
-def _newton_step(matrix: sps.csc_array, right: NDArray) -> NDArray[np.float64]:
+def _newton_step(matrix: sps.csc_array, right: NDArray[Any]) -> NDArray[np.float64]:
     """Solve matrix d = right, by sparse elimination where it is regular."""
     if matrix.shape[0] > _SPARSE:
         try:
@@ -94,10 +96,10 @@ def zero_near(
 
 def _image_inside(
     system: PolynomialSystem,
-    x: NDArray,
-    solved: NDArray,
+    x: NDArray[Any],
+    solved: NDArray[Any],
     radius: float,
-    inverse: NDArray,
+    inverse: NDArray[Any],
     move: Interval,
 ) -> Interval | None:
     """Compute the Krawczyk image of a box, if it lies inside the box."""

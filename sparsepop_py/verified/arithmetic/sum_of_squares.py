@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +68,7 @@ def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float 
 
 def _products(
     squares: Sequence[Weighted],
-) -> Iterator[tuple[Words, NDArray, NDArray, NDArray]]:
+) -> Iterator[tuple[Words, NDArray[Any], NDArray[Any], NDArray[Any]]]:
     """Monomials of p^2 with three factors of their coefficients, by shapes of p."""
     shapes: dict[tuple[int, ...], list[Weighted]] = {}
     for weight, p in squares:
@@ -88,7 +89,7 @@ def _stacked(words: list[Words]) -> Words:
 
 
 def _whole_sums(
-    value: NDArray, factors: tuple[NDArray, ...], number: NDArray, size: int
+    value: NDArray[Any], factors: tuple[NDArray[Any], ...], number: NDArray[Any], size: int
 ) -> list[Fraction] | None:
     """Subtract sums of products from coefficients in integers; None beyond 64 bits."""
     product = np.prod(factors, axis=0)
@@ -115,7 +116,7 @@ def _last_bit(values: NDArray[np.float64]) -> int:
 
 
 def _rational_sums(
-    value: NDArray, factors: tuple[NDArray, ...], number: NDArray, size: int
+    value: NDArray[Any], factors: tuple[NDArray[Any], ...], number: NDArray[Any], size: int
 ) -> list[Fraction]:
     rest = [Fraction(0)] * size
     for place, coefficient in zip(number.tolist(), value.tolist(), strict=False):

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,9 @@ class Rows:
     minors: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 3), np.int64))
 
     @cached_property
-    def _quadratic(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+    def _quadratic(
+        self,
+    ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Pairs c1 x + c2 x^2: row, variable, c1, c2, and which terms remain monomials."""
         system = self.system
         degree = monomials.degrees(system.words)
@@ -149,7 +152,7 @@ def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
     return Interval(lo, hi)
 
 
-def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Interval:
+def _allowed(row: NDArray[Any], atoms: Interval, target: Interval, size: int) -> Interval:
     """Bound each atom by the target of its row minus other atoms, and its range."""
     ends = []
     alone = np.bincount(row, minlength=size)[row] == 1
@@ -171,7 +174,7 @@ def _allowed(row: NDArray, atoms: Interval, target: Interval, size: int) -> Inte
     return asked.intersect(atoms)
 
 
-def _quadratic_range(c1: NDArray, c2: NDArray, x: Interval) -> Interval:
+def _quadratic_range(c1: NDArray[Any], c2: NDArray[Any], x: Interval) -> Interval:
     """Range of c1 x + c2 x^2."""
     a, b = Interval.point(c1), Interval.point(c2)
     ends = []
@@ -199,11 +202,11 @@ def _vertex(a: Interval, b: Interval) -> tuple[Interval, Interval]:
 
 
 def _tighten_quadratics(
-    lo: NDArray,
-    hi: NDArray,
-    variable: NDArray,
-    c1: NDArray,
-    c2: NDArray,
+    lo: NDArray[Any],
+    hi: NDArray[Any],
+    variable: NDArray[Any],
+    c1: NDArray[Any],
+    c2: NDArray[Any],
     box: Interval,
     allowed: Interval,
 ) -> None:
@@ -226,7 +229,12 @@ def _tighten_quadratics(
 
 
 def _tighten_monomials(
-    lo: NDArray, hi: NDArray, rows: Rows, factors: Factors, ranges: Interval, allowed: Interval
+    lo: NDArray[Any],
+    hi: NDArray[Any],
+    rows: Rows,
+    factors: Factors,
+    ranges: Interval,
+    allowed: Interval,
 ) -> None:
     """Solve coefficient * product of powers in ``allowed`` for each factor."""
     coefficient = Interval.point(rows.system.coefficients[rows._quadratic[4]])
@@ -262,7 +270,7 @@ def _quotient(target: Interval, divisor: Interval) -> Interval:
     return Interval(np.where(whole, -np.inf, quotient.lo), np.where(whole, np.inf, quotient.hi))
 
 
-def _root(value: Interval, power: NDArray, x: Interval) -> Interval:
+def _root(value: Interval, power: NDArray[Any], x: Interval) -> Interval:
     """Hull of the z in x with z^power in ``value``."""
     higher = power > 1
     if not higher.any():
@@ -288,17 +296,17 @@ def _root(value: Interval, power: NDArray, x: Interval) -> Interval:
     return Interval(lo, hi)
 
 
-def _outer_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
+def _outer_root(value: NDArray[Any], power: NDArray[Any]) -> NDArray[np.float64]:
     """Upper bounds of value^(1/power) for value >= 0, checked by multiplication."""
     return _checked_root(value, power, 1.0)
 
 
-def _inner_root(value: NDArray, power: NDArray) -> NDArray[np.float64]:
+def _inner_root(value: NDArray[Any], power: NDArray[Any]) -> NDArray[np.float64]:
     """Lower bounds of value^(1/power) for value >= 0, checked by multiplication."""
     return _checked_root(value, power, -1.0)
 
 
-def _checked_root(value: NDArray, power: NDArray, side: float) -> NDArray[np.float64]:
+def _checked_root(value: NDArray[Any], power: NDArray[Any], side: float) -> NDArray[np.float64]:
     with np.errstate(over="ignore", under="ignore"):
         root = value ** (1.0 / power) * (1.0 + side * 1e-15)
     back = Interval.point(root).power(power)

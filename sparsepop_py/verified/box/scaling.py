@@ -9,6 +9,7 @@ one, and keeps a scale from the data; a fixed variable has scale 0 and disappear
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,7 +138,7 @@ class Scaling:
         positive = (self.scale > 0) | (self.boxed & (self.scale == 0))
         return bool(np.all(sound & inside & positive))
 
-    def _reaches(self, t: NDArray, side: float, end: NDArray) -> NDArray[np.bool_]:
+    def _reaches(self, t: NDArray[Any], side: float, end: NDArray[Any]) -> NDArray[np.bool_]:
         """Mark ends of t that, in x, lie at or beyond a box's."""
         known = np.isfinite(t)
         step = Interval.point(self.scale) * Interval.point(np.where(known, t, 0.0))
@@ -275,7 +276,7 @@ def _repeats_bounds(
     return implied
 
 
-def _split(system: PolynomialSystem, size: NDArray) -> list[Polynomial]:
+def _split(system: PolynomialSystem, size: NDArray[Any]) -> list[Polynomial]:
     """Divide rows by their sizes; the expanded system's words are distinct and graded."""
     first = np.searchsorted(system.row, np.arange(system.size + 1))
     values, words, n = system.coefficients / size[system.row], system.words, system.dimension

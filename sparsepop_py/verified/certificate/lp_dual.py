@@ -62,7 +62,7 @@ class LinearDual:
     scaling: Scaling
     generator: NDArray[np.integer]
     word: Words
-    value: NDArray
+    value: NDArray[Any]
     owner: NDArray[np.integer]
     products: NDArray[np.integer]
 
@@ -170,7 +170,7 @@ class LinearDual:
         free = equal[self.generator]
         return free if not np.any(self.word.any(axis=1) & ~free) else None
 
-    def _constraints_of(self, generator: NDArray, size: int, n: int) -> NDArray[np.int64]:
+    def _constraints_of(self, generator: NDArray[Any], size: int, n: int) -> NDArray[np.int64]:
         """Constraints that the given generators contain, factors of products included."""
         single = generators.count(size, n)
         needed = np.zeros(single + self.products.shape[0], bool)
@@ -181,18 +181,18 @@ class LinearDual:
         return np.flatnonzero(needed[1 : size + 1])
 
 
-def _same(given: NDArray, wanted: NDArray) -> bool:
+def _same(given: NDArray[Any], wanted: NDArray[Any]) -> bool:
     """Check that an array holds these numbers, as 32-bit integers."""
     return given.dtype == np.int32 and np.array_equal(given, wanted)
 
 
 def _restored(
     scaling: Scaling,
-    generator: NDArray,
+    generator: NDArray[Any],
     word: Words | None,
-    value: NDArray,
-    owner: NDArray | tuple[NDArray],
-    products: NDArray,
+    value: NDArray[Any],
+    owner: NDArray[Any] | tuple[NDArray[Any]],
+    products: NDArray[Any],
 ) -> LinearDual:
     """Rebuild a certificate from the arrays that :meth:`LinearDual.__reduce__` wrote."""
     if isinstance(owner, tuple):

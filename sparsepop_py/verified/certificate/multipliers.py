@@ -54,7 +54,7 @@ class Multipliers:
 
     generator: NDArray[np.integer]
     basis: Words
-    values: NDArray
+    values: NDArray[Any]
     floor: float = 0.0
     place: NDArray[np.integer] | None = None
 
@@ -128,7 +128,7 @@ class Multipliers:
                 values, shape = values[:, lower], values.shape
         return _filled, (self.generator, self.basis, values, shape, self.floor, self.place)
 
-    def chosen(self, used: NDArray, values: NDArray) -> Multipliers:
+    def chosen(self, used: NDArray[Any], values: NDArray[Any]) -> Multipliers:
         """Select the used blocks, with new values."""
         place = None if self.place is None else interned(self.place[used])
         generator, basis = interned(self.generator[used]), interned(self.basis[used])
@@ -141,12 +141,12 @@ def _lower(shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def _filled(
-    generator: NDArray,
+    generator: NDArray[Any],
     basis: Words,
-    values: NDArray,
+    values: NDArray[Any],
     shape: tuple[int, ...] | None,
     floor: float,
-    place: NDArray | None,
+    place: NDArray[Any] | None,
 ) -> Multipliers:
     """Multipliers, with zeros above the diagonals where a shape (K, s, r) is given."""
     if shape is not None:

@@ -26,6 +26,7 @@ Theoret. Comput. Sci. 409, 2008 (absorbing the residual).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,7 @@ class Priced:
     """
 
     words: Words
-    values: NDArray
+    values: NDArray[Any]
 
     def consistent(self, n: int) -> bool:
         """Check for L monomials in n variables and L finite numbers."""
@@ -223,7 +224,7 @@ class Identity:
         )
         return distinct, sum_by(number, terms, distinct.shape[0])
 
-    def _absorb(self, words: Words, size: NDArray, rows: int) -> tuple[float, str]:
+    def _absorb(self, words: Words, size: NDArray[Any], rows: int) -> tuple[float, str]:
         """Move monomials into the floors; what the moment blocks keep of theirs, or a reason."""
         n = self.scaling.centre.size
         groups = [g for g in self.multipliers if not g.free and g.floor > 0]
@@ -256,7 +257,7 @@ class Identity:
 
 
 def _spend(
-    group: Multipliers, letter: NDArray, words: Words, size: NDArray, n: int
+    group: Multipliers, letter: NDArray[Any], words: Words, size: NDArray[Any], n: int
 ) -> tuple[float, NDArray[np.bool_]]:
     """Assign each monomial of a size to one Gram entry; return the largest row sum.
 

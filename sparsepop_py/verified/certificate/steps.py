@@ -164,7 +164,7 @@ class Replay:
     cutoff: float | None
     known: dict[Any, Any] = field(default_factory=dict)
     _rows: dict[bool, Rows] = field(default_factory=dict)
-    _systems: dict[bool, tuple[PolynomialSystem, NDArray]] = field(default_factory=dict)
+    _systems: dict[bool, tuple[PolynomialSystem, NDArray[Any]]] = field(default_factory=dict)
 
     def rows(self, uses_cutoff: bool) -> Rows:
         """Build the rows of propagation."""
@@ -279,7 +279,9 @@ class Replay:
         return self.known[key][1]
 
 
-def shrunk(box: Interval, variable: NDArray, side: NDArray, value: NDArray) -> Interval:
+def shrunk(
+    box: Interval, variable: NDArray[Any], side: NDArray[Any], value: NDArray[Any]
+) -> Interval:
     """Intersect a box with side * x_v >= value."""
     lo, hi = box.lo.copy(), box.hi.copy()
     low = side > 0
@@ -371,7 +373,7 @@ def sublevel_box(problem: Problem, cutoff: float | None, step: Sublevel, box: In
     )
 
 
-def _root_above(value: float, power: NDArray) -> NDArray[np.float64]:
+def _root_above(value: float, power: NDArray[Any]) -> NDArray[np.float64]:
     """Upper bounds of value^(1/power), checked by multiplication."""
     root = value ** (1.0 / power) * (1.0 + 1e-12)
     holds = Interval.point(root).power(power).lo >= value

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +121,7 @@ def prove_point(
 
 
 def _prove_exactly(
-    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
 ) -> ProvedPoint | None:
     exact = [Fraction(value) for value in x.tolist()]
     if rows.size:
@@ -161,7 +161,7 @@ def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
 
 
 def _prove_by_krawczyk(
-    problem: Problem, x: NDArray, rows: NDArray, solved: NDArray
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
 ) -> ProvedPoint | None:
     distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
     if not distinct or not 0 < rows.size == solved.size <= _LARGEST_SYSTEM:

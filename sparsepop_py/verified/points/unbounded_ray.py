@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,7 @@ def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | N
     return None
 
 
-def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
+def _directions(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
     gradient = problem.objective_row.gradient(x)
     yield -np.sign(np.where(np.abs(gradient) > 1e-9 * np.abs(gradient).max(initial=0), gradient, 0))
     for unit in np.eye(problem.dimension):
@@ -59,7 +60,7 @@ def _directions(problem: Problem, x: NDArray) -> Iterator[NDArray[np.float64]]:
             yield np.array(digits, float)
 
 
-def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
+def _promises(problem: Problem, x: NDArray[Any], direction: NDArray[Any]) -> bool:
     """Check in floating point that the objective falls far out along the ray."""
     if not np.any(direction):
         return False
@@ -68,7 +69,7 @@ def _promises(problem: Problem, x: NDArray, direction: NDArray) -> bool:
     return values[2] < values[1] < values[0]
 
 
-def _proves(problem: Problem, origin: list[Fraction], direction: NDArray) -> bool:
+def _proves(problem: Problem, origin: list[Fraction], direction: NDArray[Any]) -> bool:
     if np.any((direction < 0) & np.isfinite(problem.lower)) or np.any(
         (direction > 0) & np.isfinite(problem.upper)
     ):

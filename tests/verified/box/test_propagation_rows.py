@@ -216,8 +216,8 @@ def test_parabolas_whose_vertex_is_no_double(numerator, divisor):
     for low, high in (
         (near, near + 1.0),
         (near - 1.0, near),
-        (near, np.nextafter(near, 9.0)),
-        (np.nextafter(near, -9.0), near),
+        (near, np.nextafter(near, INF)),
+        (np.nextafter(near, -INF), near),
     ):
         for sign in (1.0, -1.0):
             row = sign * (divisor * x**2 - numerator * x) - y

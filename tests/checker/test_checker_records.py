@@ -1,0 +1,264 @@
+"""Identifications: the second checker builds the rows itself and notices other records."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import random
+from fractions import Fraction
+from pathlib import Path
+
+import certificate_damage as damage
+import numpy as np
+import pytest
+import record_corpus
+from record_corpus import written
+
+import setid
+from checker import command, reading
+from checker.record import Identification
+from checker.result import NotProved
+from setid.result.certificate_files import certificate_files
+
+INF = math.inf
+
+
+def loaded(name: str) -> dict:
+    return json.loads(written(name))["identification"]
+
+
+def verdict(found: dict) -> str:
+    try:
+        Identification(found).check()
+    except NotProved:
+        return "refused"
+    except reading.Malformed:
+        return "malformed"
+    return "accepted"
+
+
+FEW = ("e-0", "o-0", "oi-0", "empty-0", "second-e-0", "common")
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_records_are_proved(name):
+    lines = Identification(loaded(name)).check()
+    assert any(line.startswith("proved") for line in lines)
+    assert not any(line.startswith("taken as given") for line in lines)
+    if name != "empty-0":
+        assert sum("attained from" in line for line in lines) == len(loaded(name)["parameters"])
+
+
+@pytest.mark.slow
+def test_all_records_are_proved(tmp_path):
+    """Over fifty; a box of products, and rows of another structure, are taken as given."""
+    record_corpus.main(tmp_path, 0, 10**6)
+    codes = {path.stem: command.main([str(path)]) for path in sorted(tmp_path.glob("*.json"))}
+    assert len(codes) > 50
+    assert {name for name, code in codes.items() if code == 3} == {"apart", "narx"}
+    assert set(codes.values()) == {0, 3}
+
+
+def test_four_samples_by_hand():
+    """Laboratory two, first record: a linear program in two unknowns, solved by hand elsewhere."""
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    about = Identification(certificate_files(found)["identification"])
+    lines = about.check()
+    low, high = Fraction(-45, 86), Fraction(-259, 750)  # of a1, vertices of the quadrangle
+    text = next(line for line in lines if line.startswith("proved: a1"))
+    ends = text.split("[")[1].split("]")[0].split(", ")
+    assert abs(Fraction(float(ends[0])) - low) < Fraction(1, 10**12)
+    assert abs(Fraction(float(ends[1])) - high) < Fraction(1, 10**12)
+
+
+# ---- what is not the record's -------------------------------------------------------------------
+
+
+def sample(found, value):
+    found["record"]["y"][0][4] = value
+
+
+def bound(found, kind, value):
+    found["noise"][kind][0] = [value] * len(found["noise"][kind][0])
+
+
+CHANGES = {
+    "another sample": lambda f: sample(f, f["record"]["y"][0][4] + 1e-12),
+    "another input": lambda f: f["record"]["u"][0].reverse(),
+    "more noise": lambda f: bound(f, "output", 0.06),
+    "noise of another kind": lambda f: bound(f, "equation", 0.01),
+    "another order": lambda f: f["structure"].update(nk=[[1]]),
+    "another start": lambda f: f["record"].update(starts=[0, 5]),
+    "a wider prior": lambda f: f.update(given=[["-inf", "-inf"], ["inf", "inf"]]),
+    "a narrow problem": lambda f: f["problem"]["upper"]["data"].__setitem__(0, -10.0),
+    "noise unknowns held": lambda f: f["problem"]["upper"]["data"].__setitem__(4, 0.0),
+    "a narrow box": lambda f: f["box"]["lower"].__setitem__(0, f["box"]["upper"][0]),
+    "a narrow interval": lambda f: f["intervals"][0]["outer"].__setitem__(
+        0, f["intervals"][0]["outer"][1]
+    ),
+    "emptiness": lambda f: f["intervals"][0].update(outer=["inf", "-inf"]),
+    "exchanged unknowns": lambda f: f["variables"].reverse(),
+    "units that are no powers": lambda f: f["units"].__setitem__(0, 3.0),
+    "ends exchanged": lambda f: f["ends"].reverse(),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_not_the_records_is_noticed(change):
+    found = loaded("o-0")
+    assert verdict(found) == "accepted"
+    CHANGES[change](found)
+    wanted = {"a wider prior": "accepted"}.get(change)  # the record had none
+    assert verdict(found) == wanted if wanted else verdict(found) != "accepted"
+
+
+def test_less_noise_than_stated_is_fine_and_more_is_not():
+    """Unknowns that reach further than the noise make outer intervals true, inner ones unknown."""
+    found = loaded("o-0")
+    for bounds, sign in ((found["problem"]["lower"], -1), (found["problem"]["upper"], 1)):
+        for v in range(2, len(bounds["data"])):
+            assert abs(bounds["data"][v] * found["units"][v]) == 0.05
+            assert bounds["data"][v] * sign > 0
+    bound(found, "output", 0.049)
+    lines = Identification(found).check()
+    assert any(line.startswith("proved: a1") for line in lines)
+    assert not any("attained" in line for line in lines)
+
+
+def test_a_missing_row_leaves_outer_intervals_only():
+    """Without its last row the problem is another, and certificates of the old one may fail."""
+    found = loaded("e-0")
+    del found["rows"][-1], found["problem"]["constraints"][-1]
+    count = len(found["rows"])
+    for entry in found["linear"]:  # rows of bounds move up
+        entry["multipliers"] = [[r - (r > count), v] for r, v in entry["multipliers"]]
+    try:
+        lines = Identification(found).check()
+    except NotProved:
+        return
+    assert not any("attained" in line for line in lines)
+
+
+def test_tables_are_compared_with_the_record(tmp_path):
+    found = loaded("o-0")
+    path, table = tmp_path / "identification.json", tmp_path / "record.csv"
+    path.write_text(written("o-0"))
+    pairs = list(zip(found["record"]["u"][0], found["record"]["y"][0], strict=True))
+    rows = ["time,valve,level", *(f"{k},{u!r},{y!r}" for k, (u, y) in enumerate(pairs))]
+    table.write_text("# a comment\n" + "\n".join(rows) + "\n")
+    assert command.main(["--record", str(table), str(path)]) == 0
+    for change in (rows[:-1], [*rows[:-1], "9,1,2"], [*rows, ""], [*rows[:3], "#N/A", *rows[3:]]):
+        table.write_text("\n".join(change) + "\n")
+        assert command.main(["--record", str(table), str(path)]) == 2
+
+
+# ---- damaged files ------------------------------------------------------------------------------
+
+
+def attack(names, count, seed=0):
+    """Damage files; what was said, and accepted ones that claim what the record does not say.
+
+    The record and the noise are part of the question, so only the proofs are damaged: a claim is
+    false if it leaves out values that are attained.
+    """
+    said, wrong = {"accepted": 0, "refused": 0, "malformed": 0}, []
+    for number in range(count):
+        name = names[number % len(names)]
+        found, chance = loaded(name), random.Random(f"{seed} {name} {number}")
+        other = copy.deepcopy(found)
+        fields = ["problem", "rows", "box", "ends", "linear", "intervals", "units", "variables"]
+        place = chance.choice([key for key in fields if other[key]])
+        inner = {"certificate": other[place]}
+        inner["certificate"] = damage.damaged(inner, chance)[0].get("certificate")
+        other[place] = inner["certificate"]
+        try:
+            word = verdict(other)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            word = "malformed"  # the command says so
+        said[word] += 1
+        if word == "accepted" and not still_true(found, other):
+            wrong.append((name, number, place))
+    return said, wrong
+
+
+def still_true(found, other):
+    for old, new in zip(found["intervals"], other["intervals"], strict=True):
+        if old["inner"] is None or new["name"] != old["name"]:
+            continue
+        low, high = (float(v) for v in new["outer"])
+        if low > old["inner"][0] or high < old["inner"][1]:
+            return False
+    return True
+
+
+def test_damaged_records_prove_nothing_false():
+    said, wrong = attack(("e-0", "o-0", "second-e-0"), 60)
+    assert not wrong
+    assert said["refused"] + said["malformed"] > 30
+
+
+@pytest.mark.slow
+def test_hundreds_of_damaged_records_prove_nothing_false():
+    said, wrong = attack(("e-0", "o-0", "oi-0", "eoi-0", "stable-0", "box-0", "gap-range"), 700)
+    assert not wrong
+    assert said["refused"] + said["malformed"] > 300
+
+
+# ---- rows by hand -------------------------------------------------------------------------------
+
+
+def test_rows_of_two_denominators_are_multiplied_out():
+    """(1 + a1 q^-1)(1 + a2 q^-1) y - b1 (1 + a2 q^-1) u1 - b2 (1 + a1 q^-1) u2 = 0."""
+    from checker.structure import Structure
+
+    table = {"na": [[1, 1]], "nb": [[1, 1]], "nk": [[0, 0]], "form": "direct", "initial": "free"}
+    made = Structure(table | {"common_denominator": False, "offset": False}, 2, 1)
+    one, two, b1, b2 = made.parameters
+    assert (one, two, b1, b2) == ("a[1,1]1", "a[1,2]1", "b[1,1]0", "b[1,2]0")
+    found = sorted((t.sign, *sorted(t.parameters), t.signal, t.lag) for t in made.equation("y1"))
+    wanted = [
+        (1, "y1", 0),
+        (1, one, "y1", 1),
+        (1, two, "y1", 1),
+        (1, one, two, "y1", 2),
+        (-1, b1, "u1", 0),
+        (-1, two, b1, "u1", 1),
+        (-1, b2, "u2", 0),
+        (-1, one, b2, "u2", 1),
+    ]
+    assert found == sorted(wanted)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rows_hold_at_what_made_the_record(seed):
+    """The polynomial of every row is zero, up to rounding, at the true parameters and noise."""
+    rng = np.random.default_rng(seed)
+    u, eta = rng.normal(size=8), rng.uniform(-0.1, 0.1, 8)
+    y = record_corpus.response(u, [-0.5, 0.2], [1.0, 0.3], np.zeros(8))
+    found = setid.formulate(
+        setid.IOData(u, y + eta), setid.TransferFunction(2, 2), setid.Noise(output=0.1)
+    )
+    from checker.structure import Record, Structure
+
+    table = {"na": [[2]], "nb": [[2]], "nk": [[0]], "form": "auto", "initial": "free"}
+    made = Structure(table | {"common_denominator": False, "offset": False}, 1, 1)
+    bounds = {"output": [[0.1] * 8], "input": [[0.0] * 8], "equation": [[0.0] * 8]}
+    stated = {"u": [u.tolist()], "y": [(y + eta).tolist()], "starts": [0]}
+    record = Record({"record": stated | {"ranges": {"u": None, "y": None}}, "noise": bounds})
+    record.letters = {("eta", 1, k): 5 + k for k in range(8)}
+    places = {name: v for v, name in enumerate(found.parameters)}
+    x = [-0.5, 0.2, 1.0, 0.3, *eta.tolist()]
+    for k in range(2, 8):
+        row = record.row(made.equation("y1"), places, k, False)
+        value = sum(float(c) * math.prod(x[v - 1] for v in word) for word, c in row.items())
+        assert abs(value) < 1e-12
+
+
+def test_the_record_of_another_structure_is_taken_as_given(tmp_path, capsys):
+    path = tmp_path / "narx.json"
+    path.write_text(written("narx"))
+    assert command.main([str(path)]) == 3
+    assert "taken as given: the rows" in capsys.readouterr().out
+    assert Path(path).exists()

@@ -1,0 +1,124 @@
+"""Krawczyk's test: boxes hold a zero that FLINT encloses, and nothing is found where none is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from flint import arb, fmpq, fmpq_mat
+from flint_oracle import inside, rational, real
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import sparsepop_py as sp
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.verified.arithmetic.krawczyk import zero_near
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def system_of(rows):
+    return PolynomialSystem.stack(rows, rows[0].dimension)
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.integers(1, 4), st.sampled_from([0, -20, 12]), st.floats(-16, -8.5))
+def test_squares_coupled_linearly(seed, n, size, error):
+    """A (v_1^2, ..., v_n^2)' = b: the squares are rationals, and arb takes their roots."""
+    rng = np.random.default_rng(seed)
+    v = sp.variables(n)
+    matrix = rng.normal(size=(n, n)) + 3 * np.eye(n)
+    start = np.ldexp(rng.uniform(0.5, 2, n) * rng.choice([-1, 1], n), size)
+    right = matrix @ start**2
+    rows = [
+        sp.total([float(a) * s**2 for a, s in zip(line, v, strict=True)]) - float(b)
+        for line, b in zip(matrix, right, strict=True)
+    ]
+    exact = fmpq_mat([[rational(a) for a in line] for line in matrix])
+    squares = exact.solve(fmpq_mat([[rational(b)] for b in right]))
+    near = start * (1 + 10.0**error * rng.uniform(-1, 1, n))
+    box = zero_near(system_of(rows), near, np.arange(n))
+    if box is None:
+        assert np.ldexp(1.0, size) > 100 or error > -10  # else it must be found
+        return
+    for k in range(n):
+        root = real(squares[k, 0]).sqrt() * (1 if start[k] > 0 else -1)
+        assert inside(root, box.lo[k], box.hi[k])
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-12, 1e-9, -3e-9])
+@pytest.mark.parametrize("bend", [1.0, 1e4, 1e6, -1e6])
+def test_the_curvature_over_the_box_counts(bend, error):
+    """v + bend v^2 = 0 has the zero 0; one Newton step from 1e-9 misses it by bend 1e-18."""
+    (v,) = sp.variables(1)
+    box = zero_near(system_of([v + bend * v**2]), np.array([error]), np.array([0]))
+    assert box is None or box.lo[0] <= 0.0 <= box.hi[0]
+    assert box is not None or abs(bend * error) > 1e-4
+
+
+@pytest.mark.parametrize("gap", [1e-18, 1e-17, 3e-17, 1e-20])
+@pytest.mark.parametrize("place", [1e-8, 3e-9, 2e-8, -1e-8])
+def test_a_parabola_above_its_axis_has_no_zero(gap, place):
+    """v^2 + gap > 0, although a Newton step from 1e-8 stays within 1e-8."""
+    (v,) = sp.variables(1)
+    assert zero_near(system_of([v**2 + gap]), np.array([place]), np.array([0])) is None
+
+
+def test_every_coordinate_needs_its_zero():
+    """The first equation has one, the second has none; in either order."""
+    v, w = sp.variables(2)
+    rows = [v - 1.0, w**2 + 1e-18]
+    for order, x in ((rows, [1.0, 1e-8]), (rows[::-1], [1.0, 1e-8])):
+        assert zero_near(system_of(order), np.array(x), np.array([0, 1])) is None
+    mixed = [v - 1.0 + w, w**2 + 1e-18]
+    assert zero_near(system_of(mixed), np.array([1.0, 1e-8]), np.array([0, 1])) is None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("distance", [1e-3, 3e-8, 1.3e-8])
+def test_zeros_outside_every_box_are_not_claimed(distance, sign):
+    """v = distance from 0 on either side: the largest box reaches 1e-8."""
+    v, w = sp.variables(2)
+    for rows, x in (([v - sign * distance], [0.0, 0.0]), ([v - w], [0.0, sign * distance])):
+        box = zero_near(system_of(rows), np.array(x), np.array([0]))
+        assert box is None or inside(real(sign * distance), box.lo[0], box.hi[0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS)
+def test_residuals_that_cancel_in_doubles_are_enclosed(seed):
+    """v + a b - c = 0 with c = a b rounded: the zero is what rounding lost, about 1e-17."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(1, 2, 2)
+    c = a * b
+    v, s, t, u = sp.variables(4)
+    x = np.array([0.0, a, b, c])
+    box = zero_near(system_of([v + s * t - u]), x, np.array([0]))
+    exact = rational(c) - rational(a) * rational(b)
+    assert box is not None
+    assert inside(real(exact), box.lo[0], box.hi[0])
+    assert box.lo[1:].tolist() == box.hi[1:].tolist() == [a, b, c]
+
+
+@pytest.mark.parametrize("power", [3, 5, 7])
+@pytest.mark.parametrize("value", [2.0, 1e6, 1e-6, 7.0])
+def test_roots_of_numbers(power, value):
+    (v,) = sp.variables(1)
+    near = value ** (1.0 / power)
+    box = zero_near(system_of([v**power - value]), np.array([near]), np.array([0]))
+    if box is not None:
+        assert inside(real(value).root(power), box.lo[0], box.hi[0])
+        assert box.hi[0] - box.lo[0] <= 1e-7 * (1 + near)
+    assert box is not None or near < 0.2  # slopes are too small there
+
+
+def test_a_zero_between_two_doubles():
+    """v^2 = 2 has no zero among doubles: the box holds both neighbours of the root."""
+    (v,) = sp.variables(1)
+    root = arb(2).sqrt()
+    low = float(np.sqrt(2.0))
+    while real(low) > root:
+        low = float(np.nextafter(low, 0.0))
+    for start in (low, float(np.nextafter(low, 2.0)), low + 1e-10):
+        box = zero_near(system_of([v**2 - 2.0]), np.array([start]), np.array([0]))
+        assert inside(root, box.lo[0], box.hi[0])
+        assert fmpq(2) <= rational(box.hi[0]) ** 2 and rational(box.lo[0]) ** 2 <= fmpq(2)
