@@ -20,18 +20,17 @@ from setid.data.record import IOData
 from setid.errors import DataError, SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.supports import cover_of, supports
+from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
 from setid.proofs.enclosures import enclose
-from setid.proofs.supports import Cover
+from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
 
 Reals = NDArray[np.float64]
 Mode = Literal["simulation", "prediction"]
-_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -282,23 +281,13 @@ def predict(
         raise SetidError(
             "model: separate denominators have no one-step prediction; simulate them instead"
         )
-    ranges = -supports(cover, rows.regressors)[:, ::-1]
-    width = _noise_width(cover, rows.radius, rows.radii)
-    found = [np.full(record.y.shape, np.nan) for _ in range(5)]
     place = rows.row, rows.output - 1
-    # The row is y~ + (rest) within width, so that the reading is -(rest) within width.
-    known = rows.target - record.y[place]
-    columns = (
-        -(rows.regressors @ theta),
-        ranges[:, 0],
-        ranges[:, 1],
-        ranges[:, 0] - width,
-        ranges[:, 1] + width,
-    )
-    sides = (0.0, -1.0, 1.0, -1.0, 1.0)  # outwards, by more than is rounded here
-    size = np.abs(rows.target) + np.abs(record.y[place]) + width
-    for target, values, side in zip(found, columns, sides, strict=True):
-        target[place] = values - known + side * 4.0 * _EPS * (np.abs(values) + size)
+    known = rows.target - record.y[place]  # what a row holds beside the reading itself
+    columns = [-(rows.regressors @ theta) - known]
+    columns += list(predicted_ranges(cover, rows, record.y[place], Proposer))
+    found = [np.full(record.y.shape, np.nan) for _ in columns]
+    for target, values in zip(found, columns, strict=True):
+        target[place] = values
     return OutputBand("proved", "prediction", record, *(frozen(x) for x in found))
 
 
@@ -364,12 +353,6 @@ def _record(
         )
     noise = (noise or formulation.noise).covering(formulation.noise.model_error)
     return record, noise.bounds(record)
-
-
-def _noise_width(cover: Cover, radius: Reals, radii: Reals) -> Reals:
-    """Largest width of the noise of each row over the cover."""
-    size = np.where(np.any(radii > 0, axis=0), cover.magnitude, 0.0)
-    return np.asarray((radius + radii @ size) * (1.0 + 1e-14), np.float64)
 
 
 def _band(kind: Kind, mode: Mode, record: IOData, columns: list[Reals], eta: Reals) -> OutputBand:
