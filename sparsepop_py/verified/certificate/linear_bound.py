@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Verdict
 from sparsepop_py.verified.certificate.polyhedron import Polyhedron
@@ -64,6 +66,17 @@ class LinearBound:
     value: Fraction | None = None
     vertex: tuple[Fraction, ...] | None = None
     ray: tuple[Fraction, ...] | None = None
+
+    def __post_init__(self) -> None:
+        fields: dict[str, Any] = {
+            "multipliers": tuple((int(k), Fraction(v)) for k, v in self.multipliers)
+        }
+        for name in ("vertex", "ray"):
+            values = getattr(self, name)
+            fields[name] = None if values is None else tuple(map(Fraction, values))
+        if self.x is not None:
+            fields["x"] = read_only(self.x, "f", "x")
+        self.__dict__.update(fields)
 
     def verify(self, problem: Problem, objective: Polynomial) -> Verdict:
         """Check every claim in rationals, without any solver.
@@ -159,7 +172,7 @@ def value_at(objective: Polynomial, point: Sequence[Fraction]) -> Fraction:
 
 
 def _holds(rows: Polyhedron, point: Sequence[Fraction], weight: int) -> bool:
-    """Whether all rows hold at a point (weight 1), or along a direction (weight 0)."""
+    """Check all rows at a point (weight 1), or along a direction (weight 0)."""
     total = lcm(*(v.denominator for v in point))
     whole = [v.numerator * (total // v.denominator) for v in point]
     signs = rows.signs(whole, weight * total, total)
