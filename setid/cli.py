@@ -280,7 +280,7 @@ def _as_scale(path: str, found: Consistency) -> dict[str, Any]:
 
 
 def _write(path: str | None, record: dict[str, Any], text: str) -> None:
-    """The text to standard output, the record to a file; or the record alone for ``-``."""
+    """Print the text and write the record; for ``-`` print the record alone."""
     if path is None:
         print(text)
         return

@@ -253,7 +253,7 @@ def _linear(formulation: Formulation, task: _Task) -> Identification:
 
 
 def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
-    """Whether no row changes along the ray, so that the whole line is feasible."""
+    """Check that no row changes along the ray, so that the whole line is feasible."""
     if bound.ray is None:
         return False
     along = [i for i, step in enumerate(bound.ray) if step]

@@ -1,4 +1,4 @@
-"""How to identify: one small frozen class, stored in every result."""
+"""Options of identification: one small frozen class, stored in every result."""
 
 from __future__ import annotations
 

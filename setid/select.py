@@ -46,6 +46,15 @@ class SelectionStep:
     decision : {"refuted", "kept", "open"}
     reason : str
     result : Identification
+
+    Examples
+    --------
+    >>> import setid
+    >>> u = [1, -1, 2, 0, 1, -2, 1, 3]
+    >>> y = setid.simulate(setid.TransferFunction(1, 2), [-0.5, 0, 1], u)
+    >>> data, noise = setid.IOData(u, y), setid.Noise(equation=1e-3)
+    >>> setid.select(data, setid.TransferFunction, noise, [0, 1]).steps[0].decision
+    'refuted'
     """
 
     order: int
@@ -72,6 +81,15 @@ class Selection:
         For each coefficient of the chosen structure whether it is ``"needed"`` (its interval
         excludes zero, proved), ``"idle"`` (zero lies between attained values) or ``"open"``,
         with the reason.
+
+    Examples
+    --------
+    >>> import setid
+    >>> u = [1, -1, 2, 0, 1, -2, 1, 3]
+    >>> y = setid.simulate(setid.TransferFunction(1, 2), [-0.5, 0, 1], u)
+    >>> data, noise = setid.IOData(u, y), setid.Noise(equation=1e-3)
+    >>> setid.select(data, setid.TransferFunction, noise, [0, 1])
+    <Selection: order 1, degree 1>
     """
 
     steps: tuple[SelectionStep, ...]
@@ -213,7 +231,7 @@ def _coefficients(result: Identification) -> dict[str, str]:
 
 
 def _sign_test(item: ParameterInterval) -> str:
-    """What the interval says of the coefficient's sign, and whether that can be trusted."""
+    """Read the sign of a coefficient off its interval, if that can be trusted."""
     low, high = item.outer
     if low > 0 or high < 0:
         return f"needed: its sign is {'positive' if low > 0 else 'negative'}, proved"

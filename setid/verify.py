@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from setid.data.record import IOData
-from setid.proofs.evidence import Evidence, Verification
+from setid.proofs.evidence import Claimed, Verification
 from setid.proofs.verification import verify as verify_evidence
 
 __all__ = ["verify"]
-
-
-class Claimed(Protocol):
-    """A result that shows the evidence for what it claims."""
-
-    @property
-    def evidence(self) -> Evidence:
-        """The claims and all that they rest on."""
 
 
 def verify(result: Claimed, data: IOData | None = None) -> Verification:

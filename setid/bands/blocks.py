@@ -50,6 +50,15 @@ class StaticBand:
     low, high, nominal : (K,) float
     kind : {"proved", "sampled"}
         Whether every consistent system lies inside, at these arguments.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise="b0")
+    >>> u = np.linspace(-1, 1, 9)
+    >>> result = setid.identify(setid.IOData(u, u + 0.5 * u**2), model, setid.Noise(output=0.01))
+    >>> setid.static_band(result, x=[0.5, 1.0]).nominal.round(2)
+    array([0.62, 1.5 ])
     """
 
     name: str
@@ -61,7 +70,12 @@ class StaticBand:
     kind: Kind
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it; see :func:`setid.plots.blocks.plot_static_band`."""
+        """Draw it; see :func:`setid.plots.blocks.plot_static_band`.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.blocks import plot_static_band
 
         return plot_static_band(self, ax)
@@ -78,6 +92,15 @@ class SignalBand:
         Proved.
     sampled_low, sampled_high : (N,) float
         What consistent systems that are known attain.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise="b0")
+    >>> u = np.linspace(-1, 1, 9)
+    >>> result = setid.identify(setid.IOData(u, u + 0.5 * u**2), model, setid.Noise(output=0.01))
+    >>> setid.signal_band(result, model.internal[0]).name
+    'w'
     """
 
     name: str
@@ -87,7 +110,12 @@ class SignalBand:
     sampled_high: Reals
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw it; see :func:`setid.plots.blocks.plot_signal_band`."""
+        """Draw it; see :func:`setid.plots.blocks.plot_signal_band`.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.blocks import plot_signal_band
 
         return plot_signal_band(self, ax)
@@ -249,6 +277,16 @@ def signal_band(result: FeasibleSet, name: str) -> SignalBand:
     ------
     ModelError
         If there is no such signal.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise="b0")
+    >>> u = np.linspace(-1, 1, 9)
+    >>> result = setid.identify(setid.IOData(u, u + 0.5 * u**2), model, setid.Noise(output=0.01))
+    >>> band = setid.signal_band(result, model.internal[0])
+    >>> bool(band.low[-1] <= 1.5 <= band.high[-1])
+    True
     """
     model, data = result.formulation.model, result.formulation.data
     if not isinstance(model, BlockStructured) or name not in model.internal:

@@ -20,18 +20,17 @@ from setid.data.record import IOData
 from setid.errors import DataError, SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.supports import cover_of, supports
+from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
 from setid.proofs.enclosures import enclose
-from setid.proofs.supports import Cover
+from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
 __all__ = ["Comparison", "OutputBand", "compare", "fit", "predict", "simulate_band"]
 
 Reals = NDArray[np.float64]
 Mode = Literal["simulation", "prediction"]
-_EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +50,15 @@ class OutputBand:
         Range of the models' outputs.
     reading_low, reading_high : (N, ny) float
         Where readings lie if the assumptions hold: noise and equation error included.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.predict(result)
+    >>> band.mode, band.low[1:].ravel().round(2)
+    ('prediction', array([-6.33,  0.67,  2.32]))
     """
 
     kind: Kind
@@ -81,7 +89,7 @@ class OutputBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """How well the nominal model explains a record, and what every consistent model says.
+    """Fit of the nominal model to a record, with the band of all consistent models.
 
     Parameters
     ----------
@@ -91,6 +99,14 @@ class Comparison:
     fit : (ny,) float
         100 (1 - |y - yhat| / |y - mean y|), in per cent; 100 is perfect.
     band : OutputBand
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.compare(result).theta.round(3)
+    array([-0.434,  2.013])
     """
 
     names: tuple[str, ...]
@@ -188,6 +204,15 @@ def simulate_band(
     ------
     SetidError
         If the feasible set is empty, or data do not fit the structure.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.simulate_band(result)
+    >>> band.kind, bool((band.low <= band.high).all())
+    ('proved', True)
     """
     record, bounds = _record(result, data, noise)
     model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
@@ -256,23 +281,13 @@ def predict(
         raise SetidError(
             "model: separate denominators have no one-step prediction; simulate them instead"
         )
-    ranges = -supports(cover, rows.regressors)[:, ::-1]
-    width = _noise_width(cover, rows.radius, rows.radii)
-    found = [np.full(record.y.shape, np.nan) for _ in range(5)]
     place = rows.row, rows.output - 1
-    # The row is y~ + (rest) within width, so that the reading is -(rest) within width.
-    known = rows.target - record.y[place]
-    columns = (
-        -(rows.regressors @ theta),
-        ranges[:, 0],
-        ranges[:, 1],
-        ranges[:, 0] - width,
-        ranges[:, 1] + width,
-    )
-    sides = (0.0, -1.0, 1.0, -1.0, 1.0)  # outwards, by more than is rounded here
-    size = np.abs(rows.target) + np.abs(record.y[place]) + width
-    for target, values, side in zip(found, columns, sides, strict=True):
-        target[place] = values - known + side * 4.0 * _EPS * (np.abs(values) + size)
+    known = rows.target - record.y[place]  # what a row holds beside the reading itself
+    columns = [-(rows.regressors @ theta) - known]
+    columns += list(predicted_ranges(cover, rows, record.y[place], Proposer))
+    found = [np.full(record.y.shape, np.nan) for _ in columns]
+    for target, values in zip(found, columns, strict=True):
+        target[place] = values
     return OutputBand("proved", "prediction", record, *(frozen(x) for x in found))
 
 
@@ -283,7 +298,7 @@ def compare(
     kind: Kind | None = None,
     noise: Noise | None = None,
 ) -> Comparison:
-    """Fit of the nominal model to a record, and the band that holds for every model.
+    """Compare the nominal model and the band of all models with a record.
 
     Parameters
     ----------
@@ -301,6 +316,15 @@ def compare(
     -------
     Comparison
         Samples from which the simulation starts do not count for the fit.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> found = setid.compare(result)
+    >>> found.fit.round(1), len(found.band.outside)
+    (array([90.4]), 0)
     """
     if mode == "simulation":
         band = simulate_band(result, validation, kind, noise)
@@ -329,12 +353,6 @@ def _record(
         )
     noise = (noise or formulation.noise).covering(formulation.noise.model_error)
     return record, noise.bounds(record)
-
-
-def _noise_width(cover: Cover, radius: Reals, radii: Reals) -> Reals:
-    """Largest width of the noise of each row over the cover."""
-    size = np.where(np.any(radii > 0, axis=0), cover.magnitude, 0.0)
-    return np.asarray((radius + radii @ size) * (1.0 + 1e-14), np.float64)
 
 
 def _band(kind: Kind, mode: Mode, record: IOData, columns: list[Reals], eta: Reals) -> OutputBand:

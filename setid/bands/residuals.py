@@ -35,6 +35,14 @@ class Residuals:
         w0_k + W_k abs(theta): larger residuals no admissible noise explains.
     row, output : (R,) int
         Row of the data from 0, output from 1.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.residuals(result).bound
+    array([0.5, 0.5, 0.5])
     """
 
     theta: Reals
@@ -64,6 +72,15 @@ def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:
         Of a structure that is linear in its parameters.
     theta : (p,) array_like, optional
         The nominal model when left out.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> found = setid.residuals(result, [-0.5, 2.0])
+    >>> found.values.round(4), found.outside
+    (array([-0.25,  0.3 , -0.5 ]), array([], dtype=int64))
     """
     rows = result.formulation.regression
     if rows is None:

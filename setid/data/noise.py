@@ -1,4 +1,4 @@
-"""What is known of the noise: bounds on each sample, and polynomial sets over the record."""
+"""Bounded noise: a bound for each sample, and polynomial sets over the record."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Bound = float | NDArray[np.float64]
 
 
 class NoiseVariables(Protocol):
-    """What constraints on the noise ask of the layout of a formulation."""
+    """Numbers of noise samples and their polynomials, as constraints on the noise use them."""
 
     @property
     def starts(self) -> NDArray[np.int64]:
@@ -51,6 +51,13 @@ class EstimatedBound:
         The level about which the noise was measured.
     assumption : str
         What a result that uses this bound says about it.
+
+    Examples
+    --------
+    >>> import setid
+    >>> bound = setid.estimate_noise_bound([0.1, -0.1, 0.05, 0.0])
+    >>> print(bound)
+    0.1
     """
 
     value: NDArray[np.float64]
@@ -243,6 +250,15 @@ class RateLimit:
     kind : {"output", "input", "equation"}
     limit : float
         In the unit of the signal, per sampling interval.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> noise = setid.Noise(output=0.5, constraints=[setid.RateLimit("output", 0.2)])
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), noise)
+    >>> len(known.problem.constraints)  # three equations, and both signs of three differences
+    9
     """
 
     kind: str

@@ -174,7 +174,7 @@ def _value(field: str, decimal: str) -> float | None:
 def _header_lines(
     path: PathLike, first: tuple[int, list[str]], decimal: str, header: int | None
 ) -> int:
-    """How many lines of the table hold names, units and the like."""
+    """Count the lines of the table that hold names, units and the like."""
     if header is not None:
         if isinstance(header, bool) or not isinstance(header, int) or header < 0:
             raise DataError(f"header: found {header!r}, expected a number of lines from 0")

@@ -46,6 +46,15 @@ class ContinuousEstimate:
     failed : int
         Members without an image: with poles at zero or on the negative real axis.
     warning : str
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.TransferFunction(na=1, nb=1, nk=1)
+    >>> truth = setid.simulate_record(model, [-0.5, 1], [1, 3, -2, 1, 2], setid.Noise(0.01))
+    >>> result = setid.identify(truth.data, model, setid.Noise(0.01))
+    >>> setid.to_continuous(result).ranges.shape
+    (2, 2)
     """
 
     kind: str

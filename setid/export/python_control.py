@@ -47,6 +47,14 @@ class ControlModels:
         Largest abs(G / G0 - 1) found at each frequency.
     label : str
         ``"sampled"``, or ``"proved at the grid frequencies"``.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> bool((setid.to_control(result).radius < 1.0).all())
+    True
     """
 
     nominal: Any
@@ -92,6 +100,15 @@ def to_control(
     References
     ----------
     K. Zhou, J. C. Doyle, Essentials of Robust Control, 1998, section 8.2.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> models = setid.to_control(result)
+    >>> models.label, len(models.vertices)
+    ('sampled', 3)
     """
     control = _control()
     formulation = result.formulation

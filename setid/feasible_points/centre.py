@@ -1,4 +1,4 @@
-"""The centre of the outer box: its worst-case error, and whether it is consistent, both proved."""
+"""The centre of the outer box, its proved worst-case error, and its consistency."""
 
 from __future__ import annotations
 
@@ -49,6 +49,14 @@ class Central:
     ----------
     M. Milanese, A. Vicino, "Optimal estimation theory for dynamic systems with set
     membership uncertainty: an overview", Automatica 27 (1991) 997-1009, section 3.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> result.centre.member, result.centre.error.round(3)
+    (True, array([0.089, 0.096]))
     """
 
     names: tuple[str, ...]
@@ -110,7 +118,7 @@ def central(result: FeasibleSet) -> Central:
 
 
 def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
-    """How far each parameter of a consistent vector can be from an estimate, proved.
+    """Bound the distance of each consistent parameter from an estimate.
 
     Parameters
     ----------
@@ -122,6 +130,14 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     -------
     (p,) float
         Infinite where an outer interval is.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.worst_case_error(result, [-0.5, 2.0]).round(4)
+    array([0.1547, 0.1093])
     """
     low, high = result.outer_box
     values = np.asarray(theta, float)
@@ -133,7 +149,7 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
 
 
 def is_consistent(formulation: Formulation, theta: Reals) -> bool | None:
-    """Whether a parameter vector is consistent, proved either way; None where neither is.
+    """Prove that a parameter vector is consistent, or that it is not.
 
     A witness whose noise is repaired exactly proves that it is. That it is not is what the
     engine proves of the problem with these parameters fixed.

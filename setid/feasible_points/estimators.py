@@ -41,6 +41,13 @@ class Estimate:
         Row of the data (from 0) of each residual.
     history : (R, p) float or None
         The estimate after each row, for recursive least squares.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 0, 2, 1], [0, 1, 0.5, 2.25])
+    >>> round(setid.least_squares(data, setid.TransferFunction(1, 1, 1))["a1"], 9)
+    -0.5
     """
 
     names: tuple[str, ...]
@@ -124,6 +131,14 @@ def recursive_least_squares(
     ----------
     L. Ljung, System Identification, 2nd ed. 1999, section 11.2; in square-root form:
     G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. IV.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 0, 2, 1], [0, 1, 0.5, 2.25])
+    >>> found = setid.recursive_least_squares(data, setid.TransferFunction(1, 1, 1))
+    >>> found.theta.round(5), found.history.shape
+    (array([-0.5,  1. ]), (3, 2))
     """
     factor = number(forgetting, "forgetting", SetidError)
     if not 0.0 < factor <= 1.0:
@@ -178,6 +193,13 @@ def l1(data: IOData, model: Structure) -> Estimate:
     References
     ----------
     S. Boyd, L. Vandenberghe, Convex Optimization, 2004, section 6.1.1.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 0, 2, 1], [0, 1, 0.5, 2.25])
+    >>> print(setid.l1(data, setid.TransferFunction(na=1, nb=1, nk=1)))
+    a1 = -0.5, b1 = 1
     """
     rows = regression_of_data(data, model)
     a, b = -sps.csr_array(rows.regressors), rows.target
@@ -203,6 +225,14 @@ def linf(data: IOData, model: Structure) -> Estimate:
     References
     ----------
     S. Boyd, L. Vandenberghe, Convex Optimization, 2004, section 6.1.1.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> found = setid.linf(data, setid.TransferFunction(1, 1))
+    >>> round(found.cost, 6)  # the least bound of an equation error
+    0.339028
     """
     rows = regression_of_data(data, model)
     a, b = -sps.csr_array(rows.regressors), rows.target

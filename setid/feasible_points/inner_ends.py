@@ -59,5 +59,5 @@ def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:
 
 
 def _loose(value: float, point: sp.ProvedPoint) -> float:
-    """A little more than a value at a proved point: repeating the proof moves last digits."""
+    """A little more than a value at a proved point, whose last digits may move."""
     return float(value + point.radius + 8 * np.spacing(abs(value)))

@@ -52,7 +52,7 @@ def noise_level(formulation: Formulation, theta: Reals) -> float:
 
 
 def is_member(formulation: Formulation, theta: Reals) -> bool:
-    """Whether theta is consistent with data, noise bounds and priors, up to rounding."""
+    """Check theta against data, noise bounds and priors, up to rounding."""
     return noise_level(formulation, theta) <= 1.0 + ROUNDING
 
 
@@ -135,6 +135,15 @@ def feasible(result: FeasibleSet) -> Reals:
     (p,) float
         The mean of the attained vectors where that is consistent, else the one of them that
         needs the least noise; where no linear program can tell, that nearest to the mean.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> theta = setid.feasible(result)
+    >>> bool(abs(theta[0] - result.intervals["a1"].centre) < 0.1)
+    True
     """
     known = members(result, count=0)
     middle = known.mean(axis=0)
@@ -168,6 +177,14 @@ def projection_estimate(result: FeasibleSet) -> Reals:
     References
     ----------
     M. Milanese, A. Vicino, Automatica 27 (1991) 997-1009, section 4 (projection estimates).
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.projection_estimate(result).round(4)
+    array([-0.3883,  1.9703])
     """
     result.require_members()
     rows = result.formulation.regression

@@ -32,7 +32,7 @@ _INSIDE = 1e-6  # of the width of each bound: what a search keeps away from it
 
 
 def coupled(formulation: Formulation) -> bool:
-    """Whether unknown samples are multiplied with each other, or by several parameters."""
+    """Check for products of unknown samples, or of one with several parameters."""
     words, p = formulation.problem.rows.words, len(formulation.parameters)
     samples = np.count_nonzero(words > p, axis=1)
     parameters = np.count_nonzero(words, axis=1) - samples
@@ -94,7 +94,7 @@ def _least_noise(formulation: Formulation, problem: sp.Problem, start: Reals) ->
 
 
 def _within(formulation: Formulation, problem: sp.Problem) -> sp.Problem:
-    """The problem with some room to its bounds, and none of those that follow from others.
+    """The problem with some room to its bounds, without those that follow from others.
 
     Those would stop linearised squares at zero.
     """

@@ -1,4 +1,4 @@
-"""Where the engine begins: estimates with the least noise that they need."""
+"""Starting points of the engine: estimates with the least noise that they need."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.flo
 def repair(
     formulation: Formulation, problem: sp.Problem, units: NDArray[np.float64]
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    """From a vector in units to one with the same parameters and the least noise they need."""
+    """Make a function that replaces the noise of a vector by the least it needs."""
     p = len(formulation.parameters)
 
     def repaired(z: NDArray[np.float64]) -> NDArray[np.float64]:

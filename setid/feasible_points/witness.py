@@ -43,6 +43,14 @@ class Witness:
     level : float
         Factor on all noise bounds that this noise needs; infinite if none suffices, and
         then ``x`` holds no noise.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
+    >>> setid.least_noise(known, [-0.5, 2.0]).x.shape
+    (6,)
     """
 
     x: NDArray[np.float64]
@@ -79,7 +87,7 @@ def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> round(setid.least_noise(known, [-0.5, 2.0]).level, 4)
-    0.85
+    1.0
     """
     theta = formulation.parameter_vector(theta)
     layout = formulation.layout
@@ -114,7 +122,7 @@ def least_noise(formulation: Formulation, theta: ArrayLike | Mapping[str, float]
 
 
 def _holds(formulation: Formulation, x: NDArray[np.float64]) -> bool:
-    """Whether equations that were linearised hold, up to rounding."""
+    """Check equations that were linearised, up to rounding."""
     return all(
         abs(c.polynomial(x)) <= 1e-9 * (1.0 + np.abs(c.polynomial.coefficients).max())
         for c, origin in zip(formulation.problem.constraints, formulation.rows.origin, strict=True)

@@ -56,7 +56,7 @@ class FeasibleSet:
 
     @property
     def empty(self) -> bool:
-        """Whether it is proved that no parameter is consistent."""
+        """True if it is proved that no parameter is consistent."""
         return any(item.status is IntervalStatus.EMPTY for item in self.intervals.values())
 
     @property

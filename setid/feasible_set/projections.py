@@ -52,6 +52,14 @@ class Projection:
     exact : bool
         Whether the polygon is the projection itself, up to rounding; otherwise it is a
         cover of it.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> round(setid.project(result, "a1", "b0").area, 4)
+    0.0199
     """
 
     names: tuple[str, str]

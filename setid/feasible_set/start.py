@@ -1,4 +1,4 @@
-"""Find a box of the parameters from data and priors, by the method that suits the rows."""
+"""Find a box of the parameters from data and priors, by the fitting method."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ __all__ = ["Built", "Rows", "build"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Where each constraint of the problem comes from, arrays of shape (m,).
+    """Origin of each constraint of the problem, in arrays of shape (m,).
 
     Parameters
     ----------
@@ -47,6 +47,14 @@ class Rows:
         From 1; 0 for constraints of noise and priors.
     item : (m,) int
         Number of the noise constraint or prior, from 0; -1 for the model.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> rows = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5)).rows
+    >>> rows.equation, rows.of_sample(3)
+    (('y1', 'y1', 'y1'), [1])
     """
 
     origin: tuple[str, ...]
@@ -56,17 +64,31 @@ class Rows:
     item: NDArray[np.int64]
 
     def of_sample(self, k: int, record: int = 1) -> list[int]:
-        """Constraints of sample k of a record."""
+        """Constraints of sample k of a record.
+
+        Parameters
+        ----------
+        k : int
+            From 1.
+        record : int
+            From 1.
+        """
         return np.flatnonzero((self.sample == k) & (self.record == record)).tolist()
 
     def of_prior(self, place: int) -> list[int]:
-        """Constraints of one prior, by its place among them."""
+        """Constraints of one prior, by its place among them.
+
+        Parameters
+        ----------
+        place : int
+            From 0.
+        """
         prior = np.array([origin == "prior" for origin in self.origin], bool)
         return np.flatnonzero(prior & (self.item == place)).tolist()
 
 
 class Built(NamedTuple):
-    """What :func:`build` makes."""
+    """Problem, layout, rows and equations, as :func:`build` returns them."""
 
     problem: sp.Problem
     layout: Layout

@@ -96,12 +96,12 @@ def _pruned(
 
 
 def _static(equation: Equation) -> bool:
-    """Whether a signal is defined without parameters and without its own past."""
+    """Check for a signal that is defined without parameters and without its own past."""
     return not equation.parametric and not _recursive(equation)
 
 
 def _recursive(equation: Equation) -> bool:
-    """Whether a signal is defined by its own past."""
+    """Check for a signal that is defined by its own past."""
     return any(s.signal == equation.defines for t in equation.terms[1:] for s in t.signals)
 
 
@@ -113,7 +113,7 @@ def _mark(item: Planned, data: IOData, used: dict[str, Mask]) -> None:
 
 
 def used_samples(plans: Sequence[Planned], data: IOData) -> dict[str, Mask]:
-    """Which samples of each signal occur in some row."""
+    """Find the samples of each signal that occur in some row."""
     used: dict[str, Mask] = {}
     for item in plans:
         _mark(item, data, used)

@@ -38,7 +38,7 @@ _DENSE = 1500  # unknowns up to which least squares are solved by a dense factor
 
 
 class Stated(Protocol):
-    """What completing a point asks of a formulation."""
+    """Parts of a formulation that completing a point uses."""
 
     @property
     def problem(self) -> sp.Problem:
@@ -116,7 +116,7 @@ def place_slack(x: NDArray[np.float64], formulation: Stated, theta: NDArray[np.f
 
 
 def solve_definitions(x: NDArray[np.float64], formulation: Stated) -> None:
-    """Set unknowns that a row gives as -(the rest), in the order of rows: products of signals."""
+    """Set unknowns that a row gives as minus its other terms, in the order of rows."""
     problem, rows, layout = formulation.problem, formulation.rows, formulation.layout
     if not np.any(np.isnan(x)):
         return
@@ -141,7 +141,7 @@ class Affine(NamedTuple):
 
 
 def affine(formulation: Stated, x: NDArray[np.float64], free: NDArray[np.int64]) -> Affine:
-    """All rows in the free unknowns, the others fixed at x; linearised at x where need be."""
+    """State all rows in the free unknowns, linearised at x where need be."""
     constraints = formulation.problem.constraints
     number = np.full(x.size + 1, -1)
     number[free + 1] = np.arange(free.size)
@@ -236,7 +236,7 @@ def defined_unknowns(formulation: Stated) -> NDArray[np.bool_]:
 
 
 def noise_shares(formulation: Stated, theta: NDArray[np.float64]) -> dict[str, float]:
-    """What each kind of noise at its bounds can move in the equations, as shares of 1.
+    """Compute the share of each kind of noise in the uncertainty of the equations.
 
     Parameters
     ----------

@@ -160,7 +160,12 @@ class Formulation:
         return sp.to_structs(self.problem.with_objective(sign * self.layout.variable(name)))
 
     def to_gms(self, path: str | os.PathLike[str]) -> None:
-        """Write the problem as a GAMS scalar file."""
+        """Write the problem as a GAMS scalar file.
+
+        Parameters
+        ----------
+        path : str or path
+        """
         sp.write_gms(self.problem, path)
 
     def point(
@@ -464,7 +469,7 @@ def _rounded_products(data: IOData, equations: Sequence[Equation]) -> tuple[str,
 
 
 def _is_rounded(values: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Whether a product of arrays, taken from the left, is no double (Dekker 1971, mul12)."""
+    """Check for products of arrays that are no doubles (Dekker 1971, mul12)."""
     product, lost = values[0], np.zeros(values[0].size, bool)
     with np.errstate(all="ignore"):
         for other in values[1:]:

@@ -1,4 +1,4 @@
-"""Where each unknown stands in the vector of variables: the only index arithmetic.
+"""Places of all unknowns in the vector of variables: the only index arithmetic.
 
 The order is theta, output noise, input noise, equation errors, missing outputs, missing
 inputs, internal signals, unknowns of priors. Samples are counted from 1 in names, as in
@@ -63,6 +63,10 @@ class Layout:
     def index(self, name: str) -> int:
         """Number of a variable by name.
 
+        Parameters
+        ----------
+        name : str
+
         Raises
         ------
         SetidError
@@ -76,22 +80,46 @@ class Layout:
         return self._places[name]
 
     def group(self, name: str) -> NDArray[np.int64]:
-        """Variable numbers of a group."""
+        """Variable numbers of a group.
+
+        Parameters
+        ----------
+        name : str
+            One of the keys of ``groups``.
+        """
         if name not in self.groups:
             raise SetidError(f"group: found {name!r}, expected one of {', '.join(self.groups)}")
         return self.groups[name]
 
     def variable(self, name: str) -> sp.Polynomial:
-        """A variable by name, as a polynomial in all variables."""
+        """A variable by name, as a polynomial in all variables.
+
+        Parameters
+        ----------
+        name : str
+        """
         return self.polynomial(self.index(name))
 
     def polynomial(self, number: int) -> sp.Polynomial:
-        """A variable by number, as a polynomial in all variables."""
+        """A variable by number, as a polynomial in all variables.
+
+        Parameters
+        ----------
+        number : int
+            From 0.
+        """
         word = np.array([[number + 1]], np.int32)
         return sp.Polynomial(frozen(word), frozen(np.ones(1)), self.dimension, self.names)
 
     def lift(self, polynomial: sp.Polynomial, numbers: NDArray[np.int64]) -> sp.Polynomial:
-        """A polynomial in few variables as one in all, variable i becoming ``numbers[i]``."""
+        """A polynomial in few variables as one in all, variable i becoming ``numbers[i]``.
+
+        Parameters
+        ----------
+        polynomial : Polynomial
+        numbers : (k,) int
+            Numbers of its variables here, from 0.
+        """
         letters = np.append(0, numbers + 1).astype(np.int32)[polynomial.words]
         letters.sort(axis=1)
         return sp.Polynomial.from_words(

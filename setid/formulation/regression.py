@@ -53,6 +53,15 @@ class Regression(UncertainRows):
         Row of the data, from 0.
     record, sample, output : (R,) int
         Record, sample in it and output, from 1.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 1), setid.Noise(output=0.5))
+    >>> rows = known.regression
+    >>> rows.names, rows.sample, rows.radii[0]
+    (('a1', 'b0'), array([2, 3, 4]), array([0.5, 0. ]))
     """
 
     row: Integers

@@ -1,1 +1,1 @@
-"""What a record or a structure leaves open: equivalent vectors, common factors, normalisations."""
+"""Non-identifiability: equivalent vectors, common factors, normalisations."""

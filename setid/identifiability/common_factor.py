@@ -29,7 +29,7 @@ _WIDE = 2.0  # times the noise bounds: where the engine begins
 
 
 def find_unbounded(formulation: Formulation, until: float = inf) -> Unbounded | None:
-    """What proves that some parameters take consistent values of any size.
+    """Search for a proof that some parameters take consistent values of any size.
 
     Parameters
     ----------

@@ -85,6 +85,16 @@ def convert_intervals(result: FeasibleSet, normalise: Normalise) -> dict[str, En
     ------
     ModelError
         If a quantity that is to be fixed may be zero.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> model = setid.Hammerstein(setid.TransferFunction(0, 1), 2, normalise="b0")
+    >>> u = np.linspace(-1, 1, 9)
+    >>> result = setid.identify(setid.IOData(u, u + 0.5 * u**2), model, setid.Noise(output=0.01))
+    >>> ends = setid.convert_intervals(result, "gamma1")
+    >>> sorted(ends), bool(ends["b0"][0] <= 1.0 <= ends["b0"][1])
+    (['b0', 'gamma2'], True)
     """
     model = result.formulation.model
     if not isinstance(model, BlockStructured):
@@ -99,7 +109,7 @@ def equivalent(
     other: ArrayLike | Mapping[str, float],
     tolerance: float = 1e-9,
 ) -> bool:
-    """Whether two parameter vectors of a structure have the same outputs for all inputs.
+    """Check that two parameter vectors have the same outputs for all inputs.
 
     Both are brought to one normalisation, in which they must agree; vectors of different
     normalisations are to be given in full, for ``model.normalised(None)``.

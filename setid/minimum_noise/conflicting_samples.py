@@ -1,4 +1,4 @@
-"""Which samples contradict each other, where no parameters are consistent.
+"""Search for samples that contradict each other, where no parameters are consistent.
 
 Samples are left out as long as the rows of the others are still proved to have no common point,
 box included: halves of the record first, single samples last. Whenever the time ends, what is
@@ -127,7 +127,7 @@ def _parts(keys: Keys, size: int) -> Iterator[frozenset[tuple[int, int]]]:
 def _proved_empty(
     formulation: Formulation, known: Known, kept: Keys, options: sp.Options | None, seconds: float
 ) -> bool:
-    """Whether the rows of some samples are proved to have no common point."""
+    """Prove that the rows of some samples have no common point."""
     problem, box = formulation.problem, _box(known, set(kept), start_of(formulation))
     if box.empty or options is None:
         return box.empty

@@ -44,7 +44,7 @@ _SECONDS = 30.0  # for an estimate
 def discretisation_error(
     model: ContinuousTransferFunction, theta: ArrayLike, u: ArrayLike
 ) -> NDArray[np.float64]:
-    """How far the recursion is from the exact sampled response, both from rest.
+    """Compute the distance of the recursion from the exact sampled response, from rest.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def discretisation_error(
 
 
 def remark(formulation: Formulation, theta: NDArray[np.float64]) -> str:
-    """What to say of the discretisation at nominal coefficients; nothing where all is well."""
+    """Write a warning if the discretisation is too coarse at nominal coefficients."""
     model, data = formulation.model, formulation.data
     if not isinstance(model, ContinuousTransferFunction):
         return ""

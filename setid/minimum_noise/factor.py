@@ -34,7 +34,7 @@ _DIGITS = 2.0**-46  # of the readings: noise that rounding alone explains
 
 
 def rounding_factor(data: IOData, bounds: tuple[NDArray[Any], ...]) -> float:
-    """The factor with which noise is as small as the rounding of readings; less means nothing."""
+    """Compute the factor with which noise is as small as the rounding of readings."""
     sizes = np.nanmax(np.abs(data.y)), np.nanmax(np.abs(data.u)), np.nanmax(np.abs(data.y))
     parts = [size / b[b > 0].max() for size, b in zip(sizes, bounds, strict=True) if np.any(b > 0)]
     return float(min(parts)) * _DIGITS
@@ -43,7 +43,7 @@ def rounding_factor(data: IOData, bounds: tuple[NDArray[Any], ...]) -> float:
 def refuted_factor(
     stated: Callable[[float], Formulation], limit: float, until: float
 ) -> tuple[float, ParameterBox] | None:
-    """The largest factor that was found at which no parameters pass the rows one by one."""
+    """Search for the largest factor at which no parameters pass the rows."""
     found, low, high = None, 0.0, limit
     end = until if until == inf else time.monotonic() + _PART * (until - time.monotonic())
     for _ in range(_STEPS):
@@ -65,7 +65,7 @@ def on_box(
     options: sp.Options,
     x: NDArray[np.float64] | None,
 ) -> sp.Result | None:
-    """The least factor in units, from unknowns with a factor of one; None without a finite box."""
+    """Bound and attain the least factor; None without a finite box."""
     p = len(formulation.parameters)
     if not np.all(np.isfinite(problem.lower[:p]) & np.isfinite(problem.upper[:p])):
         return None
@@ -75,7 +75,7 @@ def on_box(
 
 
 class FoundFactor(NamedTuple):
-    """Parameters that were found, and the part of the noise that they need; nothing is proved."""
+    """Parameters and the part of the noise that they need; nothing is proved."""
 
     share: float
     x: NDArray[np.float64]
@@ -118,7 +118,7 @@ def least_factor(
     settings: Options,
     until: float,
 ) -> tuple[Formulation, float, ProvedBox | None, sp.Result | None]:
-    """The engine's least factor up to a limit with which the parameters have a finite box.
+    """Bound and attain the least factor, up to a limit that leaves a finite box.
 
     With the noise of an estimate they may have none. Then less noise is tried: below the least
     factor the engine proves that, above it, it finds parameters.

@@ -214,7 +214,13 @@ class ContinuousTransferFunction:
         return (*self._falling("a", self.n - 1), *self._falling("b", self.m), *constant)
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Coefficient names of the transfer function."""
+        """Coefficient names of the transfer function.
+
+        Parameters
+        ----------
+        output, input : int
+            Channels, from 1.
+        """
         if self.method == "indirect" or (output, input) != (1, 1):
             return self.counterpart.transfer(output, input)
         names = self.parameters
@@ -233,7 +239,13 @@ class ContinuousTransferFunction:
         return TransferFunction(*shape, initial=self.initial, offset=self.offset)
 
     def between_samples(self, delta: float) -> str:
-        """What is taken for granted of the signals between samples, with the bound in use."""
+        """State the assumption on signals between samples, with the bound in use.
+
+        Parameters
+        ----------
+        delta : float
+            Bound of the discretisation error.
+        """
         held = "held constant" if self.hold == "constant" else "linear"
         if self.method == "indirect":
             return f"the sampled system is a {self.counterpart!r}"

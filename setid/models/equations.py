@@ -128,12 +128,12 @@ class Equation:
 
     @property
     def parametric(self) -> bool:
-        """Whether any parameter occurs."""
+        """True if any parameter occurs."""
         return any(t.parameters for t in self.terms)
 
     @property
     def linear_in_parameters(self) -> bool:
-        """Whether no term has more than one parameter."""
+        """True if no term has more than one parameter."""
         return all(len(t.parameters) <= 1 for t in self.terms)
 
 
@@ -154,7 +154,7 @@ class Transfer:
 
 @runtime_checkable
 class Structure(Protocol):
-    """What a model structure offers to the compiler, the priors and the estimators."""
+    """Difference equations with named parameters: the interface of all model structures."""
 
     @property
     def inputs(self) -> int:
@@ -166,7 +166,7 @@ class Structure(Protocol):
 
     @property
     def initial(self) -> Initial:
-        """Whether signals before the record are unknown or zero."""
+        """``"free"`` if signals before the record are unknown, ``"zero"`` if they are zero."""
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -272,6 +272,11 @@ class BlockStructured:
     def normalised(self, normalise: Normalise) -> BlockStructured:
         """The same structure with another normalisation (None for none).
 
+        Parameters
+        ----------
+        normalise : str, mapping, list of these or None
+            As in the constructor.
+
         Examples
         --------
         >>> import setid
@@ -283,7 +288,13 @@ class BlockStructured:
         return self.changed(fixed=fixed, unit_gain=gains)
 
     def changed(self, **parts: Any) -> BlockStructured:
-        """The same structure with some fields replaced."""
+        """The same structure with some fields replaced.
+
+        Parameters
+        ----------
+        **parts
+            Fields of the structure with their new values.
+        """
         new: BlockStructured = object.__new__(type(self))
         for key in _PARTS:
             object.__setattr__(new, key, parts.get(key, getattr(self, key)))
@@ -319,7 +330,13 @@ class BlockStructured:
         return {b.label: self.wiring.transfer(b) for b in self.blocks}
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Coefficient names of the linear block between two channels, or of the only one."""
+        """Coefficient names of the linear block between two channels, or of the only one.
+
+        Parameters
+        ----------
+        output, input : int
+            Channels, from 1.
+        """
         target, source = f"y{output}", f"u{input}"
         if not (1 <= output <= self.outputs and 1 <= input <= self.inputs):
             raise ModelError(
@@ -356,6 +373,11 @@ class BlockStructured:
         """One equation an output in measured signals alone, with products of parameters.
 
         Empty where internal signals cannot be eliminated.
+
+        Parameters
+        ----------
+        noisy : collection of str
+            Measured signals that are not known exactly.
         """
         return self.wiring.direct(frozenset(noisy))
 
@@ -365,7 +387,12 @@ class BlockStructured:
         return found if all(e.linear_in_parameters for e in found) else ()
 
     def driven(self, inputs: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Samples of basis functions that are not powers, for inputs (N, nu) without noise."""
+        """Samples of basis functions that are not powers, for inputs (N, nu) without noise.
+
+        Parameters
+        ----------
+        inputs : (N, nu) float
+        """
         return self.wiring.driven(inputs)
 
     def __repr__(self) -> str:

@@ -144,7 +144,13 @@ class TransferFunction:
         return tuple(dict.fromkeys([*a, *b, *c]))
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Coefficient names of the transfer function between two channels (from 1)."""
+        """Coefficient names of the transfer function between two channels (from 1).
+
+        Parameters
+        ----------
+        output, input : int
+            Channels, from 1.
+        """
         if not (1 <= output <= self.outputs and 1 <= input <= self.inputs):
             raise ModelError(
                 f"output, input: found {output}, {input}, expected at most "

@@ -91,11 +91,17 @@ class StaticMap:
 
     @property
     def polynomial(self) -> bool:
-        """Whether all basis functions are powers and products."""
+        """True if all basis functions are powers and products."""
         return not any(callable(item) for item in self.basis)
 
     def text(self, place: int) -> str:
-        """A basis function for people."""
+        """A basis function for people.
+
+        Parameters
+        ----------
+        place : int
+            Number of the basis function, from 0.
+        """
         item = self.basis[place]
         if callable(item):
             name = getattr(item, "__name__", "phi")

@@ -249,7 +249,13 @@ class PolynomialNARX:
         return self.equations()
 
     def transfer(self, output: int = 1, input: int = 1) -> Transfer:
-        """Not defined for a nonlinear structure: raises."""
+        """Not defined for a nonlinear structure: raises.
+
+        Parameters
+        ----------
+        output, input : int
+            Channels, from 1.
+        """
         raise ModelError("model: a PolynomialNARX has no transfer function")
 
 

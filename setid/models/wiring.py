@@ -1,4 +1,4 @@
-"""How blocks and maps are connected, and the equations that follow.
+"""Connections of blocks and maps, and the equations that follow.
 
 A factor of a row is a number times parameters times lagged signals; maps and transfer
 functions are sums of such factors, multiplied out here.
@@ -279,7 +279,7 @@ class Wiring:
 
 
 def _coupled(item: Term, weights: Collection[str]) -> bool:
-    """Whether a product of parameters, a map's among them, meets powers of unknown samples."""
+    """Check for a product of parameters that meets powers of unknown samples."""
     several = len(item.parameters) > 1 and any(name in weights for name in item.parameters)
     return several and any(s.signal.startswith("p[") for s in item.signals)
 

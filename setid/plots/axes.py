@@ -34,7 +34,7 @@ COLOUR = {"proved": PROVED, "sampled": ATTAINED}
 
 
 def over_time(data: IOData, count: int, height: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Make axes one below the other, each of that height, with the times of all samples (N,)."""
+    """Make axes one below the other, and the times of all samples (N,)."""
     _, grid = require_matplotlib().subplots(
         count,
         1,

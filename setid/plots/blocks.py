@@ -152,7 +152,7 @@ def _value(model: BlockStructured, result: FeasibleSet | None, name: str) -> str
 
 
 def _columns(elements: dict[str, Element]) -> dict[str, int]:
-    """How many elements lie between the inputs and each of them, loops left out."""
+    """Count the elements between the inputs and each of them, loops left out."""
     found: dict[str, int] = {}
     for _ in elements:
         for key, (_, sources, _) in elements.items():

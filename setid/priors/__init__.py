@@ -1,4 +1,4 @@
-"""What is known of the parameters before the data: small frozen classes, freely combined.
+"""Prior knowledge of the parameters: small frozen classes, freely combined.
 
 A prior gives bounds on parameters, unknowns of its own (boxed), and rows. Strict
 conditions are closed, so that what is proved about the set holds for the limit too.

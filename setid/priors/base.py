@@ -1,4 +1,4 @@
-"""What a prior is, and what those in :mod:`setid.priors` share."""
+"""The interface of priors, and what those in :mod:`setid.priors` share."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def listed(given: Any) -> list[Any]:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What the other priors settle: bounds of parameters and stable denominators."""
+    """Bounds of parameters and stable denominators that the other priors settle."""
 
     bounds: Mapping[str, Interval]
     stable: frozenset[tuple[str, ...]]
@@ -55,7 +55,7 @@ class Facts:
 
 @runtime_checkable
 class Prior(Protocol):
-    """What a prior offers to :func:`formulate`."""
+    """Bounds, unknowns and rows: the interface of all priors."""
 
     def describe(self) -> str:
         """One line for people."""
@@ -106,7 +106,7 @@ class Plain:
         return {}
 
     def admits(self, model: Structure, box: Mapping[str, Interval]) -> bool:
-        """Whether all parameters in a box that the rows allow are proved to be meant: always."""
+        """Prove that rows say all that the prior means of a box: always true here."""
         return True
 
 

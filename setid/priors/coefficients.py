@@ -77,7 +77,12 @@ class Box(Plain):
         )
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """The intervals."""
+        """The intervals.
+
+        Parameters
+        ----------
+        model : Structure
+        """
         return {name: (low, high) for name, (low, high) in self.intervals.items()}  # type: ignore[misc]
 
 
@@ -102,7 +107,12 @@ class Known(Plain):
         stored(self, "values", values)
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """Intervals of no width."""
+        """Intervals of no width.
+
+        Parameters
+        ----------
+        model : Structure
+        """
         return {name: (value, value) for name, value in self.values.items()}
 
 
@@ -131,5 +141,10 @@ class Sign(Plain):
         stored(self, "signs", {name: known[sign] for name, sign in items})
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:
-        """Half lines."""
+        """Half lines.
+
+        Parameters
+        ----------
+        model : Structure
+        """
         return {name: (0.0, inf) if s > 0 else (-inf, 0.0) for name, s in self.signs.items()}

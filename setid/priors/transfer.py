@@ -25,7 +25,7 @@ __all__ = ["DCGain", "MinimumPhase", "PoleIn", "Stable", "ZeroIn"]
 
 @dataclass(frozen=True, slots=True)
 class Stable(Plain):
-    """All poles in the closed disc of radius 1 - margin; in continuous time left of -margin.
+    """All poles in the closed disc of radius 1 - margin, or left of -margin.
 
     With margin 0 this is the closure of stability. See :mod:`setid.priors.stability` for the
     rows, and :mod:`setid.priors.hurwitz` for those of continuous time.
@@ -77,6 +77,10 @@ class Stable(Plain):
         """abs(a_i) <= binomial(n, i) radius^i, or a_(n-i) >= binomial(n, i) margin^i.
 
         Of Jury's form abs(a_n) <= radius^n alone.
+
+        Parameters
+        ----------
+        model : Structure
         """
         self._check_form(model)
         found: dict[str, Interval] = {}
@@ -94,7 +98,12 @@ class Stable(Plain):
         return found
 
     def stable(self, model: Structure) -> frozenset[tuple[str, ...]]:
-        """All denominators."""
+        """All denominators.
+
+        Parameters
+        ----------
+        model : Structure
+        """
         return frozenset(names for names in denominators(model) if names)
 
     def _labelled(self, model: Structure) -> list[tuple[str, tuple[str, ...]]]:
@@ -102,7 +111,12 @@ class Stable(Plain):
         return [("stable" if len(found) == 1 else f"stable{i}", d) for i, d in enumerate(found, 1)]
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """Reflection coefficients and coefficients of lower degrees, or entries of the array."""
+        """Reflection coefficients and coefficients of lower degrees, or entries of the array.
+
+        Parameters
+        ----------
+        model : Structure
+        """
         found: dict[str, Interval] = {}
         for label, names in self._labelled(model):
             if self.form == "jury":
@@ -112,7 +126,16 @@ class Stable(Plain):
         return found
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Rows of the closed disc, or of the closed half plane."""
+        """Rows of the closed disc, or of the closed half plane.
+
+        Parameters
+        ----------
+        model : Structure
+        x : mapping of str to Polynomial
+            Parameters and own unknowns by name.
+        facts : Facts
+            Bounds and stability from all priors.
+        """
         rows = []
         for label, names in self._labelled(model):
             if len(names) > 1:  # for one pole the bounds say it all
@@ -125,7 +148,13 @@ class Stable(Plain):
         return rows
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Reflection coefficients of theta, or entries of the array."""
+        """Reflection coefficients of theta, or entries of the array.
+
+        Parameters
+        ----------
+        model : Structure
+        theta : mapping of str to float
+        """
         found: dict[str, float] = {}
         for label, names in self._labelled(model):
             values = [theta[name] for name in names]
@@ -136,7 +165,14 @@ class Stable(Plain):
         return found
 
     def admits(self, model: Structure, box: Mapping[str, Interval]) -> bool:
-        """Prove that all parameters in a box are stable, where the rows do not say so."""
+        """Prove that all parameters in a box are stable, where rows do not.
+
+        Parameters
+        ----------
+        model : Structure
+        box : mapping of str to (low, high)
+            Of the parameters.
+        """
         if self.form != "jury":
             return True
         for _, names in self._labelled(model):
@@ -171,6 +207,15 @@ class MinimumPhase(Plain):
     PriorError
         From :func:`formulate`, where no other prior gives the sign of the leading numerator
         coefficient: without it the set falls into two parts that only meet in zero.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 2, 3, 2], [0, 1, 1, 2])
+    >>> priors = [setid.Sign({"b0": "+"}), setid.MinimumPhase()]
+    >>> known = setid.formulate(data, setid.TransferFunction(1, 2), setid.Noise(0.1), priors)
+    >>> [str(row) for row in known.problem.constraints[-2:]]
+    ['minphase[1,1]: b0 - b1 >= 0', 'minphase[1,1]: b0 + b1 >= 0']
     """
 
     output: int = 1
@@ -183,11 +228,25 @@ class MinimumPhase(Plain):
         return model.transfer(self.output, self.input).numerator
 
     def unknowns(self, model: Structure) -> Mapping[str, Interval]:
-        """Ratios to the leading coefficient and their recursion, for three zeros and more."""
+        """Ratios to the leading coefficient and their recursion, for three zeros and more.
+
+        Parameters
+        ----------
+        model : Structure
+        """
         return _region(model).unknowns(len(self._names(model)) - 1, False, self._label())
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """Rows of the closed disc, or of the closed half plane."""
+        """Rows of the closed disc, or of the closed half plane.
+
+        Parameters
+        ----------
+        model : Structure
+        x : mapping of str to Polynomial
+            Parameters and own unknowns by name.
+        facts : Facts
+            Bounds and stability from all priors.
+        """
         lead, *rest = self._names(model)
         low, high = facts.of(lead)
         if _continuous(model) and len(rest) > 3 and low <= 0.0 <= high:
@@ -208,7 +267,13 @@ class MinimumPhase(Plain):
         return named(found, self._label())
 
     def complete(self, model: Structure, theta: Mapping[str, float]) -> Mapping[str, float]:
-        """Reflection coefficients of the numerator."""
+        """Reflection coefficients of the numerator.
+
+        Parameters
+        ----------
+        model : Structure
+        theta : mapping of str to float
+        """
         lead, *rest = (theta[name] for name in self._names(model))
         size = 0.0 if _continuous(model) else 1.0
         return _region(model).values(lead, rest, size, False, self._label())
@@ -216,7 +281,7 @@ class MinimumPhase(Plain):
 
 @dataclass(frozen=True, slots=True)
 class DCGain(Plain):
-    """Static gain of one transfer function: N(1) / D(1), or b_0 / a_0 in continuous time.
+    """Static gain of one transfer function, N(1) / D(1) or b_0 / a_0.
 
     Parameters
     ----------
@@ -250,7 +315,16 @@ class DCGain(Plain):
             raise PriorError(f"DCGain: found [{low:g}, {high:g}], expected low <= high")
 
     def rows(self, model: Structure, x: Symbols, facts: Facts) -> list[sp.Constraint]:
-        """One equality, one product or two linear rows."""
+        """One equality, one product or two linear rows.
+
+        Parameters
+        ----------
+        model : Structure
+        x : mapping of str to Polynomial
+            Parameters and own unknowns by name.
+        facts : Facts
+            Bounds and stability from all priors.
+        """
         transfer = model.transfer(self.output, self.input)
         gain, one = _sums(transfer, x)
         label = f"dcgain[{self.output},{self.input}]"
@@ -370,6 +444,15 @@ class ZeroIn(_RootIn):
         As for :class:`PoleIn`.
     output, input : int
         Channels, from 1.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1, 2, 3, 2], [0, 1, 1, 2])
+    >>> model = setid.TransferFunction(na=1, nb=2)
+    >>> problem = setid.formulate(data, model, setid.Noise(0.1), [setid.ZeroIn(0, 0)]).problem
+    >>> print(problem.constraints[-1])
+    zero[1,1]@0..0: b1 == 0
     """
 
     _word: str = field(default="zero", init=False, repr=False)
@@ -379,7 +462,7 @@ class ZeroIn(_RootIn):
 
 
 class _Region(NamedTuple):
-    """Where roots may lie: rows, further unknowns and their values."""
+    """A region for roots: rows, further unknowns and their values."""
 
     rows: Callable[..., list[sp.Constraint]]
     unknowns: Callable[[int, bool, str], dict[str, Interval]]

@@ -130,7 +130,7 @@ def _filtered(size: Reals, values: Reals) -> Reals:
 def fitted(
     found: Enclosed, rows: NDArray[np.int64], powers: tuple[int, ...], y: Reals, noise: Reals
 ) -> Fitted:
-    """What rows y~_k = sum gamma_m z_k^m + eta_k say of gamma in each cell.
+    """Bound gamma in each cell by the rows y~_k = sum gamma_m z_k^m + eta_k.
 
     Parameters
     ----------
@@ -222,7 +222,7 @@ def _radius(
 def _contradicted(
     normal: Reals, matrix: Reals, wide: Reals, most: Reals, y: Reals, noise: Reals
 ) -> NDArray[np.bool_]:
-    """Whether multipliers n prove that no gamma fits: |n'y| exceeds all that noise explains."""
+    """Check that multipliers n exclude every gamma: |n'y| exceeds what noise explains."""
     loss = 4.0 * (y.size + most.shape[1] + 8) * _UNIT
     size = np.abs(normal)
     left = np.abs(normal @ y) - loss * (size @ np.abs(y))

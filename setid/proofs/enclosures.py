@@ -85,7 +85,7 @@ class _Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nominal:
-    """What an enclosure is computed around; any numbers will do, close ones give narrow ranges.
+    """Centre of an enclosure; any numbers will do, close ones give narrow ranges.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _leak(row: _Row, cover: Cover, h: Reals) -> Reals:
 
 
 def _residual(row: _Row, v: Reals, u: Reals, cover: Cover) -> tuple[Reals, Reals, Reals]:
-    """The residual of v as own (N,) + regressors (N, p) theta, and the size of its terms (N,).
+    """The residual of v as own (N,) + regressors (N, p) theta, with its size (N,).
 
     Zeros before the record.
     """
@@ -301,7 +301,7 @@ def _input_push(row: _Row, cover: Cover, bound: Reals, count: int) -> Reals:
 
 
 def _start_push(row: _Row, cover: Cover, start: Reals, count: int) -> Reals:
-    """Effect of noise in the first outputs on the residuals after them, shape (N - first,)."""
+    """Effect of noise in the first outputs on later residuals, shape (N - first,)."""
     push = np.zeros(count)
     for lag, factor in row.feedback.items():
         largest = factor.largest(cover) + 4 * (row.terms + 4) * _EPS * factor.size(cover)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
@@ -13,12 +13,12 @@ from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.unbounded import Unbounded
 
-__all__ = ["EndProof", "Evidence", "Verification"]
+__all__ = ["Claimed", "EndProof", "Evidence", "Verification"]
 
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What a check found; true where every claim holds.
+    """Verdict of a check; true where every claim holds.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Verification:
 
 
 class EndProof(NamedTuple):
-    """What proves one end of an interval, and what attains it.
+    """Proof of one end of an interval, and a point that attains it.
 
     Parameters
     ----------
@@ -78,6 +78,14 @@ class Evidence:
         For a structure without a normalisation: the evidence with the one that was used.
     nonzero : ParameterBox, CellBox or None
         Proof that the normalisation of the reference excludes no consistent system.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> result.evidence.empty, len(result.evidence.bounds)
+    (False, 4)
     """
 
     formulation: Formulation
@@ -97,5 +105,13 @@ class Evidence:
 
     @property
     def empty(self) -> bool:
-        """Whether it is claimed that no parameter is consistent."""
+        """True if it is claimed that no parameter is consistent."""
         return any(item.status is IntervalStatus.EMPTY for item in self.intervals.values())
+
+
+class Claimed(Protocol):
+    """A result that shows the evidence for what it claims."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """The claims and all that they rest on."""

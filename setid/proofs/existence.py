@@ -16,7 +16,7 @@ __all__ = ["admitted", "proved_point"]
 def proved_point(
     formulation: Formulation, problem: sp.Problem, x: NDArray[np.float64]
 ) -> sp.ProvedPoint | None:
-    """A proof that a feasible point exists near x, each equation solved for its newest sample.
+    """Prove that a feasible point exists near x, solving equations for their newest samples.
 
     Parameters
     ----------

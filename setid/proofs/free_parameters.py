@@ -68,7 +68,7 @@ def _noise_alone(formulation: Formulation, outputs: bool, inputs: bool) -> NDArr
 
 
 def _free(problem: sp.Problem, x: NDArray[np.float64], count: int) -> list[int]:
-    """Which of the first unknowns change no row at x, whatever their value; none if x fails."""
+    """Find unknowns that change no row at x, whatever their value; none if x fails."""
     free = {i for i in range(count) if problem.lower[i] == -np.inf and problem.upper[i] == np.inf}
     for row, equal in zip(problem.constraints, problem.equality, strict=True):
         powers: dict[tuple[int, int], Fraction] = {}

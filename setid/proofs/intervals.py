@@ -13,7 +13,7 @@ __all__ = ["IntervalStatus", "ParameterInterval"]
 
 
 class IntervalStatus(StrEnum):
-    """How far an interval is settled; ``message`` says what it means and what to try."""
+    """Outcome of one interval; ``message`` says what it means and what to try."""
 
     CERTIFIED = "certified"
     PARTIAL = "partial"
@@ -92,7 +92,7 @@ class ParameterInterval:
 
     @property
     def gap(self) -> float:
-        """What separates outer from inner, as a fraction of the attained width (0: closed)."""
+        """Distance of outer from inner ends, as a fraction of the attained width."""
         if self.status is IntervalStatus.EMPTY:
             return 0.0
         if self.inner is None:

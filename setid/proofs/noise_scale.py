@@ -1,4 +1,4 @@
-"""The least factor on all noise bounds: the problem in it, what is claimed, and the check."""
+"""The least factor on all noise bounds: its problem, the claims, and their check."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoiseScale:
-    """The least factor on all noise bounds with which a record is consistent, with its evidence.
+    """The least factor on all noise bounds that explains a record, with its evidence.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def problem_with_factor(
 
 
 def _row_bounds(formulation: Formulation) -> dict[int, tuple[float, float]]:
-    """Bounds of the equation errors of rows, and what rounding of the readings adds to them."""
+    """Bounds of the equation errors of rows, and the share of rounded readings."""
     width, rows = formulation.noise.bounds(formulation.data)[2], formulation.rows
     found = {}
     for row, constraint in enumerate(formulation.problem.constraints):
@@ -235,7 +235,7 @@ def _stated(found: NoiseScale, factor: float) -> Formulation:
 
 
 def _explained(found: NoiseScale) -> bool:
-    """Whether the parameters at the upper end are proved consistent, without the engine."""
+    """Prove again that the parameters at the upper end are consistent."""
     if found.theta is None or found.witness is None:
         return False
     stated = _stated(found, found.scale[1])
@@ -247,7 +247,7 @@ def _explained(found: NoiseScale) -> bool:
 
 
 def _result_fails(found: NoiseScale) -> tuple[str, bool]:
-    """What is wrong with the engine's result, and whether its point attains the upper end."""
+    """Find a fault of the engine's result, and check that its point attains the end."""
     result = found.result
     assert result is not None
     problem = problem_with_factor(found.formulation, found.box)

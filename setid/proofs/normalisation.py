@@ -189,7 +189,7 @@ def _exponents(model: BlockStructured) -> dict[str, dict[str, int]]:
 
 
 def scaled_signals(model: BlockStructured) -> tuple[str, ...]:
-    """Internal signals with a scale of their own: not in a sum with others in a source."""
+    """Internal signals with a scale of their own, not summed with others."""
     tied = {s for b in model.blocks if len(b.source) > 1 for s, _ in b.source}
     return tuple(name for name in model.internal if name not in tied)
 
@@ -305,7 +305,7 @@ def normalised_by(model: BlockStructured, choice: Normalise) -> BlockStructured:
 
 
 def products_with(rows: ProductRows, box: ParameterBox) -> set[int]:
-    """Parameters (from 0) in products of two that a box of the products proves not to be zero.
+    """Find parameters in products that a box proves not to be zero.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Boxes for systems with a nonlinear output, z = G r, y = N(z): cells of the linear block.
+"""Boxes for systems with a nonlinear output, by cells of the linear block.
 
 No row in measured signals bounds these parameters. But in a small cell of the coefficients
 of G the signal z is known up to a small radius, so that y~_k = sum_m gamma_m z_k^m + eta_k
@@ -37,7 +37,7 @@ Reals = NDArray[np.float64]
 
 
 class Parts(NamedTuple):
-    """What the method needs of a structure z = G r, y1 = N(z)."""
+    """Parts of a structure z = G r, y1 = N(z) that the method uses."""
 
     signal: str
     poles: tuple[str, ...]
@@ -51,7 +51,7 @@ class Parts(NamedTuple):
 
 
 def parts_of(formulation: Formulation) -> Parts | None:
-    """The parts, None where the structure is another one or more than one record is given."""
+    """Find the parts of a structure; None for others and for several records."""
     model, data = formulation.model, formulation.data
     if not isinstance(model, BlockStructured) or model.outputs != 1 or data.records != 1:
         return None
@@ -184,7 +184,7 @@ class CellBox(Bounds):
 def cell_box(
     formulation: Formulation, start: Reals, until: float = inf, rounds: int = _ROUNDS
 ) -> CellBox | None:
-    """A box from cells, None where the structure is no G and N in a row.
+    """Bound parameters by cells; None where the structure is no G and N in a row.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def _pruned(
     until: float,
     rounds: int,
 ) -> tuple[Reals, Fitted | None, int]:
-    """Cells that cannot be cut off, with what is known of gamma in them, and the rounds used.
+    """Prune cells; return those left, gamma in them, and the rounds used.
 
     Coarse cells say nothing of late samples, which would ask for finer ones: few come first.
     """
@@ -275,7 +275,7 @@ def _halved(
     until: float,
     rounds: int,
 ) -> tuple[Reals, int, bool]:
-    """Cells that some samples do not cut off, the rounds used, and whether all are fine."""
+    """Halve cells until they are fine; return those left and the rounds used."""
     noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
     done: list[Reals] = []
     for used in range(rounds + 1):
@@ -302,7 +302,7 @@ def _halved(
 def _effects(
     found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray[Any], noise: Reals
 ) -> Reals:
-    """How much each coordinate of a cell moves outputs, in noise bounds, shape (C, d)."""
+    """Effect of each coordinate of a cell on outputs, in noise bounds, shape (C, d)."""
     z = np.abs(found.centre[:, rows]) + 1e-300
     slope = sum(
         gamma[:, m, None] * power * z ** max(power - 1, 0) for m, power in enumerate(powers)

@@ -1,4 +1,4 @@
-"""The box of the parameters, and the problem that bounds are about: a formulation on it."""
+"""The box of the parameters, and the problem of a formulation on it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, 
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
-    """Whether the box is proved by data and priors, without any solver."""
+    """Check a box against data and priors, without any solver."""
     start = start_of(formulation)
     if isinstance(box, CellBox):
         return box.verify(formulation, start)

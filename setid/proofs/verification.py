@@ -145,7 +145,7 @@ def _with_free(
     ends: list[tuple[float, float]],
     points: list[sp.ProvedPoint],
 ) -> Verification:
-    """The same for parameters that change no row, which the ends of the problem are not about."""
+    """Add the ends of parameters that change no row."""
     free = set(free_parameters(again)[0])
     for place, item in enumerate(claims.intervals.values()):
         silent = not np.any(again.problem.rows.words == place + 1)
@@ -173,13 +173,13 @@ def _reached(problem: sp.Problem, point: sp.ProvedPoint, number: int) -> float:
 
 
 def problem_low(problem: sp.Problem, number: int) -> float:
-    """What the bounds of the problem say of objective ``number``."""
+    """Lower bound of objective ``number`` from the bounds of the problem."""
     i = number // 2
     return float(problem.lower[i] if number % 2 == 0 else -problem.upper[i])
 
 
 def _ends_follow(claims: Evidence, ends: list[tuple[float, float]]) -> Verification:
-    """Whether the intervals claim no more than was found again."""
+    """Check that the intervals claim no more than was found again."""
     for number, item in enumerate(claims.intervals.values()):
         low, high = ends[2 * number], ends[2 * number + 1]
         if claims.empty:

@@ -1,1 +1,1 @@
-"""What an identification returns, and what is said of it."""
+"""Results of identification, and reports on them."""

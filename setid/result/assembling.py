@@ -26,7 +26,7 @@ __all__ = ["Outcome", "empty_result", "free_text", "result_of", "simpler_text", 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What the stages of an identification found, ahead of its intervals.
+    """Findings of the stages of an identification, ahead of its intervals.
 
     Parameters
     ----------

@@ -20,8 +20,9 @@ from setid.formulation.layout import Layout
 from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
 from setid.models.lti import TransferFunction
+from setid.proofs.evidence import Claimed, EndProof
 from setid.proofs.parameter_box import start_of
-from setid.result.identification import Identification
+from sparsepop_py.io.json_ import CERTIFICATE, PROVED_POINT
 from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,
@@ -34,7 +35,7 @@ __all__ = ["certificate_files"]
 _FORMAT, _VERSION = "setid", 1
 
 
-def certificate_files(result: Identification) -> dict[str, Any]:
+def certificate_files(result: Claimed) -> dict[str, Any]:
     """Write an identification as an object of JSON that a stranger can check.
 
     Parameters
@@ -58,31 +59,33 @@ def certificate_files(result: Identification) -> dict[str, Any]:
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> model = setid.TransferFunction(na=1, nb=1)
     >>> found = certificate_files(setid.identify(data, model, setid.Noise(equation=0.5)))
-    >>> found["identification"]["parameters"], found["identification"]["intervals"][1]["outer"]
-    (['a1', 'b0'], [1.9166666666666665, 2.109302325581396])
+    >>> low, high = found["identification"]["intervals"][1]["outer"]
+    >>> found["identification"]["parameters"], round(low, 9), round(high, 9)
+    (['a1', 'b0'], 1.916666667, 2.109302326)
     """
-    if result.reference is not None:
+    claims = result.evidence
+    if claims.reference is not None:
         raise SetidError("result: found one that rests on its reference, expected result.reference")
-    formulation = result.formulation
+    formulation = claims.formulation
     problem, layout = formulation.problem, formulation.layout
-    scaled = in_units(result.problem, formulation)
-    about = scaled.problem if result.results or not result.bounds else problem
+    scaled = in_units(claims.problem, formulation)
+    about = scaled.problem if claims.ends or not claims.bounds else problem
     units = scaled.units if about is scaled.problem else np.ones(layout.dimension)
     start = start_of(formulation)
     found = {
         "record": _record(formulation.data),
         "structure": _structure(formulation.model),
         "noise": _noise(formulation),
-        "assumptions": list(result.assumptions),
+        "assumptions": list(formulation.assumptions),
         "parameters": list(formulation.parameters),
         "variables": _variables(layout, formulation.data.samples),
         "units": units.tolist(),
         "problem": json.loads(sp.to_json(about))["problem"],
         "rows": _origins(formulation),
         "given": [[_number(v) for v in ends] for ends in start],
-        "box": None if result.box is None else _box(result.box, formulation, start),
-        "linear": [_linear_bound(bound) for bound in result.bounds],
-        "ends": [_end(item) for item in result.results],
+        "box": None if claims.box is None else _box(claims.box, formulation, start),
+        "linear": [_linear_bound(bound) for bound in claims.bounds],
+        "ends": [_end(item) for item in claims.ends],
         "intervals": [
             {
                 "name": item.name,
@@ -90,7 +93,7 @@ def certificate_files(result: Identification) -> dict[str, Any]:
                 "inner": None if item.inner is None else [_number(v) for v in item.inner],
                 "status": str(item.status),
             }
-            for item in result.intervals.values()
+            for item in claims.intervals.values()
         ],
     }
     return {
@@ -165,10 +168,13 @@ def _origins(formulation: Formulation) -> list[Any]:
     return found
 
 
-def _end(result: sp.Result) -> dict[str, Any]:
+def _end(end: EndProof) -> dict[str, Any]:
     """Certificate and attained point of one end, as they are written in results."""
-    found = json.loads(sp.to_json(result))["result"]
-    return {"certificate": found["certificate"], "attained": found["attained"]}
+    point, proof = end.attained, end.certificate
+    return {
+        "certificate": None if proof is None else CERTIFICATE.write(proof),
+        "attained": None if point is None else PROVED_POINT.write(point),
+    }
 
 
 # ---- rationals --------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What an identification returns: proved intervals, attained points, and what they rest on.
+"""Result of an identification: proved intervals, attained points, and their evidence.
 
 ``outer`` always means *proved*: every parameter vector that is consistent with the data,
 the structure, the noise bounds and the priors lies in it. ``inner`` always means
@@ -175,7 +175,13 @@ class Identification(FeasibleSet):
         return central(self)
 
     def error(self, theta: ArrayLike) -> NDArray[np.float64]:
-        """Proved worst-case errors (p,) of an estimate; see :func:`setid.worst_case_error`."""
+        """Proved worst-case errors (p,) of an estimate; see :func:`setid.worst_case_error`.
+
+        Parameters
+        ----------
+        theta : array_like (p,)
+            Any estimate, consistent or not.
+        """
         from setid.feasible_points.centre import worst_case_error
 
         return worst_case_error(self, theta)
@@ -214,7 +220,12 @@ class Identification(FeasibleSet):
     # ---- one-line delegations -----------------------------------------------------------
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the intervals, outer and inner; see :func:`setid.plots.intervals.plot_intervals`."""
+        """Draw the intervals, outer and inner; see :func:`setid.plots.intervals.plot_intervals`.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.intervals import plot_intervals
 
         return plot_intervals(self, ax)
@@ -226,7 +237,16 @@ class Identification(FeasibleSet):
         output: int = 1,
         input: int = 1,
     ) -> NDArray[Any] | Axes:
-        """Draw the band of gain and phase; see :func:`setid.frequency_band`."""
+        """Draw the band of gain and phase; see :func:`setid.frequency_band`.
+
+        Parameters
+        ----------
+        omega : array_like (F,), optional
+            Frequencies in rad per unit of time; a grid up to the Nyquist frequency when left out.
+        kind : {"proved", "sampled"}
+        output, input : int
+            Channels, from 1.
+        """
         from setid.bands.responses import frequency_band
 
         return frequency_band(self, omega, kind, output, input).plot("bode")
@@ -238,7 +258,16 @@ class Identification(FeasibleSet):
         output: int = 1,
         input: int = 1,
     ) -> NDArray[Any] | Axes:
-        """Draw the band of the frequency response; see :func:`setid.frequency_band`."""
+        """Draw the band of the frequency response; see :func:`setid.frequency_band`.
+
+        Parameters
+        ----------
+        omega : array_like (F,), optional
+            Frequencies in rad per unit of time; a grid up to the Nyquist frequency when left out.
+        kind : {"proved", "sampled"}
+        output, input : int
+            Channels, from 1.
+        """
         from setid.bands.responses import frequency_band
 
         return frequency_band(self, omega, kind, output, input).plot("nyquist")
@@ -250,7 +279,16 @@ class Identification(FeasibleSet):
         output: int = 1,
         input: int = 1,
     ) -> NDArray[Any] | Axes:
-        """Draw gain over phase; see :func:`setid.frequency_band`."""
+        """Draw gain over phase; see :func:`setid.frequency_band`.
+
+        Parameters
+        ----------
+        omega : array_like (F,), optional
+            Frequencies in rad per unit of time; a grid up to the Nyquist frequency when left out.
+        kind : {"proved", "sampled"}
+        output, input : int
+            Channels, from 1.
+        """
         from setid.bands.responses import frequency_band
 
         return frequency_band(self, omega, kind, output, input).plot("nichols")
@@ -258,13 +296,30 @@ class Identification(FeasibleSet):
     def step(
         self, length: int = 50, kind: Kind = "proved", output: int = 1, input: int = 1
     ) -> Axes:
-        """Draw the band of step responses; see :func:`setid.step_band`."""
+        """Draw the band of step responses; see :func:`setid.step_band`.
+
+        Parameters
+        ----------
+        length : int
+            Number of samples.
+        kind : {"proved", "sampled"}
+        output, input : int
+            Channels, from 1.
+        """
         from setid.bands.responses import step_band
 
         return step_band(self, length, kind, output, input).plot()
 
     def fps(self, first: str, second: str, directions: int = 16) -> Projection:
-        """The feasible parameter set over two parameters; see :func:`setid.project`."""
+        """The feasible parameter set over two parameters; see :func:`setid.project`.
+
+        Parameters
+        ----------
+        first, second : str
+            Names of parameters.
+        directions : int
+            Number of support directions, at least 4.
+        """
         from setid.feasible_set.projections import project
 
         return project(self, first, second, directions)
@@ -272,13 +327,31 @@ class Identification(FeasibleSet):
     def simulate(
         self, data: IOData | None = None, kind: Kind | None = None, noise: Noise | None = None
     ) -> OutputBand:
-        """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`."""
+        """Outputs for the inputs of a record, with bands; see :func:`setid.simulate_band`.
+
+        Parameters
+        ----------
+        data : IOData, optional
+            The identification record when left out.
+        kind : {"proved", "sampled"}, optional
+            Proved where that is possible when left out.
+        noise : Noise, optional
+            Of this record; that of the identification when left out.
+        """
         from setid.bands.outputs import simulate_band
 
         return simulate_band(self, data, kind, noise)
 
     def predict(self, data: IOData | None = None, noise: Noise | None = None) -> OutputBand:
-        """One-step predictions with bands; see :func:`setid.predict`."""
+        """One-step predictions with bands; see :func:`setid.predict`.
+
+        Parameters
+        ----------
+        data : IOData, optional
+            The identification record when left out.
+        noise : Noise, optional
+            Of this record; that of the identification when left out.
+        """
         from setid.bands.outputs import predict
 
         return predict(self, data, noise)
@@ -290,13 +363,31 @@ class Identification(FeasibleSet):
         kind: Kind | None = None,
         noise: Noise | None = None,
     ) -> Comparison:
-        """Fit to a record and the guaranteed band; see :func:`setid.compare`."""
+        """Fit to a record and the guaranteed band; see :func:`setid.compare`.
+
+        Parameters
+        ----------
+        validation : IOData, optional
+            The identification record when left out.
+        mode : {"simulation", "prediction"}
+        kind : {"proved", "sampled"}, optional
+            Proved where that is possible when left out.
+        noise : Noise, optional
+            Of this record; that of the identification when left out.
+        """
         from setid.bands.outputs import compare
 
         return compare(self, validation, mode, kind, noise)
 
     def to_control(self, omega: ArrayLike | None = None, kind: Kind = "sampled") -> ControlModels:
-        """Models of python-control; see :func:`setid.to_control`."""
+        """Models of python-control; see :func:`setid.to_control`.
+
+        Parameters
+        ----------
+        omega : array_like (F,), optional
+            Grid of frequencies.
+        kind : {"sampled", "proved"}
+        """
         from setid.export.python_control import to_control
 
         return to_control(self, omega, kind)

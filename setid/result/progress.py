@@ -12,7 +12,7 @@ _BAR = 24
 
 
 class Progress:
-    """How many ends of intervals are settled, and the gap of the last one that moved.
+    """Progress of all ends of intervals: settled ones, and the last gap that moved.
 
     Parameters
     ----------

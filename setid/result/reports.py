@@ -47,7 +47,7 @@ def binding(result: FeasibleSet) -> tuple[tuple[int, int, int], ...]:
 
 
 def binding_kinds(result: FeasibleSet) -> dict[str, int]:
-    """How often each kind of noise is at its bound where ends are attained."""
+    """Count how often each kind of noise is at its bound where ends are attained."""
     count: dict[str, int] = {}
     for *_, kind in _hits(result):
         count[kind] = count.get(kind, 0) + 1
@@ -97,7 +97,7 @@ def active_priors(formulation: Formulation, points: list[NDArray[np.float64]]) -
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Remarks:
-    """What a summary says beside the intervals; fields as of :class:`Identification`."""
+    """Remarks of a summary beside the intervals; fields as of :class:`Identification`."""
 
     active: Mapping[str, bool]
     samples: tuple[tuple[int, int], ...]
@@ -106,7 +106,7 @@ class Remarks:
 
 
 def summary(result: FeasibleSet, remarks: Remarks) -> str:
-    """Write the table, what it rests on, and what to do about wide or empty intervals.
+    """Write the table, its assumptions, and advice on wide or empty intervals.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
 
 
 def _sensors(result: FeasibleSet) -> list[str]:
-    """Which kind of noise makes the equations uncertain: what a better sensor would gain."""
+    """Compare the kinds of noise in the equations: the gain of a better sensor."""
     points = result.witnesses
     theta = result.formulation.layout.group("theta")
     if not points:

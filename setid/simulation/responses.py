@@ -61,7 +61,7 @@ def grid(omega: ArrayLike | None, Ts: float, points: int = 60, continuous: bool 
 def frequency_weights(
     model: Structure, output: int, input: int, omega: Reals, Ts: float
 ) -> tuple[Complexes, Complexes]:
-    """What multiplies theta in numerator and denominator: N = A theta, D = 1 + B theta.
+    """Compute the matrices of N = A theta and D = 1 + B theta at given frequencies.
 
     Returns
     -------

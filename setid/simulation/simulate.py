@@ -34,6 +34,14 @@ class Simulated:
         The noise, as :meth:`Formulation.point` takes it.
     signals : mapping of str to (N,) float
         Internal signals.
+
+    Examples
+    --------
+    >>> import setid
+    >>> model = setid.TransferFunction(na=1, nb=1, nk=1)
+    >>> truth = setid.simulate_record(model, [-0.5, 1], [1, 0, 0], setid.Noise(output=0.1))
+    >>> truth.y.ravel(), bool(abs(truth.output).max() <= 0.1)
+    (array([0. , 1. , 0.5]), True)
     """
 
     data: IOData
@@ -200,12 +208,12 @@ def _simulate(
 
 
 def weight(term: Term, theta: Mapping[str, float]) -> float:
-    """What multiplies the signals of a term."""
+    """Compute the factor of the signals of a term."""
     return term.coefficient * float(np.prod([theta[name] for name in term.parameters]))
 
 
 def leading(equation: Equation, theta: Mapping[str, float]) -> float:
-    """What multiplies the defined sample: 1, and more where the equation is implicit.
+    """Compute the factor of the defined sample: 1, unless the equation is implicit.
 
     Raises
     ------

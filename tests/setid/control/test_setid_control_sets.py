@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+
+import setid
 from setid.control.certificates.arcs import Family, first_arcs, ratio_on_arcs, zero_free
 from setid.control.parameters.parameter_set import consistent_set
 from setid.control.parameters.polytope import Polytope
 from setid.control.parameters.rows import noisy_rows
 from setid.control.parameters.sums import Frame, rows_on_box, sums_of
-
-import setid
 
 
 def record(
