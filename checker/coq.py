@@ -78,7 +78,8 @@ def form_of(terms: dict[Word, int], equality: bool) -> Form:
     for word, value in left.items():
         factors = tuple((1, 0, v + 1, n) for v, n in powers(word))
         found.append(Term(value * multiple, factors))
-    return Form(multiple, [Term(constant, ()), *found], equality)
+    first = [Term(constant, ())] if constant else []
+    return Form(multiple, first + found, equality)
 
 
 # ---- intervals as in the kernel ------------------------------------------------------------------
