@@ -2,11 +2,12 @@
 
 The file states the problem in rationals and proves ``forall x, constraints -> bound <= f x`` with
 the standard library alone: ``coqc proof.v``. It covers trees whose ends are identities of squares,
-linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets, left
-inverses, quoted certificates, matrices, priced monomials and variables without a box are not covered.
+linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets,
+left inverses, quoted certificates, matrices, priced monomials and variables without a box are not
+covered.
 
-All is computed in integers, for X = 2^m x. Boxes shrink by "shaving": a row is negative all over the
-part of the box beyond the new end. Since points above the claim need no proof, the row
+All is computed in integers, for X = 2^m x. Boxes shrink by "shaving": a row is negative all over
+the part of the box beyond the new end. Since points above the claim need no proof, the row
 claim - f >= 0 helps with it.
 """
 
@@ -174,7 +175,8 @@ class Shaver:
             for upper in (True, False):
                 new = inside.ends[v][upper]
                 if new not in (INF, -INF):
-                    found += self._cut(number, box, v, upper, -(-new // one) if upper else new // one)
+                    end = -(-new // one) if upper else new // one
+                    found += self._cut(number, box, v, upper, end)
         return found
 
     def _cut(self, number: int, box: Ends, v: int, upper: bool, end: int) -> list[str]:
@@ -493,7 +495,8 @@ def coq(problem: Problem, certificates: Certificates) -> str:
         for row, c in zip(made.rows, problem.constraints, strict=True)
     )
     forms = "".join(
-        f"Definition multiple{k} : Z := {form.multiple}.\nDefinition form{k} : form := {form_text(form)}.\n"
+        f"Definition multiple{k} : Z := {form.multiple}.\n"
+        f"Definition form{k} : form := {form_text(form)}.\n"
         for k, form in enumerate(made.shaver.forms)
     )
     cases = " ".join(f"| {v}%positive => {unit} * x{v}" for v in range(1, problem.dimension + 1))

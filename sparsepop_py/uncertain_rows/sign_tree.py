@@ -120,11 +120,7 @@ def parameter_box(
 def _process_node(
     rows: UncertainRows, box: Box, left: list[int], until: float
 ) -> tuple[SignTree, Box]:
-<<<<<<< HEAD
-    """Process one node: bound it, or branch where the sign of a parameter is open."""
-=======
     """Process one node: bound it, or branch at zero of an open sign."""
->>>>>>> main
     if time.monotonic() >= until:
         return SignTree(-1, (), ()), box
     place = _undecided(rows, box)
@@ -156,13 +152,9 @@ def _undecided(rows: UncertainRows, box: Box) -> int | None:
 
 
 def left_inverse(matrix: Reals) -> Reals:
-<<<<<<< HEAD
-    """Compute the pseudoinverse (p, R) of columns brought to one size.
-=======
     """Compute the pseudoinverse (p, R) with columns of one size.
 
     So no column counts as zero.
->>>>>>> main
 
     Parameters
     ----------

@@ -88,11 +88,7 @@ class LiftedBox(Bounds):
         return box
 
     def _sharpened(self, rows: ProductRows, box: Reals, coupled: CoupledRows) -> Reals | None:
-<<<<<<< HEAD
-        """The box after the arguments on all rows at once; None where these fail."""
-=======
         """Apply bounds over all rows at once; None where they do not hold."""
->>>>>>> main
         if not self.rounds:
             return None
         last, sums = self.rounds[-1], self.sums[-1]
@@ -155,11 +151,7 @@ def _sums_hold(rows: ProductRows, found: ParameterBox, sums: tuple[LinearBound, 
 def joined_equations(
     coupled: CoupledRows, rows: ProductRows, found: ParameterBox
 ) -> Problem | None:
-<<<<<<< HEAD
-    """State the equations with sums of monomials of theta as unknowns of their own.
-=======
     """Join equations, with sums of monomials of theta as first unknowns.
->>>>>>> main
 
     None where an equation holds other monomials, or multiplies those of a sum by different things.
     """
@@ -245,11 +237,7 @@ def lifted_rows(coupled: CoupledRows, names: tuple[str, ...]) -> ProductRows | N
 
 
 def _factors(rows: list[Polynomial], p: int) -> dict[Monomial, list[Factor]]:
-<<<<<<< HEAD
-    """Collect the factors of each monomial of theta: row, noise samples, value."""
-=======
     """List the factors of each monomial of theta: row, noise samples, value."""
->>>>>>> main
     found: dict[Monomial, list[Factor]] = {}
     for number, row in enumerate(rows):
         terms = zip(row.words.tolist(), row.coefficients.tolist(), strict=True)

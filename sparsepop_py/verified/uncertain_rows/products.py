@@ -76,11 +76,7 @@ class ProductRows:
 
     @property
     def sums(self) -> tuple[Total, ...]:
-<<<<<<< HEAD
-        """Sums of monomials in which gains of 1 occur: of a, and of b gamma."""
-=======
         """Sums of monomials in static gains: of a, and of b gamma."""
->>>>>>> main
         found: list[Total] = []
         for numerator, denominator in self.gains:
             found.append(tuple((i,) for i in denominator))
@@ -96,22 +92,14 @@ class ProductRows:
         return [sign * total for total in totals for sign in (1.0, -1.0)]
 
     def shrunk(self, box: Reals, low: Reals, high: Reals, sums: Sequence[Ends] = ()) -> Reals:
-<<<<<<< HEAD
-        """Shrink a box (2, p) of theta by bounds of the columns and of their sums."""
-=======
         """Tighten the box (2, p) of theta by ranges of columns and sums."""
->>>>>>> main
         columns = zip(self.columns, low.tolist(), high.tolist(), strict=True)
         ends = {column: (a, b) for column, a, b in columns}
         return contracted(box, ends | dict(zip(self.sums, sums, strict=bool(sums))), self.gains)
 
 
 def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) -> Reals:
-<<<<<<< HEAD
-    """Shrink a box of theta by bounds of sums of products, and by gains of 1.
-=======
     """Tighten a box of theta by sums of products and unit gains.
->>>>>>> main
 
     Parameters
     ----------
@@ -143,11 +131,7 @@ def _total(ends: Sequence[Ends], total: Total) -> Ends:
 
 
 def _settle_total(ends: list[Ends], total: Total, found: Ends) -> None:
-<<<<<<< HEAD
-    """Solve a bounded sum of monomials for each monomial and each factor."""
-=======
     """Solve a sum of monomials in ``found`` for each monomial and factor."""
->>>>>>> main
     for monomial in total:
         rest = tuple(other for other in total if other != monomial)
         mine = plus(found, times((-1.0, -1.0), _total(ends, rest))) if rest else found
