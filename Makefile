@@ -3,6 +3,7 @@
 # make test-fast    what most changes break, in less than a minute
 # make test-lowest  the same on the lowest versions that pyproject.toml allows
 # make test-slow    the tests marked slow
+# make mutants      the fast tests of each room against deliberate faults in the trusted code
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
 # All make their own environment in .venv; PYTHON=... chooses the interpreter.
 
@@ -16,7 +17,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 FAST := tests/algebra tests/verified tests/problem tests/lp tests/io tests/test_api.py \
         tests/test_solve.py tests/test_cli.py
 
-.PHONY: demo test test-fast test-lowest test-slow test-octave clean
+.PHONY: demo test test-fast test-lowest test-slow mutants test-octave clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -36,6 +37,9 @@ test-lowest: $(LOWEST)/.ready
 
 test-slow: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m slow
+
+mutants: $(VENV)/.with-dev
+	$(BIN)/python tests/mutants/run.py
 
 test-octave: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m 'octave or not slow' tests/compat/test_octave.py tests/compat/test_matlab_server.py
@@ -57,5 +61,5 @@ $(LOWEST)/.ready: pyproject.toml tests/lowest.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(LOWEST) build dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(LOWEST) build dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -94,6 +95,9 @@ class Point:
     x: NDArray[np.float64]
     value: float
     violation: float
+
+    def __post_init__(self) -> None:
+        self.__dict__["x"] = read_only(self.x, "f", "x")
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ class Constraint:
     Raises
     ------
     ProblemError
-        If kind and entries do not belong together.
+        If a field has another type, or kind and entries do not belong together.
 
     Examples
     --------
@@ -90,8 +90,7 @@ class Constraint:
     entries: tuple[Polynomial, ...] = ()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.kind, Kind):
-            raise ProblemError(f"kind: found {self.kind!r}, expected a Kind")
+        self._check_types()
         count = len(self.entries)
         if not self.kind.is_matrix:
             if count:
@@ -100,6 +99,25 @@ class Constraint:
             raise ProblemError(f"entries: found {count}, expected those of a matrix: use psd()")
         elif self.kind is Kind.PSD and count != self.side * (self.side + 1) // 2:
             raise ProblemError(f"entries: found {count}, expected a lower triangle")
+
+    def _check_types(self) -> None:
+        if not isinstance(self.kind, Kind):
+            raise ProblemError(f"kind: found {self.kind!r}, expected a Kind")
+        if not isinstance(self.name, str):
+            raise ProblemError(f"name: found {self.name!r}, expected a string")
+        if not isinstance(self.entries, tuple):
+            if not isinstance(self.entries, Iterable):
+                raise ProblemError(f"entries: found {self.entries!r}, expected Polynomials")
+            self.__dict__["entries"] = tuple(self.entries)
+        for p in (self.polynomial, *self.entries):
+            if not isinstance(p, Polynomial):
+                raise ProblemError(
+                    f"polynomial, entries: found {type(p).__name__}, expected a Polynomial"
+                )
+            if p.dimension != self.polynomial.dimension:
+                raise ProblemError(
+                    f"entries: found {p.dimension} variables, expected {self.polynomial.dimension}"
+                )
 
     @property
     def side(self) -> int:
@@ -168,13 +186,19 @@ class Polynomial:
     Parameters
     ----------
     words : (T, D) int32
-        Distinct monomials in graded order.
+        Distinct monomials in graded order, each a row of its variables in ascending order after
+        zeros (see :mod:`sparsepop_py.algebra.monomials`). Copied.
     coefficients : (T,) float
-        Their coefficients, finite and not zero.
+        Their coefficients, finite and not zero. Copied.
     dimension : int
         Number of variables n.
     names : tuple of str, optional
         Names of the variables, used for printing.
+
+    Raises
+    ------
+    ProblemError
+        If an array is anything else; :meth:`from_words` sorts and merges monomials.
 
     Examples
     --------
@@ -197,34 +221,80 @@ class Polynomial:
 
     # ---- construction -------------------------------------------------------------------
 
+    def __post_init__(self) -> None:
+        words, values = _checked_terms(self.words, self.coefficients, self.dimension)
+        words = monomials.trim(words).copy()
+        if words.size:
+            keys = monomials.pack(words, self.dimension)
+            if not np.all(keys[1:] > keys[:-1]):
+                raise ProblemError(
+                    "words: found equal monomials or none in graded order, expected distinct "
+                    "ones in that order (Polynomial.from_words sorts and merges)"
+                )
+        if not np.all(values):
+            raise ProblemError("coefficients: found 0.0, expected none (from_words drops them)")
+        values = values.copy()
+        names = _checked_labels(self.names, int(self.dimension))
+        fields = {"words": _frozen(words), "coefficients": _frozen(values)}
+        self.__dict__.update(fields, dimension=int(self.dimension), names=names)
+
     @staticmethod
-    def from_words(
+    def _of_sorted(
         words: Words,
         coefficients: NDArray[np.float64],
         dimension: int,
         names: tuple[str, ...] | None = None,
     ) -> Polynomial:
-        """Build a polynomial from monomials as words; equal ones are merged.
+        """Make a polynomial of arrays that are what the class asks for, without a copy."""
+        made = object.__new__(Polynomial)
+        words.flags.writeable = coefficients.flags.writeable = False
+        made.__dict__.update(
+            words=words, coefficients=coefficients, dimension=dimension, names=names
+        )
+        return made
+
+    @staticmethod
+    def from_words(
+        words: Words,
+        coefficients: NDArray[np.float64],
+        dimension: int,
+        names: Sequence[str] | None = None,
+    ) -> Polynomial:
+        """Merge equal monomials and drop those with coefficient zero.
 
         Parameters
         ----------
-        words : (T, D) int32
-            Monomials, see :mod:`sparsepop_py.algebra.monomials`.
+        words : (T, D) int
+            Monomials, each a row of its variables (from 1) in ascending order after zeros.
         coefficients : (T,) float
         dimension : int
             Number of variables n.
-        names : tuple of str, optional
-
-        Returns
-        -------
-        Polynomial
-            Without zero coefficients, with read-only arrays.
+        names : sequence of str, optional
 
         Raises
         ------
         ProblemError
-            If a coefficient or a sum of coefficients is not finite.
+            If an array is anything else, or a coefficient is not finite.
+
+        Examples
+        --------
+        >>> import sparsepop_py as sp
+        >>> words = np.array([[1, 2], [0, 0], [1, 2]])
+        >>> print(sp.Polynomial.from_words(words, np.array([1.0, 4.0, 2.0]), 2))
+        4 + 3*x1*x2
         """
+        words, values = _checked_terms(words, coefficients, dimension)
+        labels = _checked_labels(names, int(dimension))
+        return Polynomial._merged(words, values, int(dimension), labels)
+
+    @staticmethod
+    def _merged(
+        words: Words,
+        coefficients: NDArray[np.float64],
+        dimension: int,
+        names: tuple[str, ...] | None = None,
+    ) -> Polynomial:
+        """As :meth:`from_words`, without a check of the words."""
         if not np.all(np.isfinite(coefficients)):
             bad = coefficients[~np.isfinite(coefficients)][0]
             raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
@@ -235,7 +305,7 @@ class Polynomial:
         if not np.all(np.isfinite(sums)):
             raise ProblemError("coefficients: a sum of equal monomials overflows")
         unique = monomials.trim(unique[keep])
-        return Polynomial(_frozen(unique), _frozen(sums[keep]), dimension, names)
+        return Polynomial._of_sorted(unique, sums[keep], dimension, names)
 
     @staticmethod
     def from_terms(
@@ -277,13 +347,13 @@ class Polynomial:
         if names is not None:
             _check_names(names, int(matrix.shape[1]))
         words = monomials.from_exponents(matrix)
-        return Polynomial.from_words(
+        return Polynomial._merged(
             words, values, int(matrix.shape[1]), tuple(names) if names is not None else None
         )
 
     def _constant(self, value: float) -> Polynomial:
         word = np.zeros((1, 1), np.int32)
-        return Polynomial.from_words(word, np.array([value], float), self.dimension, self.names)
+        return Polynomial._merged(word, np.array([value], float), self.dimension, self.names)
 
     def _operand(self, other: Any) -> Polynomial | None:
         if isinstance(other, Polynomial):
@@ -364,8 +434,8 @@ class Polynomial:
         with np.errstate(over="ignore", under="ignore"):
             values = self.coefficients * factor
         if factor == 0.0 or not np.all(np.isfinite(values)) or not np.all(values):
-            return Polynomial.from_words(self.words, values, self.dimension, self.names)
-        return Polynomial(self.words, _frozen(values), self.dimension, self.names)
+            return Polynomial._merged(self.words, values, self.dimension, self.names)
+        return Polynomial._of_sorted(self.words, values, self.dimension, self.names)
 
     def __mul__(self, other: Any) -> Polynomial:
         if isinstance(other, numbers.Real):
@@ -376,7 +446,7 @@ class Polynomial:
         words = monomials.multiply(self.words[:, None, :], right.words[None, :, :])
         with np.errstate(over="ignore", under="ignore"):
             values = self.coefficients[:, None] * right.coefficients[None, :]
-        return Polynomial.from_words(
+        return Polynomial._merged(
             words.reshape(values.size, words.shape[-1]),
             values.ravel(),
             self.dimension,
@@ -392,7 +462,7 @@ class Polynomial:
             raise ProblemError("division of a polynomial by zero")
         with np.errstate(over="ignore", under="ignore"):
             values = self.coefficients / float(other)
-        return Polynomial.from_words(self.words, values, self.dimension, self.names)
+        return Polynomial._merged(self.words, values, self.dimension, self.names)
 
     def __pow__(self, power: Any) -> Polynomial:
         if not isinstance(power, numbers.Real) or power < 0 or float(power) % 1 != 0:
@@ -423,16 +493,19 @@ class Polynomial:
         ProblemError
             If there is no such variable.
         """
-        if not 0 <= variable < self.dimension:
-            raise ProblemError(f"variable: found {variable}, expected 0..{self.dimension - 1}")
-        letter = variable + 1
+        whole = isinstance(variable, numbers.Integral) and not isinstance(variable, bool)
+        if not whole or not 0 <= variable < self.dimension:
+            raise ProblemError(
+                f"variable: found {variable!r}, expected an integer from 0 to {self.dimension - 1}"
+            )
+        letter = int(variable) + 1
         power = np.count_nonzero(self.words == letter, axis=1)
         rows = np.flatnonzero(power)
         words = self.words[rows].copy()
         words[np.arange(rows.size), np.argmax(words == letter, axis=1)] = 0
         words.sort(axis=1)
         values = self.coefficients[rows] * power[rows]
-        return Polynomial.from_words(words, values, self.dimension, self.names)
+        return Polynomial._merged(words, values, self.dimension, self.names)
 
     # ---- comparisons make constraints ---------------------------------------------------
 
@@ -497,6 +570,46 @@ class Polynomial:
         return self.names[variable] if self.names else f"x{variable + 1}"
 
 
+def _checked_terms(
+    words: Any, coefficients: Any, dimension: Any
+) -> tuple[Words, NDArray[np.float64]]:
+    """Words as int32 and coefficients as doubles, if they are monomials in that many variables."""
+    whole = isinstance(dimension, numbers.Integral) and not isinstance(dimension, bool)
+    if not whole or not 1 <= dimension < 2**31 - 1:
+        raise ProblemError(f"dimension: found {dimension!r}, expected a positive integer")
+    letters, values = np.asarray(words), np.asarray(coefficients)
+    if letters.ndim != 2 or letters.dtype.kind not in "iu":
+        raise ProblemError(
+            f"words: found {letters.dtype} of shape {letters.shape}, expected integers (T, D)"
+        )
+    if values.dtype.kind not in "iuf" or values.shape != letters.shape[:1]:
+        raise ProblemError(
+            f"coefficients: found {values.dtype} of shape {values.shape}, "
+            f"expected ({letters.shape[0]},) numbers, one a word"
+        )
+    if letters.shape[1] == 0:
+        letters = np.zeros((letters.shape[0], 1), np.int32)
+    if letters.size and not (letters.min() >= 0 and letters.max() <= dimension):
+        raise ProblemError(f"words: found a variable outside 1..{dimension}")
+    if np.any(letters[:, 1:] < letters[:, :-1]):
+        raise ProblemError("words: found a row that descends, expected variables in order")
+    values = values.astype(float)
+    if not np.all(np.isfinite(values)):
+        bad = values[~np.isfinite(values)][0]
+        raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
+    return letters.astype(np.int32), values
+
+
+def _checked_labels(names: Sequence[str] | None, n: int) -> tuple[str, ...] | None:
+    if names is None:
+        return None
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise ProblemError(f"names: found {names!r}, expected {n} of them")
+    labels = tuple(str(name) for name in names)
+    _check_names(labels, n)
+    return labels
+
+
 def _check_names(names: Sequence[str], n: int) -> None:
     if len(names) != n or len(set(names)) != n:
         raise ProblemError(f"names: found {len(names)} names, expected {n} distinct ones")
@@ -534,9 +647,10 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
     labels = tuple(str(name) for name in names) if names is not None else None
     if labels is not None:
         _check_names(labels, int(n))
-    one = _frozen(np.ones(1))
+    one = np.ones(1)
     return tuple(
-        Polynomial(_frozen(np.array([[v]], np.int32)), one, int(n), labels) for v in range(1, n + 1)
+        Polynomial._of_sorted(np.array([[v]], np.int32), one, int(n), labels)
+        for v in range(1, n + 1)
     )
 
 
@@ -578,4 +692,4 @@ def total(terms: Iterable[Polynomial | float]) -> Polynomial:
     words = np.concatenate([monomials.widen(part.words, width) for part in parts])
     values = np.concatenate([part.coefficients for part in parts])
     names = next((part.names for part in parts if part.names), None)
-    return Polynomial.from_words(words, values, first.dimension, names)
+    return Polynomial._merged(words, values, first.dimension, names)

@@ -15,7 +15,7 @@ from sparsepop_py.algebra.matrix_constraints import SymbolicCone, cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 
-__all__ = ["convert"]
+__all__ = ["convert", "natural_key"]
 
 
 def _is_symbolic(item: Any) -> bool:
@@ -41,7 +41,7 @@ def convert(
         raise ProblemError("objective, constraints: sympy expressions and Polynomials are mixed")
     free = set().union(*(item.free_symbols for item in given))
     found = {str(symbol): symbol for symbol in free}
-    labels = list(names) if names is not None else sorted(found, key=_natural)
+    labels = list(names) if names is not None else sorted(found, key=natural_key)
     missing = sorted(set(found) - set(labels))
     if missing:
         raise ProblemError(f"names: sympy symbols {', '.join(missing)} are not among the names")
@@ -56,8 +56,17 @@ def convert(
     return polynomial, rows
 
 
-def _natural(name: str) -> list[Any]:
-    return [(int(p), "") if p.isdigit() else (-1, p) for p in re.split(r"(\d+)", name) if p]
+def natural_key(name: str) -> tuple[list[tuple[int, str]], str]:
+    """Sort key of names, with their numbers as numbers of any length: x2 before x10.
+
+    Examples
+    --------
+    >>> sorted(["x10", "x2", "x", "x02"], key=natural_key)
+    ['x', 'x02', 'x2', 'x10']
+    """
+    parts = [part for part in re.split(r"(\d+)", name) if part]
+    digits = [(part.isdecimal(), part.lstrip("0"), part) for part in parts]
+    return [(len(short), short) if number else (-1, part) for number, short, part in digits], name
 
 
 def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: str) -> Polynomial:

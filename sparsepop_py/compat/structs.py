@@ -272,7 +272,7 @@ def _read(item: Any, label: str, legal: tuple[int, ...]) -> tuple[list[Polynomia
         raise struct.error("degree", stated, f"{degree}, the largest row sum of supports")
     words = monomials.from_exponents(supports)
     _check_distinct(struct, words, n)
-    return [Polynomial.from_words(words, column, n) for column in coefficients.T], typed
+    return [Polynomial._merged(words, column, n) for column in coefficients.T], typed
 
 
 def _supports(struct: _Struct, n: int, terms: int) -> sps.csr_array:

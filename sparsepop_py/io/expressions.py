@@ -183,7 +183,7 @@ def _polynomial(terms: Terms, vocabulary: Vocabulary, position: int) -> Polynomi
     words[np.arange(width) >= width - degrees[:, None]] = letters
     values = np.fromiter(terms.values(), float, len(terms))
     try:
-        return Polynomial.from_words(words, values, len(vocabulary.names), vocabulary.names)
+        return Polynomial._merged(words, values, len(vocabulary.names), vocabulary.names)
     except ProblemError as error:
         raise ExpressionError(
             "a coefficient that overflows", "finite coefficients", position

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.algebra.sympy_ import natural_key
 from sparsepop_py.errors import FormatError
 from sparsepop_py.io.expressions import (
     ExpressionError,
@@ -25,6 +27,7 @@ __all__ = ["parse", "sum_of_squares"]
 
 _BREAK = re.compile(r";|(?=\bs\.\s*t\.)|(?=\bsubject\s+to\b)", re.IGNORECASE)
 _SUCH_THAT = re.compile(r"\s*(?:s\.\s*t\.|subject\s+to\b|st\b)\s*:?", re.IGNORECASE)
+_NO_NUMBERS = ("inf", "infinity", "nan")  # words that name no variable
 _OBJECTIVE = re.compile(r"\s*(min|max)(?:imi[sz]e)?\b\s*:?", re.IGNORECASE)
 
 
@@ -46,6 +49,9 @@ class _Statement:
     def polynomial(self, tokens: Sequence[Token], vocabulary: Vocabulary) -> Polynomial:
         if not tokens:
             raise self.error("nothing on one side", "an expression")
+        for kind, text, position in tokens:
+            if kind == "name" and text.lower() in _NO_NUMBERS:
+                raise self.error(repr(text), "a finite number, or no bound at all", position)
         try:
             return parse_expression(tokens, vocabulary)
         except ExpressionError as error:
@@ -62,7 +68,7 @@ def parse(text: str) -> Problem:
         ``maximize``) and the objective, then ``s.t.`` (``st``, ``subject to``, or
         nothing) and constraints with ``>=``, ``<=``, ``==`` or ``=``. Both sides are
         expressions as in :func:`~sparsepop_py.io.expressions.parse_expression`;
-        ``0 <= x1 <= 2`` makes two constraints.
+        ``0 <= x1 <= 2`` makes two constraints, and ``0 <= x1 <= inf`` one.
 
     Returns
     -------
@@ -93,7 +99,8 @@ def parse(text: str) -> Problem:
         )
     if len(aims) > 1:
         raise aims[1].error("a second objective", "only one")
-    names = _natural_order(set().union(*(names_in(item.tokens) for item in statements)))
+    used = set().union(*(names_in(item.tokens) for item in statements))
+    names = _natural_order(name for name in used if name.lower() not in _NO_NUMBERS)
     if not names:
         raise aims[0].error("no variable", "at least one")
     vocabulary = Vocabulary(names)
@@ -116,12 +123,14 @@ def _statements(text: str) -> Iterator[_Statement]:
     breaks = [(match.start(), match.end()) for match in _BREAK.finditer(text)]
     starts = [0, *(end for _, end in breaks)]
     ends = [*(start for start, _ in breaks), len(text)]
+    line, counted = 1, 0  # the line of the place up to which line ends were counted
     for start, end in zip(starts, ends, strict=True):
         piece = text[start:end]
         if not piece.strip():
             continue
         start += len(piece) - len(piece.lstrip())
         piece = piece.strip()
+        line, counted = line + text.count("\n", counted, start), start
         such_that = _SUCH_THAT.match(piece)
         begin = such_that.end() if such_that else 0
         aim = _OBJECTIVE.match(piece, begin)
@@ -129,7 +138,7 @@ def _statements(text: str) -> Iterator[_Statement]:
         statement = _Statement(
             piece,
             start,
-            text.count("\n", 0, start) + 1,
+            line,
             aim.group(1).lower() if aim else "",
             tuple(tokenize(piece, begin)),
         )
@@ -148,14 +157,29 @@ def _constraints(statement: _Statement, vocabulary: Vocabulary) -> Iterator[Cons
         else:
             sides[-1].append(token)
     _check_relations(statement, relations)
-    polynomials = [statement.polynomial(side, vocabulary) for side in sides]
-    for (_, relation, _), left, right in zip(
-        relations, polynomials[:-1], polynomials[1:], strict=True
-    ):
-        if relation == "<=":
-            left, right = right, left
-        kind = Kind.ZERO if relation in ("=", "==") else Kind.NONNEGATIVE
-        yield Constraint(total([left, -right]), kind)
+    infinite = [_infinity(side) for side in sides]
+    polynomials = [
+        None if sign else statement.polynomial(side, vocabulary)
+        for side, sign in zip(sides, infinite, strict=True)
+    ]
+    for k, (_, relation, position) in enumerate(relations):
+        greater, less = (k + 1, k) if relation == "<=" else (k, k + 1)
+        left, right = polynomials[greater], polynomials[less]
+        equal = relation in ("=", "==")
+        if left is not None and right is not None:
+            yield Constraint(total([left, -right]), Kind.ZERO if equal else Kind.NONNEGATIVE)
+        elif equal or infinite[greater] < 0 or infinite[less] > 0:
+            raise statement.error("an infinite bound", "a finite number", position)
+
+
+def _infinity(side: list[Token]) -> float:
+    """inf or -inf where nothing else stands on a side, else 0."""
+    if not side or side[-1][1].lower() not in _NO_NUMBERS[:2]:
+        return 0.0
+    signs = [text for kind, text, _ in side[:-1] if kind == "sign"]
+    if len(signs) < len(side) - 1:
+        return 0.0
+    return -math.inf if signs.count("-") % 2 else math.inf
 
 
 def _check_relations(statement: _Statement, relations: list[Token]) -> None:
@@ -176,16 +200,7 @@ def _check_relations(statement: _Statement, relations: list[Token]) -> None:
 
 def _natural_order(names: Iterable[str]) -> tuple[str, ...]:
     """Names sorted with their numbers as numbers: x2 before x10."""
-    return tuple(
-        sorted(
-            names,
-            key=lambda name: [
-                (int(part), "") if part.isdecimal() else (-1, part)
-                for part in re.split(r"(\d+)", name)
-                if part
-            ],
-        )
-    )
+    return tuple(sorted(names, key=natural_key))
 
 
 # ---- sums of squares, seen in the text --------------------------------------------------
@@ -245,9 +260,9 @@ def _term_squares(
     for factor in _split(term, "times"):
         divide = factor[0][1] == "/"
         factor = factor[1:] if factor[0][0] == "times" else factor
-        while factor[0][0] == "sign":
-            weight = -weight if factor[0][1] == "-" else weight
-            factor = factor[1:]
+        signs = next(k for k, token in enumerate(factor) if token[0] != "sign")
+        weight = -weight if [t[1] for t in factor[:signs]].count("-") % 2 else weight
+        factor = factor[signs:]
         if names_in(factor):
             bases.append(_base_and_exponent(factor))
         else:

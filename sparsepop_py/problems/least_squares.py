@@ -76,8 +76,7 @@ class Squares:
             kept = present[m, g]
             letters = words[m, kept, width - max(1, int(degree[m, g])) :]
             values = coefficients[m, g, kept]
-            letters.flags.writeable = values.flags.writeable = False
-            yield Polynomial(letters, values, n)
+            yield Polynomial._of_sorted(letters, values, n)
 
 
 def least_squares(
@@ -96,7 +95,7 @@ def least_squares(
     width = max(words.shape[1] for words, _ in parts)
     words = np.concatenate([monomials.widen(words, width) for words, _ in parts])
     values = np.concatenate([values for _, values in parts])
-    objective = Polynomial.from_words(words, values, n)
+    objective = Polynomial._merged(words, values, n)
     squares = [(f.weight, p) for f in families for p in f.polynomials(n)]
     return Problem(objective, lower=lower, upper=upper, squares=squares)
 

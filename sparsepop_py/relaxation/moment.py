@@ -49,6 +49,7 @@ from sparsepop_py.relaxation.blocks import BlockGroup, block_groups, stacked_gro
 from sparsepop_py.relaxation.shapes import shaped_blocks
 from sparsepop_py.relaxation.term_sparsity import Terms, term_sparse
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
+from sparsepop_py.verified.arithmetic.array_checks import read_only
 
 __all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax"]
 
@@ -96,6 +97,11 @@ class Relaxation:
     products: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     notes: tuple[str, ...] = ()
     moment_bounds: PolynomialSystem | None = None
+
+    def __post_init__(self) -> None:
+        self.__dict__["moments"] = read_only(self.moments, "i", "moments", 2)
+        self.__dict__["products"] = read_only(self.products, "i", "products", 2)
+        self.__dict__["groups"], self.__dict__["notes"] = tuple(self.groups), tuple(self.notes)
 
     @property
     def rows(self) -> int:

@@ -252,5 +252,5 @@ def margin(relaxation: Relaxation) -> Polynomial:
         words = monomials.multiply(words, letter[chosen, None, None])
         value = np.repeat(sign[letter[chosen]], group.size)
         flat = words.reshape(value.size, words.shape[2])
-        parts.append(Polynomial.from_words(flat, value, problem.dimension))
+        parts.append(Polynomial._merged(flat, value, problem.dimension))
     return total(parts)

@@ -37,6 +37,7 @@ from sparsepop_py.sparsity.chordal import (
     incidence,
     join,
 )
+from sparsepop_py.verified.arithmetic.array_checks import read_only
 
 __all__ = [
     "Cliques",
@@ -89,6 +90,15 @@ class Cliques:
     tree: NDArray[np.int64]
     graph: sps.csr_array
     order: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for name in ("home", "home_of_variable", "tree", "order"):
+            self.__dict__[name] = read_only(getattr(self, name), "i", name)
+        self.__dict__["members"] = tuple(map(tuple, self.members))
+        if self.tree.size != len(self.members):
+            raise ProblemError(
+                f"tree: found {self.tree.size} parents, expected one of {len(self.members)} cliques"
+            )
 
     def __len__(self) -> int:
         return len(self.members)

@@ -226,3 +226,67 @@ def test_expressions_agree_with_python(text: str, point: list[float]) -> None:
     )
     polynomial = parse_expression(text.replace("**", "^"), NAMES)
     assert abs(polynomial(point) - expected) <= 1e-11 * (1 + abs(size))
+
+
+# ---- infinite bounds, long texts ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "rows",
+    ["x <= inf", "-inf <= x", "x >= -Inf; y <= Infinity", "-inf <= x <= +inf", "inf >= y >= -INF"],
+)
+def test_infinite_bounds_are_no_constraints_and_no_variables(rows: str) -> None:
+    problem = parse(f"min x*y; s.t. {rows}")
+    assert problem.names == ("x", "y")
+    assert problem.constraints == ()
+
+
+def test_a_problem_is_read_as_it_is_printed() -> None:
+    x, y = sp.variables(2, ["x", "y"])
+    text = str(sp.Problem(x * y, [x + y >= 1], lower=[2, -np.inf])).replace("\n", ";")
+    assert "2 <= x <= inf" in text
+    again = parse(text)
+    assert [str(row) for row in again.constraints] == ["-1 + x + y >= 0", "-2 + x >= 0"]
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("min x; x >= inf", "an infinite bound"),
+        ("min x; x == inf", "an infinite bound"),
+        ("min x; x = -inf", "an infinite bound"),
+        ("min x; inf <= x", "an infinite bound"),
+        ("min x; -inf <= x <= -inf", "an infinite bound"),
+        ("min x; x <= 2*inf", "'inf'"),
+        ("min x; x <= (inf)", "'inf'"),
+        ("min x; x <= nan", "'nan'"),
+        ("min inf*x; x >= 1", "'inf'"),
+        ("min x + NaN", "'NaN'"),
+    ],
+)
+def test_what_is_no_number_is_refused(text: str, found: str) -> None:
+    with pytest.raises(FormatError, match=re.escape(f"found {found}, expected a finite number")):
+        parse(text)
+
+
+def test_names_that_begin_like_infinity_are_names() -> None:
+    assert parse("min info + nano + infinite").names == ("infinite", "info", "nano")
+
+
+@pytest.mark.parametrize("count", [1, 2, 100_000, 100_001])
+def test_many_signs(count: int) -> None:
+    signs, expected = "-" * count, "x" if count % 2 == 0 else "-x"
+    assert str(parse(f"min {signs}x").objective) == expected
+    problem = parse(f"min {signs}x^2; {signs}x >= 1; x*{signs}3 <= 1")
+    assert len(problem.squares) == (count % 2 == 0)
+    assert str(problem.constraints[0].polynomial) == f"-1 {'+' if count % 2 == 0 else '-'} x"
+
+
+def test_lines_are_counted_once_for_all_statements() -> None:
+    with pytest.raises(FormatError, match="line 20001: "):
+        parse("min x;\n" + "x >= 1;\n" * 19_999 + "x ! 1")
+
+
+def test_numbers_in_names_may_be_long_and_equal() -> None:
+    long = "x" + "1" * 5000
+    assert parse(f"min {long} + x2 + x02 + x01 + x1").names == ("x01", "x1", "x02", "x2", long)

@@ -28,7 +28,6 @@ harmless, 1 if one survives, 2 if the list is wrong or the tests fail without a 
 from __future__ import annotations
 
 import argparse
-import ast
 import hashlib
 import json
 import multiprocessing
@@ -44,6 +43,7 @@ from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
@@ -64,6 +64,12 @@ FRESH.set_forkserver_preload([*HEAVY, "mpmath", "matplotlib.figure", "hypothesis
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
 
 
+@cache
+def source(file: str) -> str:
+    """The text of a source file."""
+    return (ROOT / file).read_text()
+
+
 @dataclass(frozen=True)
 class Fault:
     """One snippet of a source file and its replacement, with the tests that should notice it."""
@@ -78,7 +84,7 @@ class Fault:
     @property
     def name(self) -> str:
         """File without the package, line and what is wrong."""
-        text = (ROOT / self.file).read_text()
+        text = source(self.file)
         line = text[: text.index(self.find)].count("\n") + 1
         return f"{self.file.partition('/')[2]}:{line} {self.says}"
 
@@ -88,17 +94,17 @@ class Fault:
 
     def wrong(self) -> str:
         """Why this entry of the list makes no sense, empty if it does."""
-        text = (ROOT / self.file).read_text()
+        text = source(self.file)
         if text.count(self.find) != 1:
             return f"{self.find!r} occurs {text.count(self.find)} times, expected once"
         missing = [test for test in self.tests if not (ROOT / test).is_file()]
         if missing or not self.tests:
             return f"no tests {missing}"
         try:
-            same = ast.dump(ast.parse(text)) == ast.dump(ast.parse(self.changed(text)))
+            compile(self.changed(text), self.file, "exec")
         except SyntaxError as error:
             return f"no Python: {error}"
-        return "nothing is changed" if same else ""
+        return "nothing is changed" if self.find == self.put else ""
 
 
 def read_list(path: Path) -> list[Fault]:

@@ -158,7 +158,7 @@ class Switches:
         change = self.perturbation * (2.0 * np.random.RandomState(2008).random_sample(n) - 1.0)
         letters = np.arange(1, n + 1, dtype=np.int32)[:, None]
         held = relaxation.moment_numbers(letters) >= 0
-        return objective + Polynomial.from_words(letters[held], change[held], n)
+        return objective + Polynomial._merged(letters[held], change[held], n)
 
 
 def plain_relaxation(

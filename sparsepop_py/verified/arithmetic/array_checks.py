@@ -1,4 +1,4 @@
-"""Checks of arrays that come from outside: certificates are read from files."""
+"""Check arrays that come from outside, and keep them from changing afterwards."""
 
 from __future__ import annotations
 
@@ -7,11 +7,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["are_indices", "are_numbers", "frozen", "is_index"]
+from sparsepop_py.errors import ProblemError
+
+__all__ = ["are_indices", "are_numbers", "frozen", "is_index", "read_only"]
+
+
+def read_only(values: Any, kinds: str, field: str, dimensions: int = 1) -> NDArray[Any]:
+    """Return an array that nobody can write to: the given one if it is so, else a copy.
+
+    Parameters
+    ----------
+    values : array_like
+    kinds : str
+        Kinds of entries that are allowed, as NumPy calls them: "f" floats, "i" integers,
+        "b" booleans. Integers become doubles where only floats are allowed.
+    field : str
+        Name for the message.
+    dimensions : int
+
+    Raises
+    ------
+    ProblemError
+        If the entries are of another kind, or the array has another number of dimensions.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        array = np.array(values, object)
+    if kinds == "f" and array.dtype.kind in "iu":
+        array = array.astype(float)
+    if not array.size and array.dtype.kind not in kinds:
+        array = np.zeros(array.shape, "i8" if kinds == "i" else float)  # of an empty list
+    if array.dtype.kind not in kinds or array.ndim != dimensions:
+        raise ProblemError(
+            f"{field}: found {array.dtype} of shape {array.shape}, expected {dimensions} "
+            f"dimension(s) of {_KINDS[kinds]}"
+        )
+    if array.flags.writeable or not array.flags.owndata:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+_KINDS = {"f": "numbers", "i": "integers", "b": "booleans"}
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, made read-only."""
+    """Make an array read-only and return it."""
     array.flags.writeable = False
     return array
 

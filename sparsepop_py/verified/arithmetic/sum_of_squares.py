@@ -30,7 +30,7 @@ def expanded(squares: Sequence[Weighted], dimension: int) -> Polynomial:
     for product, weight, first, second in _products(squares):
         words.append(product)
         values.append(weight * first * second)
-    return Polynomial.from_words(_stacked(words), np.concatenate(values), dimension)
+    return Polynomial._merged(_stacked(words), np.concatenate(values), dimension)
 
 
 def constant_above(objective: Polynomial, squares: Sequence[Weighted]) -> float | None:

@@ -283,5 +283,5 @@ def _split(system: PolynomialSystem, size: NDArray[Any]) -> list[Polynomial]:
     values.flags.writeable = words.flags.writeable = False
     parts = [(words[a:b], values[a:b], n) for a, b in zip(first[:-1], first[1:], strict=True)]
     if not np.all(np.isfinite(values) & (values != 0.0)):
-        return [Polynomial.from_words(*part) for part in parts]
-    return [Polynomial(monomials.trim(w), v, n) for w, v, n in parts]
+        return [Polynomial._merged(*part) for part in parts]
+    return [Polynomial._of_sorted(monomials.trim(w), v, n) for w, v, n in parts]

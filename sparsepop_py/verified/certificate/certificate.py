@@ -24,6 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
@@ -104,6 +105,14 @@ class Node:
     empty: bool = False
     branch: tuple[int, float] | None = None
     children: tuple[Node, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.__dict__["children"] = tuple(self.children)
+        if not isinstance(self.box, BoxProof):
+            raise ProblemError(f"box: found {type(self.box).__name__}, expected a BoxProof")
+        for child in self.children:
+            if not isinstance(child, Node):
+                raise ProblemError(f"children: found {type(child).__name__}, expected a Node")
 
     def __iter__(self) -> Iterator[Node]:
         """Iterate over the node and all its descendants."""
@@ -221,6 +230,15 @@ class Certificate:
     correction: float = 0.0
     assumptions: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        self.__dict__["assumptions"] = tuple(self.assumptions)
+        for name, kind in (("fingerprint", str), ("root", Node)):
+            value = getattr(self, name)
+            if not isinstance(value, kind):
+                raise ProblemError(
+                    f"{name}: found {type(value).__name__}, expected {kind.__name__}"
+                )
+
     def verify(self, problem: Problem, known: dict[Any, Any] | None = None) -> Verdict:
         """Recompute the bound from the problem's exact doubles, without any solver.
 
@@ -284,7 +302,7 @@ class Certificate:
         return found
 
     def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
-        """Lower the claim to what verification reaches; None where that is nothing.
+        """Lower the claim to the bound that verification reaches.
 
         A search shrinks its box while the cutoff falls, and verification replays all steps with
         the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
@@ -292,9 +310,14 @@ class Certificate:
         Parameters
         ----------
         problem : Problem
-            What the certificate is about.
+            The problem that the certificate is about.
         known : dict, optional
             As in :meth:`verify`.
+
+        Returns
+        -------
+        Certificate or None
+            None where nothing is proved.
         """
         bound, correction, _ = self.recompute(problem, known)
         if bound >= self.bound:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,14 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Verdict
 from sparsepop_py.verified.certificate.polyhedron import Polyhedron
 
 __all__ = ["LinearBound", "check_linear", "cost_of", "value_at"]
+
+_LESS = "the multipliers prove less than is claimed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,17 @@ class LinearBound:
     vertex: tuple[Fraction, ...] | None = None
     ray: tuple[Fraction, ...] | None = None
 
+    def __post_init__(self) -> None:
+        fields: dict[str, Any] = {
+            "multipliers": tuple((int(k), Fraction(v)) for k, v in self.multipliers)
+        }
+        for name in ("vertex", "ray"):
+            values = getattr(self, name)
+            fields[name] = None if values is None else tuple(map(Fraction, values))
+        if self.x is not None:
+            fields["x"] = read_only(self.x, "f", "x")
+        self.__dict__.update(fields)
+
     def verify(self, problem: Problem, objective: Polynomial) -> Verdict:
         """Check every claim in rationals, without any solver.
 
@@ -92,7 +107,7 @@ class LinearBound:
     def _bound(self, rows: Polyhedron, objective: Polynomial) -> tuple[float, str]:
         """Compute the bound that the multipliers prove, and a reason if they fail."""
         if self.status == "UNBOUNDED":
-            return -np.inf, ""
+            return -np.inf, "" if self.lower == -np.inf else _LESS
         total, rest = Fraction(0), [-Fraction(c) for c in cost_of(objective)]
         if self.status == "INFEASIBLE":
             rest = [Fraction(0)] * rows.dimension
@@ -111,7 +126,7 @@ class LinearBound:
             return (np.inf, "") if total < 0 else (-np.inf, "no contradiction follows")
         proved = Fraction(objective.constant_term) - total
         bound = float(Interval.of_fraction(proved).lo)
-        return bound, "" if bound >= self.lower else "the multipliers prove less than is claimed"
+        return bound, "" if bound >= self.lower else _LESS
 
     def _point_fails(self, rows: Polyhedron, objective: Polynomial) -> str:
         """Describe the fault of the attained point or ray, empty if there is none."""
@@ -123,7 +138,7 @@ class LinearBound:
             return "the attained point violates a row"
         if self.status == "OPTIMAL":
             value = value_at(objective, self.vertex)
-            return "" if value <= Fraction(self.upper) else "the point attains more than claimed"
+            return "" if value <= self.upper else "the point attains more than claimed"
         if self.ray is None or len(self.ray) != rows.dimension or not _holds(rows, self.ray, 0):
             return "the ray leaves the set"
         falls = value_at(objective, self.ray) < Fraction(objective.constant_term)
@@ -159,7 +174,7 @@ def value_at(objective: Polynomial, point: Sequence[Fraction]) -> Fraction:
 
 
 def _holds(rows: Polyhedron, point: Sequence[Fraction], weight: int) -> bool:
-    """Whether all rows hold at a point (weight 1), or along a direction (weight 0)."""
+    """Check all rows at a point (weight 1), or along a direction (weight 0)."""
     total = lcm(*(v.denominator for v in point))
     whole = [v.numerator * (total // v.denominator) for v in point]
     signs = rows.signs(whole, weight * total, total)

@@ -305,6 +305,9 @@ class BoxProof:
 
     steps: tuple[Step, ...] = ()
 
+    def __post_init__(self) -> None:
+        self.__dict__["steps"] = tuple(self.steps)
+
     @property
     def uses_cutoff(self) -> bool:
         """True if the box holds only where the objective is at most the cutoff."""

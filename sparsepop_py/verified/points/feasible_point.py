@@ -23,7 +23,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.definiteness import hold_at, hold_over
 from sparsepop_py.verified.arithmetic.interval import Interval, exact_values
 from sparsepop_py.verified.arithmetic.krawczyk import polished, zero_near
@@ -51,6 +53,11 @@ class ProvedPoint:
     rows, solved : (r,) int
         Equalities that were solved, and the variables they were solved for.
 
+    Raises
+    ------
+    ProblemError
+        If an array or the kind of the proof is something else.
+
     Examples
     --------
     >>> import sparsepop_py as sp
@@ -67,6 +74,16 @@ class ProvedPoint:
     proof: Literal["exact", "krawczyk"]
     rows: NDArray[np.int64]
     solved: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        fields = {
+            "x": read_only(self.x, "f", "x"),
+            "rows": read_only(self.rows, "i", "rows"),
+            "solved": read_only(self.solved, "i", "solved"),
+        }
+        self.__dict__.update(fields)
+        if self.proof not in ("exact", "krawczyk"):
+            raise ProblemError(f"proof: found {self.proof!r}, expected 'exact' or 'krawczyk'")
 
     def recheck(self, problem: Problem) -> ProvedPoint | None:
         """Repeat the proof.

@@ -1,4 +1,4 @@
-"""Boxes of parameters from rows |Y + R theta| <= w0 + W |theta|, and how they are checked.
+"""Verified boxes of parameters from rows |Y + R theta| <= w0 + W |theta|.
 
 Where the signs of theta are known a row is linear. Where a sign is open, |theta_i| is at most its
 secant over the bounds known so far, which is linear as well; where no bounds are known, the rows
@@ -7,6 +7,7 @@ and a node that is infeasible is fathomed with one proof.
 
 A first box is known already, or comes from a left inverse M of R: theta - theta0 = M R (theta -
 theta0) + (I - M R)(theta - theta0) gives abs(theta - theta0) <= d + G abs(theta - theta0).
+
 :mod:`sparsepop_py.uncertain_rows.sign_tree` finds such boxes; nothing here runs a linear program.
 """
 
@@ -30,6 +31,7 @@ __all__ = ["LeftInverse", "ParameterBox", "SignTree", "linear_rows"]
 Reals = NDArray[np.float64]
 
 _UNIT = 2.0**-53
+_LEAST = 2.0**-1074  # a product that underflows loses at most this
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,10 +54,12 @@ class LeftInverse:
         d + G v <= v and G v < v for v = radius > 0 imply it, since G is not negative.
         """
         count, p = rows.regressors.shape
-        if self.inverse.shape != (p, count) or not np.all(self.radius > 0):
+        if self.inverse.shape != (p, count) or self.centre.shape != (p,):
+            return False
+        if self.radius.shape != (p,) or not np.all(self.radius > 0):
             return False
         drive, coupling = drive_and_coupling(rows, self.inverse, self.centre)
-        reached = (coupling @ self.radius + drive) * (1.0 + 1e-12)
+        reached = (coupling @ self.radius + drive) * (1.0 + 1e-12) + (p + 8) * _LEAST
         return bool(np.all(np.isfinite(reached)) and np.all(reached < self.radius))
 
     def box(self) -> tuple[Reals, Reals]:
@@ -67,14 +71,14 @@ class LeftInverse:
 def drive_and_coupling(rows: UncertainRows, inverse: Reals, centre: Reals) -> tuple[Reals, Reals]:
     """Upper ends of d (p,) and G (p, p)."""
     count, p = rows.regressors.shape
-    loss = 2.0 * (count + p + 8) * _UNIT
+    loss, lost = 2.0 * (count + p + 8) * _UNIT, (count + p + 8) * _LEAST
     size, slope = np.abs(inverse), np.abs(rows.regressors)
     offset = np.abs(rows.target + rows.regressors @ centre)
     offset = offset + loss * (np.abs(rows.target) + slope @ np.abs(centre))
-    drive = size @ (offset + rows.radius + rows.radii @ np.abs(centre))
+    drive = size @ (offset + rows.radius + rows.radii @ np.abs(centre) + 3 * lost)
     rest = np.abs(np.eye(p) - inverse @ rows.regressors)
     coupling = size @ rows.radii + rest + loss * (size @ slope + np.eye(p))
-    return drive * (1.0 + 4 * loss), coupling * (1.0 + 4 * loss)
+    return drive * (1.0 + 4 * loss) + lost, coupling * (1.0 + 4 * loss) + 3 * lost
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,14 +200,13 @@ def _replay(tree: SignTree, rows: UncertainRows, box: Box) -> Box | None:
     if not tree.bounds:
         return box
     problem, objectives = linear_rows(rows, box), signed_variables(len(rows.names))
-    if len(tree.bounds) not in (1, len(objectives)):
+    empty = tree.bounds[0].status == "INFEASIBLE"
+    if len(tree.bounds) != len(objectives) and not (empty and len(tree.bounds) == 1):
         return None
     for bound, objective in zip(tree.bounds, objectives, strict=False):
         if not bound.verify(problem, objective).ok:
             return None
-    if tree.bounds[0].status == "INFEASIBLE":
-        return nothing(box)
-    return shrunk(box, tree.bounds)
+    return nothing(box) if empty else shrunk(box, tree.bounds)
 
 
 def signed_variables(p: int) -> list[Polynomial]:
@@ -220,7 +223,7 @@ def nothing(box: Box) -> Box:
 
 
 def linear_rows(rows: UncertainRows, box: Box) -> Problem:
-    """The rows as linear constraints that hold on a box, all roundings outwards.
+    """Linearise the rows on a box, all roundings outwards.
 
     Parameters
     ----------
@@ -250,7 +253,8 @@ def linear_rows(rows: UncertainRows, box: Box) -> Problem:
         regressors, target = side * rows.regressors, side * rows.target
         settled = sign * _up(rows.radii - sign * regressors)
         rough = rows.radii * slope - regressors
-        error = 4 * _UNIT * (np.abs(rows.radii * slope) + np.abs(regressors)) * reach
+        error = 4 * _UNIT * (np.abs(rows.radii * slope) + np.abs(regressors))
+        error = (error + 2 * _LEAST) * reach + _LEAST
         used = open_ & noisy & np.isfinite(shift)
         matrix = np.where(noisy, np.where(used, rough, settled), -regressors)
         room = _up(spare - target)
@@ -262,12 +266,15 @@ def linear_rows(rows: UncertainRows, box: Box) -> Problem:
 
 
 def _secant(low: float, high: float) -> tuple[float, float]:
-    """(s, c) with abs(x) <= s x + c for low <= x <= high; c is infinite if an end is."""
+    """Compute (s, c) with abs(x) <= s x + c on [low, high].
+
+    c is infinite if an end is.
+    """
     if np.isinf(low) or np.isinf(high):
         return 0.0, np.inf
     slope = (high + low) / (high - low)
     ends = [high - slope * high, -low - slope * low]
-    return slope, float(max(ends) + 8 * _UNIT * max(-low, high))
+    return slope, float(max(ends) + 8 * _UNIT * max(-low, high) + 4 * _LEAST)
 
 
 def _up(values: Reals) -> Reals:

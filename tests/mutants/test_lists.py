@@ -1,0 +1,30 @@
+"""The lists of deliberate faults fit the source: each snippet stands in its file exactly once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mutants.run import ROOT, read_list, source
+
+HERE = Path(__file__).parent
+LISTS = sorted(HERE.glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", LISTS, ids=lambda path: path.stem)
+def test_every_fault_can_be_tried(path):
+    faults = read_list(path)
+    assert [f"{f.file}: {f.says}: {f.wrong()}" for f in faults if f.wrong()] == []
+    names = [(f.file, f.says) for f in faults]
+    assert len(set(names)) == len(names)
+    changes = [(f.file, f.changed(source(f.file))) for f in faults]
+    assert len(set(changes)) == len(changes)
+
+
+def test_every_file_of_the_trusted_kernel_has_faults():
+    faults = read_list(HERE / "verified.toml")
+    assert len(faults) >= 150
+    tried = {fault.file for fault in faults}
+    kernel = (ROOT / "sparsepop_py" / "verified").rglob("*.py")
+    wanted = {str(path.relative_to(ROOT)) for path in kernel if path.name != "__init__.py"}
+    assert wanted <= tried
