@@ -29,9 +29,17 @@ import lazy_loader
 _lazy, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
+# Public names that are modules, not names of one.
+_MODULES = {
+    "control": "setid.control",
+    "estimators": "setid.feasible_points.estimators",
+    "neural": "setid.neural",
+}
+
+
 def __getattr__(name: str) -> Any:
-    if name == "estimators":  # a module, not a name of one
-        return import_module("setid.feasible_points.estimators")
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     return _lazy(name)
 
 
@@ -39,7 +47,7 @@ class _Face(ModuleType):
     """A package whose functions keep their names when modules of the same name are imported."""
 
     def __setattr__(self, name: str, value: Any) -> None:
-        if isinstance(value, ModuleType) and name in __all__ and name != "estimators":
+        if isinstance(value, ModuleType) and name in __all__ and name not in _MODULES:
             value = getattr(value, name)
         super().__setattr__(name, value)
 

@@ -1,5 +1,6 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
+from . import control, neural
 from .bands.blocks import (
     SignalBand,
     StaticBand,
@@ -243,6 +244,7 @@ __all__ = [
     "central",
     "compare",
     "consistency",
+    "control",
     "convert",
     "convert_intervals",
     "discretisation_error",
@@ -259,6 +261,7 @@ __all__ = [
     "least_squares",
     "linf",
     "members",
+    "neural",
     "parameter_box",
     "parameters",
     "predict",

@@ -58,7 +58,7 @@ class Registry(Generic[Entry]):
         return name in self._entries
 
     def __getitem__(self, name: str) -> Entry:
-        """The object of that name.
+        """Look up the object of a name.
 
         Raises
         ------

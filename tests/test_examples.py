@@ -48,7 +48,9 @@ def test_every_example_is_tested() -> None:
     studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates", "hammerstein")
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
-    assert found == named | records | {"order_comparison", "interval_script"}
+    added = {"control_hairdryer", "neural_gradients", "neural_records"}
+    added |= {"order_comparison", "interval_script", "structs_from_identification"}
+    assert found == named | records | added
 
 
 def test_interval_script(tmp_path) -> None:
@@ -275,3 +277,29 @@ def test_identify_hammerstein(tmp_path: Path) -> None:
     assert fit > 50.0
     names = {path.name for path in (tmp_path / "pictures").iterdir()}
     assert names == {"hammerstein_band.png", "hammerstein_diagram.png", "hammerstein_fit.png"}
+
+
+def test_structs_from_identification(tmp_path: Path) -> None:
+    """Rows of 12 terms, and what is proved by both ways holds the truth."""
+    text = run("structs_from_identification", tmp_path)
+    assert "12 terms each" in text
+    rows = [line for line in text.splitlines() if re.match(r"[ab]\d ", line)]
+    assert len(rows) == 5
+    for row in rows:
+        truth, low, high, first, last, left, right = numbers(row)
+        assert low <= left <= first <= last <= right <= high or low <= first <= last <= high
+        assert low <= truth <= high and left <= truth <= right
+
+
+def test_neural_gradients(tmp_path: Path) -> None:
+    """The gradient of a scalar recursion, t alpha^(t-1), and where stability is proved."""
+    rows = [line.split() for line in run("neural_gradients", tmp_path).splitlines()]
+    table = [row for row in rows if row and re.fullmatch(r"[01]\.\d\d", row[0])]
+    for alpha, t, closed, *_ in table:
+        assert float(closed) == pytest.approx(int(t) * float(alpha) ** (int(t) - 1), rel=1e-5)
+    assert all(("stable," in row) == (float(row[0]) < 1) for row in table)
+
+
+@pytest.mark.parametrize("name", ["control_hairdryer", "neural_records"])
+def test_records_of_control_and_neural(name: str, tmp_path: Path) -> None:
+    assert numbers(run(name, tmp_path))

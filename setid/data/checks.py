@@ -14,8 +14,8 @@ from setid.errors import DataError, SetidError
 __all__ = [
     "FrozenMapping",
     "channels_of",
-    "frozen",
     "entries_of",
+    "frozen",
     "natural",
     "number",
     "range_of",

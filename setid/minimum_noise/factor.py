@@ -22,7 +22,7 @@ from sparsepop_py.uncertain_rows.directions import units_of_rows
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
-__all__ = ["least_factor", "search_factor", "on_box", "refuted_factor", "rounding_factor"]
+__all__ = ["least_factor", "on_box", "refuted_factor", "rounding_factor", "search_factor"]
 
 _REACH = 4.0  # of parameters whose terms are of the size of the others
 _GAP = 0.01  # of the factor, in a search

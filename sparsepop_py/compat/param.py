@@ -289,6 +289,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     options = Options(
         order=max(1, math.ceil(order)) if tighten else max(1, math.floor(order)),
         sparse=bool(sparse % 2),
+        chordal="min-degree",  # as the original, whose sizes are published
         effort="presolve" if tighten else "plain",
         refine="ipopt" if local == "ipopt" else "scipy",
         solver=solver,

@@ -246,7 +246,7 @@ FIELDS: tuple[Field, ...] = (
         0,
         "works",
         "switches.substituted",
-        "LinearRelaxation monomials that contain x_i x_j of an equation x_i x_j = 0 are set to 0.",
+        "Lifted monomials that contain x_i x_j of an equation x_i x_j = 0 are set to 0.",
         _SAME + " " + _MULTIPLIERS,
         "test_switches.py::test_substitutions",
         _SWITCH,

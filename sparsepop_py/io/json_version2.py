@@ -1,4 +1,4 @@
-"""Turn JSON of version 2 into version 3: names of fields, and fingerprints where a problem is."""
+"""Convert JSON of version 2 to version 3: field names and fingerprints."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def rename_skipped(options: Any) -> None:
 
 
 def refingerprint(certificates: Any, problem: Problem) -> None:
-    """Replace the fingerprints of version 2 by today's, in place, also those of what is quoted.
+    """Replace the fingerprints of version 2 by today's, in place, quoted ones included.
 
     A fingerprint that does not fit its problem stays, so that the certificate proves nothing.
 

@@ -310,7 +310,7 @@ class Simplex:
 
 
 def _model_of(polyhedron: Polyhedron) -> LinearModel:
-    """The linear program that HiGHS works on, rows scaled to a largest entry near 1."""
+    """Build the linear program for HiGHS, rows scaled to a largest entry near 1."""
     n = polyhedron.dimension
     m = polyhedron.constant.size - 2 * n
     size = np.maximum(np.abs(polyhedron.matrix[:m]).max(axis=1, initial=0.0), 1e-300)

@@ -1,8 +1,8 @@
-"""Single linear programs in any units, solved by HiGHS after scaling. Nothing proved rests on it.
+"""Single linear programs in any units, scaled and solved by HiGHS.
 
-:class:`~sparsepop_py.lp.highs.LinearModel` keeps a program whose numbers are of ordinary size and
-solves it again and again; here one program of numbers of any size is solved once, with presolve,
-and by another method where one meets numerical difficulties.
+Nothing proved rests on it. :class:`~sparsepop_py.lp.highs.LinearModel` keeps a program whose
+numbers are of ordinary size and solves it again and again; here one program of numbers of any size
+is solved once, with presolve, and by another method where one meets numerical difficulties.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def solve_scaled(
 def _scales(
     matrix: sps.csr_array, right: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Powers of two for rows, and for columns and the right side, after which all is about one.
+    """Choose powers of two that scale rows, columns and right side to about one.
 
     The tolerances of the solver are absolute, so that without them small units mean nothing.
 

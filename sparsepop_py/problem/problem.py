@@ -266,7 +266,7 @@ _OF_THE_SET = frozenset(
 
 
 def encoding(problem: Problem) -> bytes:
-    """Write a problem as bytes: two problems have the same bytes only if they ask the same.
+    """Encode a problem as bytes: equal bytes only for equal problems.
 
     Names and the memo ``sense`` do not count. The bytes are a list of parts, each after its
     length in bytes; numbers are little-endian, lengths and counts of 8 bytes:

@@ -42,7 +42,7 @@ class InUnits(NamedTuple):
     factor: float
 
     def asked(self, objective: Polynomial) -> tuple[Polynomial, float]:
-        """An objective in x as one in z of ordinary size, and the factor between their values."""
+        """Convert an objective in x to one in z; return the factor too."""
         restated = _restated(objective, self.units)
         if not _safe(restated):
             raise ProblemError("objective: expected coefficients that are neither tiny nor huge")
@@ -89,7 +89,7 @@ def in_units(problem: Problem, sizes: NDArray[np.float64] | None = None) -> InUn
 
 
 def _units(problem: Problem, sizes: NDArray[np.float64] | None) -> Reals:
-    """Coarse powers of two near the sizes of signals and bounds; one where there is none."""
+    """Choose coarse powers of two near the sizes of variables; one for none."""
     size = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
     size = np.where(np.isfinite(size) & (size > 0), size, 0.0)
     if sizes is not None:
@@ -117,6 +117,6 @@ def _with(polynomial: Polynomial, values: Reals) -> Polynomial:
 
 
 def _safe(polynomial: Polynomial) -> bool:
-    """Whether no coefficient came near overflow or underflow."""
+    """Check that no coefficient came near overflow or underflow."""
     size = np.abs(polynomial.coefficients)
     return bool(np.all((size > _SMALL) & (size < _LARGE)))

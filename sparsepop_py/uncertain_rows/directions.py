@@ -121,7 +121,10 @@ def units_of_rows(rows: UncertainRows) -> Reals:
 def _proved(
     cube: Callable[[int], Cube], number: int, whole: int, end: float
 ) -> tuple[Certificate, int, float] | None:
-    """A proof that s is positive on one side, from how many rows, and the bound of s."""
+    """Search a proof that s is positive on one side.
+
+    Returns the proof, the number of rows it uses, and the bound of s.
+    """
     count, seconds = min(_FEW, whole), _BRIEFLY
     while True:
         side = cube(count).side(number)
@@ -135,7 +138,7 @@ def _proved(
 
 
 def _least(side: InUnits, end: float) -> Certificate | None:
-    """A proof that s is positive; None where none was found, or where s = 0 is attained."""
+    """Search a proof that s is positive; None if none is found."""
     gap, slice_ = _GAP, _SLICE
     while (left := end - time.monotonic()) > 0:
         options = Options(effort="auto", gap=gap, gap_kind="absolute", time_limit=min(left, slice_))

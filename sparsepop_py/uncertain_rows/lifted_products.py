@@ -53,7 +53,7 @@ def _sum_bounds(rows: ProductRows, found: ParameterBox) -> tuple[LinearBound, ..
 def complete_box(
     box: LiftedBox, coupled: CoupledRows, rows: ProductRows, until: float = math.inf
 ) -> LiftedBox:
-    """The box with bounds by the engine where rows one by one leave parameters unbounded.
+    """Bound by the engine parameters that rows one by one leave unbounded.
 
     Parameters
     ----------
@@ -63,6 +63,10 @@ def complete_box(
         Its rows.
     until : float
         Reading of ``time.monotonic`` at which all work ends.
+
+    Returns
+    -------
+    LiftedBox
     """
     for step in (_sharpened, _limited):
         if np.any(np.isinf([box.lower, box.upper])) and not box.empty:
@@ -71,7 +75,7 @@ def complete_box(
 
 
 def _sharpened(box: LiftedBox, coupled: CoupledRows, rows: ProductRows, until: float) -> LiftedBox:
-    """With bounds of sums of monomials over all rows at once."""
+    """Add bounds of sums of monomials over all rows at once."""
     left = min(_SECONDS, 0.5 * (until - time.monotonic()))
     if not rows.gains or not rows.sums or left <= 0:
         return box
@@ -88,7 +92,7 @@ def _sharpened(box: LiftedBox, coupled: CoupledRows, rows: ProductRows, until: f
 
 
 def _limited(box: LiftedBox, coupled: CoupledRows, rows: ProductRows, until: float) -> LiftedBox:
-    """With bounds of coefficients of maps: no consistent ones are far away."""
+    """Add bounds of coefficients of maps: no consistent ones are far away."""
     ends, last = np.array([box.lower, box.upper]), box.rounds[-1]
     limit = limit_coefficients(coupled, rows, np.array([last.lower, last.upper]), ends, until)
     if limit is None:

@@ -38,7 +38,7 @@ _ROUNDS = 4
 
 
 def _left_inverse(rows: UncertainRows) -> LeftInverse | None:
-    """The box of least squares, if the noise is small enough for the excitation."""
+    """Compute the box of least squares, if noise is small for the excitation."""
     count, p = rows.regressors.shape
     if count < p:
         return None
@@ -120,7 +120,7 @@ def parameter_box(
 def _process_node(
     rows: UncertainRows, box: Box, left: list[int], until: float
 ) -> tuple[SignTree, Box]:
-    """Process one node: bound it, or branch at the zero of a parameter with an open sign."""
+    """Process one node: bound it, or branch at zero of an open sign."""
     if time.monotonic() >= until:
         return SignTree(-1, (), ()), box
     place = _undecided(rows, box)
@@ -137,7 +137,7 @@ def _process_node(
 
 
 def _undecided(rows: UncertainRows, box: Box) -> int | None:
-    """The parameter whose open sign costs most, None if all are settled."""
+    """Select the parameter whose open sign costs most, None if all are settled."""
     low, high = box
     open_ = (low < 0) & (high > 0) & (rows.radii.max(axis=0, initial=0.0) > 0)
     if not np.any(open_):
@@ -152,11 +152,17 @@ def _undecided(rows: UncertainRows, box: Box) -> int | None:
 
 
 def left_inverse(matrix: Reals) -> Reals:
-    """Compute the pseudoinverse (p, R) with columns of one size, so that none counts as zero.
+    """Compute the pseudoinverse (p, R) with columns of one size.
+
+    So no column counts as zero.
 
     Parameters
     ----------
     matrix : (R, p) float
+
+    Returns
+    -------
+    (p, R) float
     """
     size = np.abs(matrix).max(axis=0, initial=0.0)
     units = np.ldexp(1.0, np.frexp(np.where(size > 0, size, 1.0))[1])

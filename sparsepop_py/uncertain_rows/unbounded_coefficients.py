@@ -65,7 +65,7 @@ def limit_coefficients(
 
 
 def _prove_faces(faces: Faces, reach: float, end: float) -> tuple[Certificate | None, ...] | None:
-    """Prove that no face holds a consistent point; None where one may, or where time ended."""
+    """Prove that no face holds a consistent point; None if not proved."""
     found = list[Certificate | None]()
     for face in faces.far:
         box, left = faces.unknowns(face, reach), end - time.monotonic()

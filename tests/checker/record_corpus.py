@@ -20,7 +20,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent)]
 
 import setid  # noqa: E402
-from setid.export.certificates import certificate_files  # noqa: E402
+from setid.result.certificate_files import certificate_files  # noqa: E402
 
 Case = tuple[str, Any, Any, Any, Any]  # name, data, model, noise, priors
 

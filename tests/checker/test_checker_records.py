@@ -19,7 +19,7 @@ import setid
 from checker import command, reading
 from checker.record import Identification
 from checker.result import NotProved
-from setid.export.certificates import certificate_files
+from setid.result.certificate_files import certificate_files
 
 INF = math.inf
 

@@ -11,7 +11,7 @@ __all__ = ["are_indices", "are_numbers", "frozen", "is_index"]
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """The same array, made read-only."""
+    """Make an array read-only and return it."""
     array.flags.writeable = False
     return array
 

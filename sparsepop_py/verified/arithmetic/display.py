@@ -44,5 +44,5 @@ def rounded(value: float, upwards: bool, digits: int = 10, scientific: bool = Tr
 
 
 def _inside(text: str, value: float, upwards: bool) -> bool:
-    """Whether what is shown lies on the wrong side of the value."""
+    """Check that the text shown lies on the wrong side of the value."""
     return Decimal(text) < Decimal(value) if upwards else Decimal(text) > Decimal(value)

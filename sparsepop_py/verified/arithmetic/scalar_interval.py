@@ -32,12 +32,12 @@ def meet(one: Ends, other: Ends) -> Ends:
 
 
 def plus(one: Ends, other: Ends) -> Ends:
-    """Sum."""
+    """Add two intervals."""
     return nextafter(one[0] + other[0], -inf), nextafter(one[1] + other[1], inf)
 
 
 def sum_of(parts: Sequence[Ends]) -> Ends:
-    """Sum of several."""
+    """Add several intervals."""
     found = (0.0, 0.0)
     for part in parts:
         found = plus(found, part)
@@ -45,7 +45,7 @@ def sum_of(parts: Sequence[Ends]) -> Ends:
 
 
 def times(one: Ends, other: Ends) -> Ends:
-    """The product, with 0 * inf = 0."""
+    """Multiply two intervals, with 0 * inf = 0."""
     corners = [0.0 if 0.0 in (a, b) else a * b for a in one for b in other]
     return nextafter(min(corners), -inf), nextafter(max(corners), inf)
 
@@ -61,7 +61,7 @@ def product(factors: Sequence[Ends]) -> Ends:
 
 
 def quotient(top: Ends, below: Ends) -> Ends:
-    """The quotient; everything where the divisor may be zero."""
+    """Divide two intervals; everything where the divisor may be zero."""
     if below[0] <= 0.0 <= below[1] or below[0] > below[1]:
         return -inf, inf
     inverse = tuple(0.0 if isinf(b) else 1.0 / b for b in (below[1], below[0]))

@@ -284,7 +284,7 @@ class Certificate:
         return found
 
     def settled(self, problem: Problem, known: dict[Any, Any] | None = None) -> Certificate | None:
-        """Lower the claim to what verification reaches; None where that is nothing.
+        """Lower the claim to the bound that verification reaches.
 
         A search shrinks its box while the cutoff falls, and verification replays all steps with
         the last cutoff: the same box but for rounding, so that a claim may be some ulps too much.
@@ -292,9 +292,14 @@ class Certificate:
         Parameters
         ----------
         problem : Problem
-            What the certificate is about.
+            The problem that the certificate is about.
         known : dict, optional
             As in :meth:`verify`.
+
+        Returns
+        -------
+        Certificate or None
+            None where nothing is proved.
         """
         bound, correction, _ = self.recompute(problem, known)
         if bound >= self.bound:

@@ -161,7 +161,7 @@ def value_at(objective: Polynomial, point: Sequence[Fraction]) -> Fraction:
 
 
 def _holds(rows: Polyhedron, point: Sequence[Fraction], weight: int) -> bool:
-    """Whether all rows hold at a point (weight 1), or along a direction (weight 0)."""
+    """Check all rows at a point (weight 1), or along a direction (weight 0)."""
     total = lcm(*(v.denominator for v in point))
     whole = [v.numerator * (total // v.denominator) for v in point]
     signs = rows.signs(whole, weight * total, total)

@@ -33,19 +33,19 @@ class Bounds:
 
     @property
     def empty(self) -> bool:
-        """Whether it is proved that no parameter vector is consistent."""
+        """True if it is proved that no parameter vector is consistent."""
         return bool(np.any(self.lower > self.upper))
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all that would make it smaller had been looked at."""
+        """True if time ended before all that could tighten the box was tried."""
         return False
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self._text()}>"
 
     def _text(self) -> str:
-        """The ends, rounded outwards."""
+        """Format the ends, rounded outwards."""
         if self.empty:
             return "empty, proved"
         triples = zip(self.names, self.lower.tolist(), self.upper.tolist(), strict=True)
@@ -56,7 +56,7 @@ class Bounds:
 
 
 def gained(old: Box | Reals, new: Box | Reals) -> bool:
-    """Whether some width shrank by enough to be worth another round."""
+    """Check that some width shrank by enough for another round."""
     with np.errstate(invalid="ignore"):
         before, after = old[1] - old[0], new[1] - new[0]
         smaller = (after < _GAINED * before) | (np.isinf(before) & np.isfinite(after))

@@ -102,7 +102,7 @@ class DirectionBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all nodes had been processed."""
+        """True if time ended before all nodes had been processed."""
         return self.last.cut_short
 
     def used_rows(self, rows: UncertainRows) -> dict[int, int]:
@@ -116,7 +116,7 @@ class DirectionBox(Bounds):
 
 
 def suits(coupled: CoupledRows) -> bool:
-    """Whether the rows of samples are linear in the parameters, all else in them bounded."""
+    """Check that rows are linear in the parameters, and all other variables bounded."""
     problem, p = coupled.problem, coupled.parameters
     size = np.abs(problem.rows.coefficients)
     if not (size.min(initial=1.0) > _TINY and size.max(initial=1.0) < 1.0 / _TINY):
@@ -132,7 +132,7 @@ def suits(coupled: CoupledRows) -> bool:
 
 
 def exact_units(scale: Reals, count: int) -> bool:
-    """Whether they are positive and rows in them exact: powers of two, neither tiny nor huge."""
+    """Check for positive powers of two, neither tiny nor huge: exact rows."""
     if scale.shape != (count,) or not np.all((scale > 0) & np.isfinite(scale)):
         return False
     half, power = np.frexp(scale)
@@ -140,7 +140,7 @@ def exact_units(scale: Reals, count: int) -> bool:
 
 
 def within(first: ParameterBox, scale: Reals, least: float) -> Reals:
-    """The first box, with the bounds c / s, rounded outwards."""
+    """Intersect the first box with the bounds c / s, rounded outwards."""
     reach = np.nextafter(scale / least, inf)
     return frozen(np.array([np.maximum(first.lower, -reach), np.minimum(first.upper, reach)]))
 
@@ -155,7 +155,10 @@ class Cube(NamedTuple):
     names: tuple[str, ...]
 
     def side(self, number: int) -> InUnits:
-        """Minimise s over the side phi_i = 1 (for number 2 i, from 0) or -1 (2 i + 1)."""
+        """Minimise s over the side phi_i = 1 or -1.
+
+        Number 2 i, from 0, means phi_i = 1; 2 i + 1 means -1.
+        """
         low, high = self.lower.copy(), self.upper.copy()
         low[number // 2] = high[number // 2] = -1.0 if number % 2 else 1.0
         s = variables(len(self.names), list(self.names))[-1]
@@ -163,7 +166,7 @@ class Cube(NamedTuple):
 
 
 def cubes(coupled: CoupledRows, first: ParameterBox, scale: Reals) -> Callable[[int], Cube]:
-    """The cube in what signs leave, of as many rows of samples as are asked for."""
+    """Build the cube of so many rows of samples, within the first signs."""
     known = coupled.problem
     p, n = scale.size, known.dimension
     names = (*known.names, "s")
@@ -189,7 +192,7 @@ def cubes(coupled: CoupledRows, first: ParameterBox, scale: Reals) -> Callable[[
 
 
 def _homogeneous(row: Constraint, scale: Reals, n: int, names: tuple[str, ...]) -> Constraint:
-    """The row in (phi, noise, s): terms without a parameter are multiplied by s."""
+    """Rewrite a row in (phi, noise, s): terms without a parameter times s."""
     words, p = row.polynomial.words, scale.size
     ours = (words > 0) & (words <= p)
     plain = ~ours.any(axis=1)

@@ -75,7 +75,7 @@ class LiftedBox(Bounds):
         return bool(np.all(box[0] >= self.lower) and np.all(box[1] <= self.upper))
 
     def _replayed(self, rows: ProductRows, start: Reals) -> Reals | None:
-        """The box after all rounds; None where one of them does not hold."""
+        """Replay all rounds; None where one of them does not hold."""
         if len(self.rounds) != len(self.sums):
             return None
         box = start
@@ -88,7 +88,7 @@ class LiftedBox(Bounds):
         return box
 
     def _sharpened(self, rows: ProductRows, box: Reals, coupled: CoupledRows) -> Reals | None:
-        """The box after what rests on all rows at once; None where that does not hold."""
+        """Apply bounds over all rows at once; None where they do not hold."""
         if not self.rounds:
             return None
         last, sums = self.rounds[-1], self.sums[-1]
@@ -108,7 +108,7 @@ class LiftedBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all nodes had been processed."""
+        """True if time ended before all nodes had been processed."""
         return any(found.cut_short for found in self.rounds)
 
     def used_rows(self, rows: UncertainRows) -> dict[int, int]:
@@ -151,7 +151,7 @@ def _sums_hold(rows: ProductRows, found: ParameterBox, sums: tuple[LinearBound, 
 def joined_equations(
     coupled: CoupledRows, rows: ProductRows, found: ParameterBox
 ) -> Problem | None:
-    """The equations with sums of monomials of theta as unknowns of their own, ahead of the others.
+    """Join equations, with sums of monomials of theta as first unknowns.
 
     None where an equation holds other monomials, or multiplies those of a sum by different things.
     """
@@ -183,7 +183,7 @@ def joined_equations(
 
 
 def sum_objectives(joined: Problem, rows: ProductRows) -> list[Polynomial]:
-    """The sums and their negatives in the unknowns of the joined equations."""
+    """List the sums and their negatives in the unknowns of the joined equations."""
     x = variables(joined.dimension)
     return [
         total([value * x[v] for v, value in zip(p.words[:, -1] - 1, p.coefficients, strict=True)])
@@ -237,7 +237,7 @@ def lifted_rows(coupled: CoupledRows, names: tuple[str, ...]) -> ProductRows | N
 
 
 def _factors(rows: list[Polynomial], p: int) -> dict[Monomial, list[Factor]]:
-    """What each monomial of theta multiplies: row, noise samples and value of each term."""
+    """List the factors of each monomial of theta: row, noise samples, value."""
     found: dict[Monomial, list[Factor]] = {}
     for number, row in enumerate(rows):
         terms = zip(row.words.tolist(), row.coefficients.tolist(), strict=True)

@@ -76,7 +76,7 @@ class ProductRows:
 
     @property
     def sums(self) -> tuple[Total, ...]:
-        """Sums of monomials that static gains speak of: of the a, and of b gamma for each gamma."""
+        """Sums of monomials in static gains: of a, and of b gamma."""
         found: list[Total] = []
         for numerator, denominator in self.gains:
             found.append(tuple((i,) for i in denominator))
@@ -86,20 +86,20 @@ class ProductRows:
         return tuple(dict.fromkeys(s for s in found if len(s) > 1 and set(s) <= known))
 
     def objectives(self) -> list[Polynomial]:
-        """The sums and their negatives in turn, as polynomials in the columns."""
+        """List the sums and their negatives in turn, as polynomials in the columns."""
         x, place = variables(len(self.columns)), self.place
         totals = [total([x[place[m]] for m in parts]) for parts in self.sums]
         return [sign * total for total in totals for sign in (1.0, -1.0)]
 
     def shrunk(self, box: Reals, low: Reals, high: Reals, sums: Sequence[Ends] = ()) -> Reals:
-        """The box (2, p) of theta, the columns in [low, high], sums of columns in ``sums``."""
+        """Tighten the box (2, p) of theta by ranges of columns and sums."""
         columns = zip(self.columns, low.tolist(), high.tolist(), strict=True)
         ends = {column: (a, b) for column, a, b in columns}
         return contracted(box, ends | dict(zip(self.sums, sums, strict=bool(sums))), self.gains)
 
 
 def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) -> Reals:
-    """A box of theta made smaller by bounds of sums of products, and by static gains of 1.
+    """Tighten a box of theta by sums of products and unit gains.
 
     Parameters
     ----------
@@ -107,6 +107,7 @@ def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) 
     totals : mapping of monomials to (low, high)
         Bounds of their sum.
     gains : sequence of (numerator, denominator)
+        Static gains that are 1.
 
     Returns
     -------
@@ -124,13 +125,13 @@ def contracted(box: Reals, totals: Mapping[Total, Ends], gains: Sequence[Gain]) 
 
 
 def _total(ends: Sequence[Ends], total: Total) -> Ends:
-    """The range of a sum of monomials; a single one as it is."""
+    """Compute the range of a sum of monomials; a single one as it is."""
     ranges = [product([ends[i] for i in monomial]) for monomial in total]
     return ranges[0] if len(ranges) == 1 else sum_of(ranges)
 
 
 def _settle_total(ends: list[Ends], total: Total, found: Ends) -> None:
-    """A sum of monomials lies in ``found``: solved for each monomial, and that for each factor."""
+    """Solve a sum of monomials in ``found`` for each monomial and factor."""
     for monomial in total:
         rest = tuple(other for other in total if other != monomial)
         mine = plus(found, times((-1.0, -1.0), _total(ends, rest))) if rest else found
@@ -140,7 +141,7 @@ def _settle_total(ends: list[Ends], total: Total, found: Ends) -> None:
 
 
 def _settle_gain(ends: list[Ends], numerator: Sequence[int], denominator: Sequence[int]) -> None:
-    """Sum b - sum a = 1, solved for each in turn."""
+    """Solve sum b - sum a = 1 for each term in turn."""
     signs = [(i, 1.0) for i in numerator] + [(i, -1.0) for i in denominator]
     for i, sign in signs:
         rest = (1.0, 1.0)

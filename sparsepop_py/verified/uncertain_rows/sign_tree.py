@@ -1,4 +1,4 @@
-"""Boxes of parameters from rows |Y + R theta| <= w0 + W |theta|, and how they are checked.
+"""Verified boxes of parameters from rows |Y + R theta| <= w0 + W |theta|.
 
 Where the signs of theta are known a row is linear. Where a sign is open, |theta_i| is at most its
 secant over the bounds known so far, which is linear as well; where no bounds are known, the rows
@@ -7,6 +7,7 @@ and a node that is infeasible is fathomed with one proof.
 
 A first box is known already, or comes from a left inverse M of R: theta - theta0 = M R (theta -
 theta0) + (I - M R)(theta - theta0) gives abs(theta - theta0) <= d + G abs(theta - theta0).
+
 :mod:`sparsepop_py.uncertain_rows.sign_tree` finds such boxes; nothing here runs a linear program.
 """
 
@@ -145,7 +146,7 @@ class ParameterBox(Bounds):
 
     @property
     def cut_short(self) -> bool:
-        """Whether time ended before all nodes had been processed."""
+        """True if time ended before all nodes had been processed."""
         trees = [step for step in self.steps if isinstance(step, SignTree)]
         return any(not leaf.bounds for tree in trees for leaf in tree.leaves())
 
@@ -222,7 +223,7 @@ def nothing(box: Box) -> Box:
 
 
 def linear_rows(rows: UncertainRows, box: Box) -> Problem:
-    """The rows as linear constraints that hold on a box, all roundings outwards.
+    """Linearise the rows on a box, all roundings outwards.
 
     Parameters
     ----------
@@ -265,7 +266,10 @@ def linear_rows(rows: UncertainRows, box: Box) -> Problem:
 
 
 def _secant(low: float, high: float) -> tuple[float, float]:
-    """(s, c) with abs(x) <= s x + c for low <= x <= high; c is infinite if an end is."""
+    """Compute (s, c) with abs(x) <= s x + c on [low, high].
+
+    c is infinite if an end is.
+    """
     if np.isinf(low) or np.isinf(high):
         return 0.0, np.inf
     slope = (high + low) / (high - low)

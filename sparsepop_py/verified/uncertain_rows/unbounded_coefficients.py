@@ -41,7 +41,7 @@ class CoefficientLimit(NamedTuple):
     proofs: tuple[Certificate | None, ...]  # None where bounds of products are enough
 
     def within(self, box: Reals) -> Reals:
-        """The box (2, p) with these bounds."""
+        """Intersect the box (2, p) with these bounds."""
         found, chosen = box.copy(), list(self.parameters)
         found[0, chosen] = np.maximum(found[0, chosen], -self.reach)
         found[1, chosen] = np.minimum(found[1, chosen], self.reach)
@@ -64,7 +64,7 @@ class CoefficientLimit(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """What the problems of all faces have in common."""
+    """Data that the problems of all faces share."""
 
     coupled: CoupledRows
     rows: ProductRows
@@ -96,16 +96,19 @@ class Faces:
         return {face: [self._row(row, face) for row in kept] for face in self.far}
 
     def _expressible(self, row: Constraint) -> bool:
-        """Whether the unknowns of a face can express a constraint."""
+        """Check that the unknowns of a face can express a constraint."""
         return all(map(self._suits, row.polynomial.words.tolist()))
 
     def _suits(self, word: Sequence[int]) -> bool:
-        """Whether a term has a partner at most, and an unbounded parameter only with a partner."""
+        """Check for at most one partner, needed by an unbounded parameter."""
         far = sum(letter - 1 in self.far for letter in word)
         return far <= sum(letter - 1 in self.partners for letter in word) <= 1
 
     def _mapped(self, factors: Sequence[int], face: int) -> list[int]:
-        """A product of theta and noise in the unknowns of a face: c for b, s for gamma_face."""
+        """Rewrite a product in the unknowns of a face.
+
+        c stands for b, s for gamma_face.
+        """
         if face in factors:
             return sorted(v for v in factors if v != face)
         if any(v in self.far for v in factors):
@@ -127,7 +130,7 @@ class Faces:
         return float(np.exp2(np.clip(np.round(np.log2(top / below)), -60, 60)))
 
     def holds(self, face: int, reach: float, proof: Certificate | None) -> bool:
-        """Whether a face is proved to hold no consistent point."""
+        """Check the proof that a face holds no consistent point."""
         box = self.unknowns(face, reach)
         if np.any(box[0] > box[1]):
             return True
@@ -136,7 +139,7 @@ class Faces:
         return proof.bound == np.inf and proof.verify(self.problem(face, box)).ok
 
     def unknowns(self, face: int, reach: float) -> Reals:
-        """Bounds (2, n) of the unknowns with |s| <= 1 / reach; crossing where there is no point."""
+        """Bound the unknowns of a face where |s| <= 1 / reach, shape (2, n)."""
         known, p = self.coupled.problem, self.box.shape[1]
         start, inverse = self.box.copy(), float(np.nextafter(1.0 / reach, np.inf))
         start[:, list(self.far)] = [[-1.0], [1.0]]

@@ -240,6 +240,8 @@ class Factor:
         ----------
         regularisation : float
             Added to each pivot, relative to it.
+        deadline : float, optional
+            CPU time after which to give up.
 
         Raises
         ------

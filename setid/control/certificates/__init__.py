@@ -1,0 +1,1 @@
+"""Certificates of stability: arcs of the unit circle, small gain, zero exclusion, refutation."""

@@ -1,0 +1,309 @@
+"""Trigonometric polynomials with uncertain coefficients on arcs of the unit circle.
+
+f(w; theta) = sum_k (alpha_k + beta_k theta) exp(-j k w). On an arc of half width h about w0 its
+Taylor polynomial of degree d, in Bernstein form, lies in the convex hull of d + 1 points, each
+affine in theta, and the remainder is at most sum_k abs(c_k) (abs(k - s) h)^(d+1) / (d+1)! after the
+harmless factor exp(j s w). Proved ranges of the points over a polytope bound f on the whole arc.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import comb, factorial, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.control.parameters.parameter_set import ParameterSet
+
+__all__ = ["Arc", "Family", "first_arcs", "ratio_on_arcs", "zero_free"]
+
+Reals = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Arc = tuple[float, float]  # centre, half width
+_DEGREE = 3
+_ROUNDING = 1e-13  # relative to the sum of abs(coefficients); see _points
+_FIRST = 24  # arcs
+_LEAST = 1e-6  # half width below which an arc is given up
+_MOST = 4000  # arcs of one question
+_TURNS = (0.0, 0.6, -0.6, 1.1, -1.1)  # rad, of half planes that are tried
+_OCTAGON = 1.0 / np.cos(pi / 8) * (1.0 + 1e-12)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Family:
+    """Coefficients alpha_k + beta_k theta of q^-k.
+
+    Parameters
+    ----------
+    constants, weights : (K,), (K, p) float
+        Within one unit in the last place of the exact ones.
+    """
+
+    constants: Reals
+    weights: Reals
+
+    @classmethod
+    def of_products(
+        cls, first: Sequence[Fraction], second: Sequence[Fraction], na: int, lags: Sequence[int]
+    ) -> Family:
+        """First A(theta) + second B(theta), A = 1 + a_1 q^-1 + ..., B with coefficients at lags.
+
+        Parameters
+        ----------
+        first, second : polynomials in q^-1
+        na : int
+        lags : sequence of int
+            One for each coefficient of B.
+        """
+        size = max(len(first) + na, len(second) + max(lags, default=0))
+        constants, weights = np.zeros(size), np.zeros((size, na + len(lags)))
+        constants[: len(first)] = [float(c) for c in first]
+        for i in range(1, na + 1):
+            weights[i : i + len(first), i - 1] = [float(c) for c in first]
+        for j, lag in enumerate(lags):
+            weights[lag : lag + len(second), na + j] = [float(c) for c in second]
+        return cls(constants, weights)
+
+    @property
+    def shift(self) -> float:
+        """Half the degree: s of the factor exp(j s w)."""
+        return 0.5 * (self.constants.size - 1)
+
+    def padded(self, size: int) -> Family:
+        """With coefficients 0 up to a number of them."""
+        more = size - self.constants.size
+        return Family(np.pad(self.constants, (0, more)), np.pad(self.weights, ((0, more), (0, 0))))
+
+    def divided(self) -> Family:
+        """Quotient by (1 - q^-1), a factor of every member of the family."""
+        return Family(np.cumsum(self.constants)[:-1], np.cumsum(self.weights, axis=0)[:-1])
+
+    def scaled(self, radius: float) -> Family:
+        """Values on the circle of a radius: coefficient k divided by radius^k."""
+        powers = radius ** -np.arange(float(self.constants.size))
+        return Family(self.constants * powers, self.weights * powers[:, None])
+
+    def at(self, theta: Reals) -> Reals:
+        """Coefficients (K,) for parameters (p,)."""
+        return np.asarray(self.constants + self.weights @ theta, np.float64)
+
+
+def first_arcs(count: int = _FIRST) -> list[Arc]:
+    """Arcs that cover [0, pi]."""
+    half = 0.5 * pi / count
+    return [((2 * i + 1) * half, half * (1.0 + 1e-9)) for i in range(count)]
+
+
+def _halves(arc: Arc) -> list[Arc]:
+    centre, half = arc
+    return [(centre + sign * half / 2, half / 2 * (1.0 + 1e-9)) for sign in (-1.0, 1.0)]
+
+
+def _bernstein(degree: int) -> Reals:
+    """Matrix from coefficients of t^m on [-1, 1] to Bernstein coefficients."""
+    found = np.zeros((degree + 1, degree + 1))
+    for m in range(degree + 1):
+        for i in range(degree + 1):  # t = 2 x - 1
+            for r in range(min(m, i) + 1):
+                power = comb(m, r) * 2.0**r * (-1.0) ** (m - r)
+                found[i, m] += power * comb(i, r) / comb(degree, r)
+    return found
+
+
+_MATRIX = _bernstein(_DEGREE)
+
+
+def _taylor(size: int, shift: float, arcs: Sequence[Arc]) -> tuple[Complexes, Reals, Reals]:
+    """Bernstein points as combinations (arcs, d + 1, K) of coefficients, and what they lose.
+
+    Remainders (arcs, K) are for each unit of a coefficient, rounding errors (arcs, K) for each
+    unit of what it is summed from.
+    """
+    centre, half = np.array(arcs).T
+    lag = np.arange(size) - shift
+    turn = np.exp(-1j * centre[:, None] * lag)  # (arcs, K)
+    step = half[:, None] * lag
+    powers = np.stack([(-1j * step) ** m / factorial(m) for m in range(_DEGREE + 1)], axis=1)
+    points = np.einsum("im,amk->aik", _MATRIX, powers * turn[:, None, :])
+    rest = np.abs(step) ** (_DEGREE + 1) / factorial(_DEGREE + 1) * (1.0 + 1e-12)
+    grown = np.exp(np.minimum(np.abs(step), 50.0)) * np.abs(_MATRIX).sum(axis=1).max()
+    return points, rest, _ROUNDING * (size + 10) * grown
+
+
+def _lost(
+    found: ParameterSet, family: Family, reference: Reals, rest: Reals, rounding: Reals
+) -> Reals:
+    """Remainder and rounding errors (arcs,) over a set and a reference."""
+    low, high = found.ranges(family.constants, family.weights)
+    size = np.maximum(np.maximum(np.abs(low), np.abs(high)), np.abs(family.at(reference)))
+    ends = found.box
+    reach = np.maximum(np.maximum(np.abs(ends[0]), np.abs(ends[1])), np.abs(reference))
+    summed = np.abs(family.constants) + np.abs(family.weights) @ reach
+    return np.asarray((rest @ size + rounding @ summed) * (1.0 + 1e-12), np.float64)
+
+
+# ---- zeros ------------------------------------------------------------------------------
+
+
+def zero_free(
+    found: ParameterSet,
+    family: Family,
+    reference: Reals,
+    arcs: Sequence[Arc] | None = None,
+    hint: Sequence[float] = (),
+) -> list[float]:
+    """Prove that a family has no zero on the unit circle, on the set joined with a reference.
+
+    On each arc a half plane is found that contains f(w; theta) for every theta of the set and for
+    the reference, hence on all segments between them as well.
+
+    Parameters
+    ----------
+    found : ParameterSet
+    family : Family
+    reference : (p,) float
+    arcs : sequence of (centre, half width), optional
+        All of [0, pi] when left out.
+    hint : sequence of float
+        Frequencies that are looked at first.
+
+    Returns
+    -------
+    list of float
+        Frequencies at which the proof failed; empty where it succeeded.
+
+    References
+    ----------
+    J. Ackermann, Robust Control, 2nd ed. 2002, section 4.1 (zero exclusion).
+    """
+    todo, count = list(arcs or first_arcs()), 0
+    if hint:
+        known = _half_planes(found, family, reference, [(w, 0.0) for w in hint])
+        if not np.all(known):
+            return [w for w, ok in zip(hint, known, strict=True) if not ok]
+    while todo:
+        count += len(todo)
+        clear = _half_planes(found, family, reference, todo)
+        failed = [arc for arc, ok in zip(todo, clear, strict=True) if not ok]
+        bad = [arc[0] for arc in failed if arc[1] < _LEAST]
+        if bad or count > _MOST:
+            return bad or [arc[0] for arc in failed]
+        if failed:
+            single = _half_planes(found, family, reference, [(arc[0], 0.0) for arc in failed])
+            if not np.all(single):
+                return [arc[0] for arc, ok in zip(failed, single, strict=True) if not ok]
+        todo = [half for arc in failed for half in _halves(arc)]
+    return []
+
+
+def _half_planes(
+    found: ParameterSet, family: Family, reference: Reals, arcs: Sequence[Arc]
+) -> NDArray[np.bool_]:
+    """For each arc, whether one of a few half planes contains all values of the family."""
+    points, rest, rounding = _taylor(family.constants.size, family.shift, arcs)
+    bound = _lost(found, family, reference, rest, rounding)
+    own = np.einsum("aik,k->ai", points, family.at(reference))
+    middle = own.mean(axis=1)
+    clear = np.zeros(len(points), bool)
+    for angle in _TURNS:
+        todo = np.flatnonzero(~clear)
+        if not todo.size:
+            break
+        size = np.maximum(np.abs(middle[todo]), 1e-300)
+        turn = np.conj(middle[todo] / size) * np.exp(1j * angle)
+        rotated = (points[todo] * turn[:, None, None]).real
+        flat = rotated.reshape(-1, rotated.shape[2])
+        low, _ = found.ranges(flat @ family.constants, flat @ family.weights)
+        least = low.reshape(rotated.shape[:2]).min(axis=1)
+        mine = (own[todo] * turn[:, None]).real.min(axis=1)
+        clear[todo] = (least > bound[todo]) & (mine > bound[todo])
+    return clear
+
+
+# ---- ratios -----------------------------------------------------------------------------
+
+
+def ratio_on_arcs(
+    found: ParameterSet,
+    top: Family,
+    below: Family,
+    reference: Reals,
+    enough: float,
+    arcs: Sequence[Arc] | None = None,
+) -> list[tuple[float, float, float]]:
+    """Proved bounds of abs(top / below) on arcs that cover [0, pi].
+
+    With a nominal ratio g at the centre, top / below - g = (top - g below) / below, and both are
+    affine in theta: the excess is of second order in the widths.
+
+    Parameters
+    ----------
+    found : ParameterSet
+    top, below : Family
+    reference : (p,) float
+        Nominal parameters.
+    enough : float
+        Arcs whose bound is no larger are not refined.
+    arcs : sequence of (centre, half width), optional
+
+    Returns
+    -------
+    list of (from, to, bound)
+        In the order of frequency; infinite where ``below`` may vanish.
+    """
+    size = max(top.constants.size, below.constants.size)
+    top, below = top.padded(size), below.padded(size)
+    todo, done, count = list(arcs or first_arcs()), list[tuple[Arc, float]](), 0
+    while todo:
+        count += len(todo)
+        bounds = _ratios(found, top, below, reference, todo)
+        floor = _ratios(found, top, below, reference, [(c, 0.0) for c, _ in todo])
+        following: list[Arc] = []
+        for arc, bound, least in zip(todo, bounds, floor, strict=True):
+            hopeless = not bound < np.inf and not least < np.inf
+            close = bound <= max(enough, 1.05 * least)
+            if close or hopeless or arc[1] < _LEAST or count > _MOST:
+                done.append((arc, float(bound)))
+            else:
+                following += _halves(arc)
+        todo = following
+    return sorted((max(c - h, 0.0), min(c + h, pi), bound) for (c, h), bound in done)
+
+
+def _ratios(
+    found: ParameterSet, top: Family, below: Family, reference: Reals, arcs: Sequence[Arc]
+) -> Reals:
+    """Bounds (arcs,) of abs(top / below)."""
+    points, rest, rounding = _taylor(top.constants.size, top.shift, arcs)
+    own = [np.einsum("aik,k->ai", points, f.at(reference)).mean(axis=1) for f in (top, below)]
+    pivot = np.where(own[1] == 0, 1e-300, own[1])
+    g = own[0] / pivot
+    unit = points / pivot[:, None, None]
+    flat = unit.reshape(-1, unit.shape[2])
+    wide = np.repeat(g, unit.shape[1])[:, None]
+    weights = flat @ top.weights - wide * (flat @ below.weights)
+    constants = flat @ top.constants - wide[:, 0] * (flat @ below.constants)
+    away = _moduli(found, constants, weights).reshape(unit.shape[:2]).max(axis=1)
+    low, _ = found.ranges((flat @ below.constants).real, (flat @ below.weights).real)
+    least = low.reshape(unit.shape[:2]).min(axis=1)
+    lost = [_lost(found, f, reference, rest, rounding) / np.abs(pivot) for f in (top, below)]
+    away = (away + lost[0] + np.abs(g) * lost[1]) * (1.0 + 1e-12)
+    least = least - lost[1] * (1.0 + 1e-12)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bound = (np.abs(g) + away / least) * (1.0 + 1e-12)
+    return np.where(least > 0, bound, np.inf)
+
+
+def _moduli(found: ParameterSet, constants: Complexes, weights: Complexes) -> Reals:
+    """Upper bounds of abs(constants + weights theta) from eight half planes."""
+    turns = np.exp(1j * pi / 4 * np.arange(4))
+    ends = []
+    for turn in turns:
+        low, high = found.ranges((constants * turn).real, (weights * turn).real)
+        ends.append(np.maximum(np.abs(low), np.abs(high)))
+    octagon = np.max(ends, axis=0) * _OCTAGON
+    rectangle = np.minimum(np.hypot(ends[0], ends[2]), np.hypot(ends[1], ends[3]))
+    return np.minimum(octagon, rectangle * (1.0 + 1e-12))

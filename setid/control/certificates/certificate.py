@@ -1,0 +1,504 @@
+"""Certificates that a controller stabilises every plant that is consistent with a record."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.control.certificates.cells import Claim, Outcome, prove_over_cells
+from setid.control.certificates.characteristic import Characteristic
+from setid.control.certificates.refutation import unstable_plant
+from setid.control.certificates.small_gain import SmallGain
+from setid.control.engine import (
+    IOData,
+    ModelError,
+    Noise,
+    NoiseError,
+    Options,
+    SetidError,
+    TransferFunction,
+    natural,
+    number,
+)
+from setid.control.parameters.parameter_set import (
+    ParameterSet,
+    consistent_set,
+    identified,
+    tightened,
+)
+from setid.control.references import with_unit_gain
+from setid.control.transfer import Transfer, as_transfer, is_schur
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Condition", "StabilityCertificate", "plant_model", "stability_certificate"]
+
+Reals = NDArray[np.float64]
+Method = Literal["small_gain", "characteristic"]
+_SNAP = 1e-6  # largest residual of a pole that is taken to be at z = 1, relative
+_WITHOUT_MARGIN = "unbounded without a margin"
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """One condition of a stability theorem, checked.
+
+    Parameters
+    ----------
+    name : str
+    holds : bool or None
+        None where it is neither proved nor refuted.
+    text : str
+        Why.
+    """
+
+    name: str
+    holds: bool | None
+    text: str
+
+    def __str__(self) -> str:
+        word = {True: "holds", False: "fails", None: "open"}[self.holds]
+        return f"{self.name}: {word}; {self.text}"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class StabilityCertificate:
+    """Whether a controller is proved to stabilise every consistent plant.
+
+    Parameters
+    ----------
+    verdict : {"certified", "refuted", "open"}
+        Certified: every consistent plant makes an internally stable loop, proved. Refuted: a
+        consistent plant, ``plant``, makes an unstable loop, both proved. Open: neither.
+    reason : str
+    method : {"small_gain", "characteristic"}
+    conditions : tuple of Condition
+    bound : float
+        Proved bound of abs(Delta) over all frequencies and all consistent plants; infinite where
+        none is proved, NaN where the method has none.
+    arcs : tuple of (from, to, bound)
+        Bounds of abs(Delta) on arcs of the unit circle, rad a sample.
+    controller, reference : Transfer
+        What the verdict is about, poles at z = 1 being exact.
+    model : TransferFunction
+        Of the plant.
+    parameters : ParameterSet or None
+        A polytope that contains every consistent plant.
+    plant : Transfer or None
+        A consistent plant with an unstable loop.
+    margin : float or None
+    integrators : int
+    assumptions : tuple of str
+    help : tuple of str
+        What would help where the verdict is open.
+    cells : int
+    seconds : float
+    """
+
+    verdict: Literal["certified", "refuted", "open"]
+    reason: str
+    method: Method
+    conditions: tuple[Condition, ...]
+    bound: float
+    arcs: tuple[tuple[float, float, float], ...]
+    controller: Transfer
+    reference: Transfer
+    model: TransferFunction
+    parameters: ParameterSet | None
+    plant: Transfer | None
+    margin: float | None
+    integrators: int
+    assumptions: tuple[str, ...]
+    help: tuple[str, ...]
+    cells: int
+    seconds: float
+
+    def __bool__(self) -> bool:
+        return self.verdict == "certified"
+
+    def summary(self) -> str:
+        """Verdict, conditions, assumptions and advice as text."""
+        lines = [f"{self.verdict}: {self.reason}"]
+        lines += [f"  condition {c}" for c in self.conditions]
+        lines += [f"  assumed: {text}" for text in self.assumptions]
+        lines += [f"  would help: {text}" for text in self.help]
+        return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the bound of abs(Delta) over frequency (needs matplotlib)."""
+        from setid.control.plots import plot_certificate
+
+        return plot_certificate(self, ax)
+
+    def __repr__(self) -> str:
+        return f"<StabilityCertificate: {self.verdict} by {self.method}: {self.reason}>"
+
+
+def stability_certificate(
+    data: IOData,
+    K: Any,
+    M: Any,
+    plant_order: int | TransferFunction,
+    noise: Noise | float,
+    margin: float | None = None,
+    method: Method = "small_gain",
+    *,
+    delay: int = 0,
+    integrators: int = 0,
+    time_limit: float = 60.0,
+    snap: float = _SNAP,
+) -> StabilityCertificate:
+    """Prove that a controller stabilises every plant that is consistent with a record.
+
+    Parameters
+    ----------
+    data : IOData
+        The experiment on the plant alone: input r, measured output.
+    K, M : Transfer, (numerator, denominator) or python-control model
+        Controller and reference model.
+    plant_order : int or TransferFunction
+        An upper bound of the plant's order, or its whole structure.
+    noise : Noise or float
+        Bound of the output's noise.
+    margin : float, optional
+        Assumption: the plant's poles have abs(z) <= 1 - margin (an integrator that is
+        declared excepted). Listed in the result.
+    method : {"small_gain", "characteristic"}
+        Bound abs(M - K P (1 - M)) < 1, or prove the characteristic polynomial stable.
+    delay : int
+        Samples of delay of the plant, with an integer ``plant_order``.
+    integrators : int
+        Plant poles at exactly z = 1, 0 or 1.
+    time_limit : float
+        Seconds, roughly; linear programs that have begun are ended.
+    snap : float
+        Largest value of a denominator at z = 1, relative to its coefficients, that is taken
+        to be a pole at exactly 1; what was moved is listed among the assumptions.
+
+    Returns
+    -------
+    StabilityCertificate
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together.
+
+    References
+    ----------
+    V. Cerone, D. Regruto, M. Abuabiah, "Direct data-driven control design through
+    set-membership errors-in-variables identification techniques", American Control
+    Conference 2017, 388-393.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> from setid import control
+    >>> P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    >>> r = np.random.default_rng(0).uniform(-1, 1, 60)
+    >>> data = setid.IOData(r, P.simulate(r))
+    >>> K = control.ideal_controller(P, M)
+    >>> found = control.stability_certificate(data, K, M, 1, setid.Noise(output=0.01), delay=1)
+    >>> found.verdict, bool(found.bound < 0.1)
+    ('certified', True)
+    """
+    begin = time.monotonic()
+    if method not in ("small_gain", "characteristic"):
+        raise SetidError(f"method: found {method!r}, expected 'small_gain' or 'characteristic'")
+    if margin is not None and not 0.0 < number(margin, "margin", SetidError) < 1.0:
+        raise SetidError(f"margin: found {margin!r}, expected a number between 0 and 1")
+    noise = _output_noise(noise)
+    model = plant_model(plant_order, delay)
+    controller, reference, moved = _known(K, M, data.Ts, snap)
+    poles = natural(integrators, "integrators", SetidError)
+    if poles > min(model.na[0][0], 1):
+        raise SetidError(f"integrators: found {poles}, expected 0 or 1, at most the plant's order")
+    task = _Task(data, noise, model, controller, reference, margin, poles, method, begin)
+    return task.run(begin + number(time_limit, "time_limit", SetidError), moved)
+
+
+def plant_model(order: int | TransferFunction, delay: int = 0) -> TransferFunction:
+    """The structure of a plant of at most an order, with ``initial="free"``."""
+    if isinstance(order, TransferFunction):
+        return order
+    n = natural(order, "plant_order", ModelError)
+    lag = natural(delay, "delay", ModelError)
+    return TransferFunction(n, max(n + 1 - lag, 1), lag)
+
+
+def _output_noise(noise: Noise | float) -> Noise:
+    found = noise if isinstance(noise, Noise) else Noise(output=noise)
+    if np.any(np.asarray(found.input) > 0):
+        raise NoiseError(
+            "noise.input: found a bound > 0, expected 0: the input of the experiment is known"
+        )
+    return found
+
+
+def _known(K: Any, M: Any, Ts: float, snap: float) -> tuple[Transfer, Transfer, tuple[str, ...]]:
+    """Controller and reference model with exact poles at 1, and what was moved for that."""
+    texts = []
+    controller, rest = as_transfer(K, Ts, "K").reduced().snapped(snap)
+    if rest:
+        texts.append(
+            f"the controller's pole near z = 1 is at exactly 1 (its denominator was {rest:.3g} "
+            "there): implement certificate.controller"
+        )
+    reference = as_transfer(M, Ts, "M").reduced()
+    reference, gain = with_unit_gain(reference, snap)
+    if gain:
+        texts.append(f"the reference model's static gain is exactly 1 (1 - M was {gain:.3g} there)")
+    return controller, reference, tuple(texts)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """The parts of one question, and the stages of its answer."""
+
+    data: IOData
+    noise: Noise
+    model: TransferFunction
+    controller: Transfer
+    reference: Transfer
+    margin: float | None
+    integrators: int
+    method: Method
+    begin: float
+
+    def run(self, until: float, moved: tuple[str, ...]) -> StabilityCertificate:
+        conditions, factor = self._exact_conditions()
+        assumptions = (*self._assumptions(), *moved)
+        if any(c.holds is False for c in conditions):
+            failed = next(c for c in conditions if c.holds is False)
+            blank = Outcome(False, (), (), 0)
+            return self._answer(
+                None, blank, f"{failed.name} fails: {failed.text}", conditions, assumptions, None
+            )
+        claim = self._claim(factor)
+        found, outcome = self._prove(claim, until)
+        plant = None
+        if not outcome.proved and not (found is not None and found.empty):
+            plant = unstable_plant(
+                self.data,
+                self.model,
+                self.noise,
+                self.controller,
+                found,
+                self.integrators,
+                self.margin,
+                until + 5.0,
+            )
+        reason = self._reason(found, outcome, plant)
+        return self._answer(
+            found, outcome, reason, self._judged(conditions, outcome), assumptions, plant
+        )
+
+    def _claim(self, factor: Transfer | None) -> Claim:
+        if self.method == "characteristic":
+            return Characteristic(self.model, self.controller)
+        assert factor is not None
+        return SmallGain(self.model, factor, self.reference, self.integrators, self.margin)
+
+    def _prove(self, claim: Claim, until: float) -> tuple[ParameterSet | None, Outcome]:
+        """Sums of rows alone, then with the engine's intervals, then cell by cell."""
+        blank = Outcome(False, (), (), 0)
+        found = consistent_set(self.data, self.model, self.noise, self.integrators, self.margin)
+        if found is None:
+            return None, blank
+        if found.empty:
+            return found, blank
+        outcome = prove_over_cells(found, claim, -inf)
+        if outcome.proved or time.monotonic() > until:
+            return found, outcome
+        now = time.monotonic()
+        outcome = prove_over_cells(found, claim, now + 0.2 * (until - now))
+        if outcome.proved or time.monotonic() > until:
+            return found, outcome
+        share = Options(time_limit=max(0.5 * (until - time.monotonic()), 0.1), progress=False)
+        result = identified(
+            self.data, self.model, self.noise, found, self.integrators, share, self.margin
+        )
+        if result.empty:
+            return found.part(found.polytope.within(found.polytope.upper, found.polytope.lower)), (
+                blank
+            )
+        found = tightened(found, result)
+        return found, prove_over_cells(found, claim, until)
+
+    # ---- conditions ---------------------------------------------------------------------
+
+    def _exact_conditions(self) -> tuple[tuple[Condition, ...], Transfer | None]:
+        """What rationals decide, and F = K (1 - M), the plant's integrator moved into it."""
+        if self.method == "characteristic":
+            return (), None
+        factor = (self.controller * (1 - self.reference)).reduced()
+        if self.integrators:
+            factor = Transfer(
+                factor.numerator, _over_integrator(factor.denominator), factor.Ts
+            ).reduced()
+        stable = self.reference.is_stable()
+        first = Condition(
+            "1 (the ideal controller stabilises the plant)",
+            None if stable else False,
+            "M is stable; that M contains the zeros of the plant outside the circle is not asked "
+            "for: 1 - Delta = (1 - M) (1 + K P) holds for every P"
+            if stable
+            else "M is not stable",
+        )
+        ones = self.controller.integrators, (1 - self.reference).reduced()
+        count = _zeros_at_one(ones[1])
+        cancelled = self._poles_cancel() and is_schur(factor.denominator)
+        second = Condition(
+            "2 (Delta is stable)",
+            None if cancelled else False,
+            f"at z = 1: {ones[0]} poles of K, {self.integrators} of P, {count} zeros of 1 - M"
+            + (
+                "; F = K (1 - M) is stable"
+                if cancelled
+                else "; F = K (1 - M) is not stable after exact cancellation"
+            ),
+        )
+        third = Condition("3 (max abs(Delta) < 1)", None, "not proved")
+        return (first, second, third), factor
+
+    def _poles_cancel(self) -> bool:
+        """Whether zeros of 1 - M alone cancel all unstable poles of K and of the integrator.
+
+        A zero of K at z = 1 must not stand in for one of 1 - M: it would hide the plant's
+        integrator from Delta, but not from the loop.
+        """
+        open_loop = (1 - self.reference).reduced().numerator
+        poles = list(self.controller.denominator)
+        for _ in range(self.integrators):
+            poles = _over_integrator(poles)
+        return is_schur(Transfer(open_loop, poles).reduced().denominator)
+
+    def _judged(self, conditions: tuple[Condition, ...], outcome: Outcome) -> tuple[Condition, ...]:
+        if self.method == "characteristic":
+            text = "for every consistent plant" if outcome.proved else "not proved for every plant"
+            holds = True if outcome.proved else None
+            return (
+                Condition("leading coefficient keeps its sign, no zero on the circle", holds, text),
+            )
+        first, second, third = conditions
+        if not outcome.proved:
+            return first, second, third
+        how = "assumed (margin)" if self.margin is not None else "proved"
+        bound = max((b for *_, b in outcome.arcs), default=0.0)
+        return (
+            first,
+            Condition(second.name, True, f"{second.text}; P is stable, {how}"),
+            Condition(third.name, True, f"max abs(Delta) <= {bound:.4g} on the whole circle"),
+        )
+
+    def _assumptions(self) -> tuple[str, ...]:
+        texts = [
+            *self.data.assumptions,
+            *self.noise.assumptions,
+            f"the plant is a {self.model!r}",
+            "each noise sample lies within its bound",
+        ]
+        if self.integrators:
+            texts.append("the plant has one pole at exactly z = 1 (declared)")
+        if self.margin is not None:
+            texts.append(f"the plant's other poles have abs(z) <= 1 - {self.margin:g} (margin)")
+        return tuple(texts)
+
+    # ---- verdict ------------------------------------------------------------------------
+
+    def _reason(self, found: ParameterSet | None, outcome: Outcome, plant: Transfer | None) -> str:
+        if plant is not None:
+            return "a consistent plant makes an unstable loop, both proved"
+        if found is None:
+            text = "the data give no finite set of plants: the noise is strong"
+            bare = self.margin is None and self.method == "small_gain"
+            return f"{_WITHOUT_MARGIN}; {text}" if bare else text
+        if found.empty:
+            return "no plant of this structure is consistent with the record, proved"
+        if outcome.proved:
+            if self.method == "characteristic":
+                return f"every closed loop is stable ({outcome.cells} cells)"
+            bound = max((b for *_, b in outcome.arcs), default=0.0)
+            return f"max abs(Delta) <= {bound:.4g} for every consistent plant"
+        where = ", ".join(f"{w:.3g}" for w in outcome.failing[:3])
+        if self.method == "small_gain" and self.margin is None and not outcome.arcs:
+            return f"{_WITHOUT_MARGIN}: that all consistent plants are stable is not proved"
+        return f"no proof near {where} rad a sample; a failing proof says nothing of the loop"
+
+    def _answer(
+        self,
+        found: ParameterSet | None,
+        outcome: Outcome,
+        reason: str,
+        conditions: Sequence[Condition],
+        assumptions: tuple[str, ...],
+        plant: Transfer | None,
+    ) -> StabilityCertificate:
+        verdict: Literal["certified", "refuted", "open"] = "open"
+        if outcome.proved:
+            verdict = "certified"
+        elif plant is not None:
+            verdict = "refuted"
+        bound = max((b for *_, b in outcome.arcs), default=inf)
+        if self.method == "characteristic":
+            bound = float("nan")
+        advice = () if verdict != "open" else self._advice(found)
+        return StabilityCertificate(
+            verdict,
+            reason,
+            self.method,
+            tuple(conditions),
+            bound,
+            tuple(sorted(outcome.arcs)),
+            self.controller,
+            self.reference,
+            self.model,
+            found,
+            plant,
+            self.margin,
+            self.integrators,
+            assumptions,
+            advice,
+            outcome.cells,
+            time.monotonic() - self.begin,
+        )
+
+    def _advice(self, found: ParameterSet | None) -> tuple[str, ...]:
+        texts = ["more samples, or a smaller noise bound"]
+        if found is not None and found.empty:
+            return ("a higher plant order, or a larger noise bound: the record refutes this one",)
+        if self.margin is None:
+            texts.append("a margin of the plant's poles, where it is known (margin=)")
+        order, lag = self.model.na[0][0], self.model.nk[0][0]
+        if order > 1:
+            texts.append(f"a plant order below {order}, where that is enough")
+        if lag == 0:
+            texts.append("delay=1 where the plant does not react at once: one parameter less")
+        if self.method == "small_gain":
+            texts.append("method='characteristic': it asks for less than small gain")
+        return tuple(texts)
+
+
+def _over_integrator(denominator: Sequence[Fraction]) -> list[Fraction]:
+    found = [*denominator, Fraction(0)]
+    return [a - b for a, b in zip(found, [Fraction(0), *denominator], strict=True)]
+
+
+def _zeros_at_one(system: Transfer) -> int:
+    """Number of zeros at exactly z = 1."""
+    if not any(system.numerator):
+        return 0
+    return Transfer(system.denominator, _shifted(system.numerator), system.Ts).integrators
+
+
+def _shifted(polynomial: Sequence[Fraction]) -> list[Fraction]:
+    first = next(i for i, c in enumerate(polynomial) if c)
+    return list(polynomial[first:])

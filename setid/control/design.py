@@ -1,0 +1,507 @@
+"""Controllers straight from data: the set of all that make the closed loop the reference model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid.control.classes import Controller, Fixed, is_class
+from setid.control.engine import (
+    Box,
+    DataError,
+    Identification,
+    IntervalStatus,
+    IOData,
+    ModelError,
+    Noise,
+    NoiseError,
+    Options,
+    ParameterInterval,
+    Prior,
+    SetidError,
+    frozen,
+)
+from setid.control.parameters.parameter_set import (
+    ParameterSet,
+    consistent_set,
+    identified,
+    tightened,
+)
+from setid.control.parameters.ratios import ratio_range, series_times
+from setid.control.parameters.rows import noisy_rows
+from setid.control.parameters.sums import best_fit, least_noise_fit
+from setid.control.references import (
+    Matching,
+    check_matching,
+    closed_loop,
+    loop_function,
+    with_unit_gain,
+)
+from setid.control.transfer import Transfer, as_transfer, simulate_exactly
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Design", "Refuted", "design"]
+
+Reals = NDArray[np.float64]
+_SECONDS = 30.0  # for the engine, where options say nothing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refuted:
+    """An order of which no controller is consistent, with the proof.
+
+    Parameters
+    ----------
+    order : int
+    result : Identification
+        Empty, with the samples that contradict each other; ``result.verify()`` checks it.
+    """
+
+    order: int
+    result: Identification
+
+    def __repr__(self) -> str:
+        samples = ", ".join(str(k) for _, k in self.result.samples[:6])
+        return f"<order {self.order}: proved empty{f' by samples {samples}' if samples else ''}>"
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Design:
+    """All controllers of a class that are consistent with an experiment and a reference model.
+
+    Parameters
+    ----------
+    intervals : mapping of str to ParameterInterval
+        Of the controller's parameters: ``outer`` proved, ``inner`` attained.
+    result : Identification or None
+        The identification of the controller from the measured output to the target signal;
+        of the last order that was tried where every one is refuted.
+    refuted : tuple of Refuted
+        Orders below, with their proofs of emptiness.
+    fixed : Fixed
+        The class of the result.
+    parameters : ParameterSet or None
+        A polytope that contains every consistent parameter vector.
+    reference : Transfer
+    data : IOData
+        The experiment.
+    target : (N,) float
+        The signal that the controller is to give.
+    fit : (p,) float
+        Parameters of ``fixed.model`` with least squares of the noise.
+    boxed : bool
+        Whether the identification began in a box that sums of rows had proved.
+    seconds : mapping of str to float
+    """
+
+    intervals: Mapping[str, ParameterInterval]
+    result: Identification
+    refuted: tuple[Refuted, ...]
+    fixed: Fixed
+    parameters: ParameterSet | None
+    reference: Transfer
+    data: IOData
+    target: Reals
+    fit: Reals
+    boxed: bool
+    seconds: Mapping[str, float]
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """What the intervals take for granted; boxes that follow from the data are not among it."""
+        known = "prior: Box(" if self.boxed else "\0"
+        return tuple(t for t in self.result.assumptions if not t.startswith(known))
+
+    @property
+    def empty(self) -> bool:
+        """Whether it is proved that no controller of the class is consistent."""
+        return self.result.empty
+
+    @property
+    def order(self) -> int:
+        """Order of the controllers, the known part of the denominator included."""
+        return max(
+            self.fixed.model.na[0][0] + len(self.fixed.known) - 1, self.fixed.model.nb[0][0] - 1
+        )
+
+    @property
+    def centre(self) -> Transfer:
+        """The controller in the middle of the proved intervals; an integrator stays exact.
+
+        Raises
+        ------
+        SetidError
+            If the set is empty or an interval is not finite.
+        """
+        self._require_members()
+        ends = np.array([item.outer for item in self.intervals.values()])
+        if not np.all(np.isfinite(ends)):
+            raise SetidError(
+                "intervals: found infinite ends, expected finite ones: the set says nothing of "
+                "some parameters; take a lower noise bound, more samples or a lower order"
+            )
+        return self._of(ends.mean(axis=1))
+
+    @property
+    def feasible(self) -> Transfer:
+        """A controller that is consistent with the experiment.
+
+        Raises
+        ------
+        SetidError
+            If the set is empty or no member is known.
+        """
+        self._require_members()
+        try:
+            values = self.result.feasible
+        except SetidError:  # the engine had no time for a point: the least noise may give one
+            found = self._least_noise()
+            if found is None:
+                raise
+            values = found
+        return self.fixed.controller([Fraction(float(t)) for t in values], self.data.Ts)
+
+    def _least_noise(self) -> Reals | None:
+        """Parameters with the least largest noise, where they are proved to be consistent."""
+        formulation = self.result.formulation
+        if np.isnan(formulation.data.u).any():
+            return None
+        model, noise = self.fixed.model, formulation.noise
+        rows = noisy_rows(formulation.data, model, noise, self.fixed.integrators)
+        x = least_noise_fit(rows, best_fit(rows).origin)
+        theta = np.asarray(rows.offset + rows.basis @ x, np.float64)
+        return None if self.result.consistent(theta) is None else theta
+
+    @property
+    def estimate(self) -> Transfer:
+        """The controller that needs the least noise in the sense of least squares.
+
+        It is there where the set is not bounded, too; nothing is proved of it.
+        """
+        return self.fixed.controller([Fraction(float(t)) for t in self.fit], self.data.Ts)
+
+    def _require_members(self) -> None:
+        if self.empty:
+            raise SetidError(
+                "controller: found an empty set, expected consistent controllers; raise the "
+                "order, change the reference model, or raise the noise bound"
+            )
+
+    def _of(self, values: Reals) -> Transfer:
+        exact = [Fraction(float(v)) for v in values]
+        theta = [
+            sum((Fraction(float(c)) * v for c, v in zip(row, exact, strict=True)), Fraction(0))
+            for row in self.fixed.basis
+        ]
+        return self.fixed.controller(theta, self.data.Ts)
+
+    def to_control(self) -> Any:
+        """The central controller as a model of python-control."""
+        return self.centre.to_control()
+
+    def ideal_form(self) -> dict[str, tuple[float, float]]:
+        """Proved ranges of K, Ti and Td of K (1 + 1/(Ti s) + Td s), for PID classes."""
+        return self._ideal()
+
+    def series_form(self) -> dict[str, tuple[float, float]]:
+        """Proved ranges of Ti and Td of K (1 + 1/(Ti s)) (1 + Td s), for PID classes.
+
+        NaN where the two zeros may be complex, so that there is no series form.
+        """
+        ideal = self._ideal()
+        times = series_times(ideal["Ti"], ideal.get("Td", (0.0, 0.0)))
+        return {"Ti": times[0], "Td": times[1]}
+
+    def _ideal(self) -> dict[str, tuple[float, float]]:
+        if self.fixed.names[:2] != ("Kp", "Ki"):
+            raise ModelError("form: found a class without Kp and Ki, expected control.PID")
+        if self.parameters is None:
+            raise SetidError("form: found no finite set of parameters, expected one")
+        rows = _inverse(self.fixed.basis)
+        found = {"K": self.intervals["Kp"].outer}
+        found["Ti"] = ratio_range(self.parameters, rows[0], rows[1])
+        if len(rows) > 2:
+            found["Td"] = ratio_range(self.parameters, rows[2], rows[0])
+        return found
+
+    # ---- closed loops -------------------------------------------------------------------
+
+    def closed_loop(self, plant: Any, controller: Transfer | None = None) -> Transfer:
+        """K P / (1 + K P) with a plant that is known, for simulation studies."""
+        known = as_transfer(plant, self.data.Ts, "plant")
+        return closed_loop(controller or self.centre, known)
+
+    def matching(self, plant: Any, controller: Transfer | None = None) -> Matching:
+        """Compare the closed loop with the reference model; see :func:`check_matching`."""
+        return check_matching(plant, controller or self.centre, self.reference)
+
+    def simulate(self, plant: Any, r: ArrayLike) -> Reals:
+        """Output (N,) of the closed loop with the central controller, from rest."""
+        return self.closed_loop(plant).simulate(r)
+
+    def plot(self, plant: Any, ax: Axes | None = None) -> Axes:
+        """Draw the step response of the closed loop beside the reference model's."""
+        from setid.control.plots import plot_matching
+
+        return plot_matching(self.matching(plant), ax)
+
+    def summary(self) -> str:
+        """What was refuted, the intervals, and what they take for granted."""
+        lines = [repr(item) for item in self.refuted]
+        lines += [repr(item) for item in self.intervals.values()]
+        lines += [f"assumed: {text}" for text in self.assumptions]
+        return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        state = "empty" if self.empty else f"{len(self.intervals)} parameters"
+        return f"<Design: order {self.order}, {state}, {len(self.refuted)} orders refuted>"
+
+
+def design(
+    data: IOData,
+    reference_model: Any,
+    controller: Controller,
+    noise: Noise | float,
+    priors: Iterable[Prior] = (),
+    options: Options | None = None,
+) -> Design:
+    """Find all controllers of a class that match a reference model on an experiment.
+
+    With s = M / (1 - M) r, a controller K gives the closed loop M on this experiment if
+    s = K y, and y is the measured output less its noise: an identification of K with noise on
+    its input only.
+
+    Parameters
+    ----------
+    data : IOData
+        The experiment on the plant alone: input r, measured output.
+    reference_model : Transfer, (numerator, denominator) or python-control model
+    controller : Controller
+        Such as ``LTI(3)`` or ``PID()``. Without an order, orders are raised until the set is
+        not proved empty.
+    noise : Noise or float
+        Bound of the output's noise.
+    priors : iterable of priors
+        On the parameters of the identification.
+    options : Options, optional
+        Of the identification; 30 seconds for each order when left out.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together.
+
+    References
+    ----------
+    V. Cerone, D. Regruto, M. Abuabiah, "Direct data-driven control design through
+    set-membership errors-in-variables identification techniques", American Control
+    Conference 2017, 388-393.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> from setid import control
+    >>> P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+    >>> r = np.random.default_rng(0).uniform(-1, 1, 40)
+    >>> data = setid.IOData(r, P.simulate(r))
+    >>> found = control.design(data, M, control.LTI(1), setid.Noise(output=1e-4))
+    >>> control.check_matching(P, found.centre, M).stable
+    True
+    """
+    if not is_class(controller):
+        raise ModelError(
+            f"controller: found {controller!r:.60}, expected an object such as LTI(3) or PID()"
+        )
+    bound = _input_noise(noise)
+    reference = _checked(data, reference_model)
+    settings = options or Options(time_limit=_SECONDS, progress=False)
+    refuted: list[Refuted] = []
+    orders = controller.orders or (None,)
+    for order in orders:
+        fixed = controller.fixed(data.Ts, order)
+        found = _one(data, reference, fixed, bound, tuple(priors), settings, tuple(refuted))
+        if not found.empty or order is None:
+            return found
+        refuted.append(Refuted(order, found.result))
+    return found
+
+
+def _input_noise(noise: Noise | float) -> Noise:
+    """The output's noise of the experiment as that of the controller's input."""
+    given = noise if isinstance(noise, Noise) else Noise(output=noise)
+    for field in ("input", "equation"):
+        if np.any(np.asarray(getattr(given, field)) > 0):
+            raise NoiseError(
+                f"noise.{field}: found a bound > 0, expected the output's noise alone: the input "
+                "of the experiment is known, and s = K y has no equation error"
+            )
+    if given.constraints:
+        raise NoiseError("noise.constraints: found sets over the record, expected bounds alone")
+    found = Noise(input=given.output, relative=given.relative)
+    texts = tuple(text.replace("output noise", "measured output") for text in given.assumptions)
+    object.__setattr__(found, "assumptions", texts)
+    return found
+
+
+def _checked(data: IOData, reference_model: Any) -> Transfer:
+    if not isinstance(data, IOData):
+        raise DataError(f"data: found {type(data).__name__}, expected IOData")
+    if data.inputs != 1 or data.outputs != 1 or data.records != 1:
+        raise DataError(
+            f"data: found {data.inputs} inputs, {data.outputs} outputs, {data.records} records, "
+            "expected one of each"
+        )
+    if np.isnan(data.u).any():
+        raise DataError("data.u: found missing samples, expected all of them")
+    reference = as_transfer(reference_model, data.Ts, "reference_model")
+    loop_function(reference)
+    return with_unit_gain(reference)[0]
+
+
+def _one(
+    data: IOData,
+    reference: Transfer,
+    fixed: Fixed,
+    noise: Noise,
+    priors: tuple[Prior, ...],
+    settings: Options,
+    refuted: tuple[Refuted, ...],
+) -> Design:
+    """One order: the set by sums of rows, then by the engine."""
+    begin = time.process_time()
+    loop = loop_function(reference)
+    signal = data.u.ravel().tolist()
+    wanted = simulate_exactly(loop, signal)
+    filtered = Transfer(loop.numerator, loop.denominator, data.Ts) * Transfer(
+        fixed.known, [1], data.Ts
+    )
+    record = IOData(
+        data.y,
+        simulate_exactly(filtered, signal),
+        data.Ts,
+        assumptions=(
+            *data.assumptions,
+            "the reference model is what the closed loop is to be on this experiment",
+        ),
+        u_range=data.y_range,
+    )
+    found = None
+    if not np.isnan(data.y).any():
+        found = consistent_set(record, fixed.model, noise, fixed.integrators)
+    sums = time.process_time() - begin
+    result = identified(
+        record, fixed.model, noise, found, fixed.integrators, settings, priors=priors
+    )
+    boxed = found is not None and not found.empty and not any(isinstance(p, Box) for p in priors)
+    if not result.empty:
+        found = _after(record, fixed, noise, found, result)
+    spent = {"sums of rows": sums, "in all": time.process_time() - begin}
+    return Design(
+        MappingProxyType(_intervals(fixed, result, found, settings.tol)),
+        result,
+        refuted,
+        fixed,
+        found,
+        reference,
+        data,
+        frozen(wanted),
+        frozen(_fit(record, fixed, noise)),
+        boxed,
+        MappingProxyType(spent),
+    )
+
+
+def _fit(record: IOData, fixed: Fixed, noise: Noise) -> Reals:
+    """Parameters with least squares of the noise; NaN where samples are missing."""
+    if np.isnan(record.u).any():
+        return np.full(len(fixed.model.parameters), np.nan)
+    rows = noisy_rows(record, fixed.model, noise, fixed.integrators)
+    return np.asarray(rows.offset + rows.basis @ best_fit(rows).origin, np.float64)
+
+
+def _after(
+    record: IOData,
+    fixed: Fixed,
+    noise: Noise,
+    found: ParameterSet | None,
+    result: Identification,
+) -> ParameterSet | None:
+    """The polytope within the engine's intervals."""
+    ends = np.array([item.outer for item in result.intervals.values()]).T
+    if found is None and np.all(np.isfinite(ends)) and not np.isnan(record.u).any():
+        box = ends[0], ends[1]
+        return consistent_set(record, fixed.model, noise, fixed.integrators, box=box)
+    return found if found is None or found.empty else tightened(found, result)
+
+
+def _inverse(basis: Reals) -> Reals:
+    """Inverse of a small matrix, by elimination in rationals."""
+    size = len(basis)
+    rows = [
+        [Fraction(float(c)) for c in row] + [Fraction(int(i == j)) for j in range(size)]
+        for i, row in enumerate(basis)
+    ]
+    for i in range(size):
+        pivot = next(r for r in range(i, size) if rows[r][i])
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        rows[i] = [c / rows[i][i] for c in rows[i]]
+        for r in range(size):
+            if r != i and rows[r][i]:
+                rows[r] = [c - rows[r][i] * d for c, d in zip(rows[r], rows[i], strict=True)]
+    return np.array([[float(c) for c in row[size:]] for row in rows])
+
+
+def _intervals(
+    fixed: Fixed, result: Identification, found: ParameterSet | None, tol: float
+) -> dict[str, ParameterInterval]:
+    """Proved and attained ranges of the user's parameters."""
+    plain = np.array_equal(fixed.basis, np.eye(len(fixed.basis)))
+    if result.empty or (found is None and plain):
+        pairs = zip(fixed.names, result.intervals.values(), strict=True)
+        return {
+            name: ParameterInterval(name, i.outer, i.inner, i.status, i.witnesses)
+            for name, i in pairs
+        }
+    rows = _inverse(fixed.basis)
+    count = len(rows)
+    low, high = np.full(count, -np.inf), np.full(count, np.inf)
+    if found is not None:
+        low, high = found.ranges(np.zeros(count), rows)
+    known = result.attained @ rows.T
+    intervals = {}
+    for place, name in enumerate(fixed.names):
+        outer = (float(low[place]), float(high[place]))
+        inner: tuple[float, float] | None = None
+        witnesses: tuple[Reals | None, Reals | None] = (None, None)
+        if plain:
+            old = result.intervals[name]
+            outer = max(outer[0], old.outer[0]), min(outer[1], old.outer[1])
+            inner, witnesses = old.inner, old.witnesses
+        elif len(known):
+            inner = float(known[:, place].min()), float(known[:, place].max())
+        status = _status(outer, inner, tol)
+        intervals[name] = ParameterInterval(name, outer, inner, status, witnesses)
+    return intervals
+
+
+def _status(
+    outer: tuple[float, float], inner: tuple[float, float] | None, tol: float
+) -> IntervalStatus:
+    if inner is None or not np.all(np.isfinite(outer)):
+        return IntervalStatus.PARTIAL
+    open_ = max(inner[0] - outer[0], outer[1] - inner[1])
+    closed = open_ <= tol * (inner[1] - inner[0])
+    return IntervalStatus.CERTIFIED if closed else IntervalStatus.PARTIAL

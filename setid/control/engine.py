@@ -1,0 +1,74 @@
+"""Everything of setid and of the engine that this room uses beyond public names, in one place."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import sparsepop_py as sp
+from setid.data.checks import frozen, natural, number, real_array, switch
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.feasible_points.witness import consistent
+from setid.formulation.formulation import Formulation, formulate
+from setid.identify import identify
+from setid.models.lti import TransferFunction
+from setid.options import Options
+from setid.priors.base import Prior
+from setid.priors.coefficients import Box, parameters
+from setid.priors.transfer import Stable
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.result.identification import Identification
+from sparsepop_py.plots import new_axes
+
+__all__ = [
+    "Box",
+    "DataError",
+    "Formulation",
+    "IOData",
+    "Identification",
+    "IntervalStatus",
+    "ModelError",
+    "Noise",
+    "NoiseError",
+    "Options",
+    "ParameterInterval",
+    "Prior",
+    "SetidError",
+    "Stable",
+    "TransferFunction",
+    "consistent",
+    "formulate",
+    "frozen",
+    "identify",
+    "natural",
+    "new_axes",
+    "number",
+    "parameters",
+    "python_control",
+    "real_array",
+    "switch",
+]
+
+
+def python_control(what: str) -> ModuleType:
+    """Import python-control.
+
+    Parameters
+    ----------
+    what : str
+        The function that needs it, for the message.
+
+    Raises
+    ------
+    sparsepop_py.SolverNotFound
+        If it is missing; the message says how to install it.
+    """
+    try:
+        import control
+    except ImportError as error:
+        raise sp.SolverNotFound(
+            f"{what}: python-control is missing; install it with: "
+            "pip install 'sparsepop-py[control]'"
+        ) from error
+    return control

@@ -1,0 +1,1 @@
+"""The parameter sets of controllers and plants: sums of rows, cells, polytopes."""

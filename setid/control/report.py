@@ -1,0 +1,78 @@
+"""One self-contained page on a design and its certificates."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from setid.control.certificates.certificate import StabilityCertificate
+from setid.control.design import Design
+from setid.control.engine import SetidError
+from setid.control.loops import loop_margins, loop_step
+from setid.control.plots import plot_certificate, plot_loop_step
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["report"]
+
+_STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto}pre{background:#f4f4f4}"
+
+
+def report(
+    path: str | os.PathLike[str], design: Design, certificates: Sequence[StabilityCertificate]
+) -> None:
+    """Write a page with the design, its certificates, margins and pictures (needs matplotlib).
+
+    Parameters
+    ----------
+    path : path-like
+        An HTML file; pictures are inside it.
+    design : Design
+    certificates : sequence of StabilityCertificate
+
+    Raises
+    ------
+    SetidError
+        If something else is given.
+    """
+    if not isinstance(design, Design):
+        raise SetidError(f"design: found {type(design).__name__}, expected a Design")
+    parts = [f"<h1>Controller from data</h1><h2>Design</h2>{_text(design.summary())}"]
+    parts.append(_text(f"experiment: {design.data!r}\nreference model: {design.reference!r}"))
+    for item in certificates:
+        parts.append(f"<h2>Stability: {html.escape(item.verdict)} ({item.method})</h2>")
+        parts.append(_text(f"controller: {item.controller!r}\n{item.summary()}"))
+        if item.arcs:
+            parts.append(_picture(plot_certificate(item)))
+    certified = next((item for item in certificates if item), None)
+    if certified is not None:
+        margins = loop_margins(certified)
+        text = (
+            f"max abs(S) <= {margins.sensitivity:.4g}\n"
+            f"gain may change by factors from {margins.gain[0]:.4g} to {margins.gain[1]:.4g}\n"
+            f"phase may turn by {margins.phase:.4g} rad"
+        )
+        parts.append(f"<h2>Margins of every consistent plant, proved</h2>{_text(text)}")
+        parts.append(_picture(plot_loop_step(loop_step(certified))))
+    body = "\n".join(parts)
+    page = f"<!doctype html><meta charset='utf-8'><style>{_STYLE}</style>{body}"
+    Path(path).write_text(page, encoding="utf-8")
+
+
+def _text(text: str) -> str:
+    return f"<pre>{html.escape(text)}</pre>"
+
+
+def _picture(axes: Axes) -> str:
+    buffer = io.BytesIO()
+    figure = axes.get_figure()
+    assert figure is not None
+    figure.savefig(buffer, format="png", dpi=110)  # type: ignore[union-attr]
+    data = base64.b64encode(buffer.getvalue()).decode()
+    return f"<img style='max-width:100%' src='data:image/png;base64,{data}'>"

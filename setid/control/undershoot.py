@@ -1,0 +1,176 @@
+"""Zeros outside the unit circle from a step response, without a model, proved.
+
+For a plant at rest with the step response y_0, y_1, ... to a step of height h at sample 0,
+G(z) = (1 - 1/z) sum_k y_k z^-k / h for real z > 1. Readings within a noise bound enclose the
+sum, so that a change of its sign between two numbers z proves a zero of G between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid.control.engine import (
+    DataError,
+    IOData,
+    Noise,
+    NoiseError,
+    SetidError,
+    frozen,
+    real_array,
+)
+
+__all__ = ["Undershoot", "undershoot"]
+
+Reals = NDArray[np.float64]
+_EPS = 2.0**-52
+_GRID = 1.0 + np.geomspace(1e-3, 99.0, 400)  # numbers z > 1 at which the sign is looked at
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Undershoot:
+    """What a step response proves of undershoot and of real zeros outside the unit circle.
+
+    Parameters
+    ----------
+    verdict : {"present", "absent", "open"}
+        Present: the noise-free response is proved to be below its start at some sample while
+        it ends above it (or the reverse). Absent: proved not to be, at any sample of the
+        record. Open: the noise hides it.
+    depth : (float, float)
+        Proved range of the largest distance on the wrong side, in units of y; (0, 0) where absent.
+    sample : int or None
+        A sample, from 1, at which it is proved.
+    zeros : tuple of (low, high)
+        Real numbers z > 1 between which a zero of the plant is proved to lie.
+    free : tuple of (low, high)
+        Ranges of z at whose grid points no zero is possible (proved at those points alone).
+    assumptions : tuple of str
+    """
+
+    verdict: Literal["present", "absent", "open"]
+    depth: tuple[float, float]
+    sample: int | None
+    zeros: tuple[tuple[float, float], ...]
+    free: tuple[tuple[float, float], ...]
+    assumptions: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        zeros = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in self.zeros) or "none proved"
+        return f"<Undershoot: {self.verdict}, zeros z > 1: {zeros}>"
+
+
+def undershoot(
+    step_record: IOData | ArrayLike, noise: Noise | float, tail: tuple[float, float] | None = None
+) -> Undershoot:
+    """Test a step response for undershoot, and locate real zeros outside the unit circle.
+
+    Parameters
+    ----------
+    step_record : IOData or array_like (N,)
+        Output of a plant at rest, measured from the sample at which its input steps; with
+        IOData the input is 0 up to the step and constant from it on.
+    noise : Noise or float
+        Bound of the output's noise.
+    tail : (low, high), optional
+        Assumption: the noise-free output stays within these after the record. The range of
+        the readings and their noise when left out. Listed in the result.
+
+    Returns
+    -------
+    Undershoot
+
+    Raises
+    ------
+    SetidError
+        If the input is no step or a reading is missing.
+
+    References
+    ----------
+    J. Leon de la Barra, "On undershoot in SISO systems", IEEE Trans. Automatic Control 39
+    (1994) 578-581.
+
+    Examples
+    --------
+    >>> from setid import control
+    >>> P = control.Transfer([0, -0.5, 0.75], [1, -0.75])  # zero at z = 1.5
+    >>> found = control.undershoot(P.simulate([1.0] * 40), 0.01)
+    >>> found.verdict, len(found.zeros), found.zeros[0][0] < 1.5 < found.zeros[0][1]
+    ('present', 1, True)
+    """
+    y, height, texts = _response(step_record)
+    bound = _bounds(step_record, noise, y)
+    low, high = np.nextafter(y - bound, -inf), np.nextafter(y + bound, inf)
+    ends = (float(low.min()), float(high.max())) if tail is None else tail
+    if not ends[0] <= ends[1]:
+        raise SetidError(f"tail: found {ends}, expected (low, high) with low <= high")
+    last = low[-1], high[-1]
+    texts = (
+        *texts,
+        "the plant is linear, stable and at rest before the step",
+        "each noise sample lies within its bound",
+        f"after the record the noise-free output stays within [{ends[0]:.6g}, {ends[1]:.6g}]",
+    )
+    zeros, free = _zeros(low, high, ends)
+    if last[0] <= 0.0 <= last[1]:
+        return Undershoot("open", (0.0, inf), None, zeros, free, texts)
+    sign = 1.0 if last[0] > 0.0 else -1.0
+    below, above = (low, high) if sign > 0 else (-high, -low)
+    depth = max(0.0, float((-above).max())), max(0.0, float((-below).max()))
+    if depth[0] > 0.0:
+        sample = int(np.argmin(above)) + 1
+        return Undershoot("present", depth, sample, zeros, free, texts)
+    verdict: Literal["absent", "open"] = "absent" if depth[1] == 0.0 else "open"
+    return Undershoot(verdict, depth, None, zeros, free, texts)
+
+
+def _response(record: IOData | ArrayLike) -> tuple[Reals, float, tuple[str, ...]]:
+    """Response to a unit step, its height, and what was done to the data before."""
+    if not isinstance(record, IOData):
+        y = real_array(record, "step_record", DataError).ravel()
+        height, texts = 1.0, tuple[str, ...]()
+    else:
+        if record.inputs != 1 or record.outputs != 1 or record.records != 1:
+            raise DataError("step_record: expected one record with one input and one output")
+        u, y = record.u.ravel(), record.y.ravel()
+        begin = int(np.argmax(u != 0.0))
+        if np.isnan(u).any() or u[begin] == 0.0 or np.ptp(u[begin:]) != 0.0:
+            raise DataError("step_record.u: expected zeros and then one constant value, a step")
+        height, y, texts = float(u[begin]), y[begin:], record.assumptions
+    if y.size < 2 or np.isnan(y).any():
+        raise DataError("step_record: expected at least two readings, none missing")
+    return frozen(y if height > 0 else -y), abs(height), texts
+
+
+def _bounds(record: IOData | ArrayLike, noise: Noise | float, y: Reals) -> Reals:
+    given = noise if isinstance(noise, Noise) else Noise(output=noise)
+    if np.any(np.asarray(given.input) > 0) or np.any(np.asarray(given.equation) > 0):
+        raise NoiseError("noise: expected the output's noise alone")
+    data = record if isinstance(record, IOData) else IOData(np.zeros(y.size), y)
+    return given.bounds(data)[0].ravel()[-y.size :]
+
+
+def _zeros(
+    low: Reals, high: Reals, ends: tuple[float, float]
+) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
+    """Where the sign of sum_k y_k z^-k is proved to change, and where it is proved at all."""
+    count = low.size
+    powers = _GRID[:, None] ** -np.arange(float(count))
+    rest = _GRID ** -float(count) / (1.0 - 1.0 / _GRID)
+    size = powers @ np.maximum(np.abs(low), np.abs(high)) + rest * max(map(abs, ends))
+    slack = 8.0 * (count + 8) * count * _EPS * size
+    least = powers @ low + rest * ends[0] - slack
+    most = powers @ high + rest * ends[1] + slack
+    sign = np.where(least > 0.0, 1, np.where(most < 0.0, -1, 0))
+    known = np.flatnonzero(sign)
+    changes = [
+        (float(_GRID[a]), float(_GRID[b]))
+        for a, b in zip(known[:-1], known[1:], strict=True)
+        if sign[a] != sign[b]
+    ]
+    runs = np.split(known, np.flatnonzero(np.diff(known) > 1) + 1) if known.size else []
+    return tuple(changes), tuple((float(_GRID[r[0]]), float(_GRID[r[-1]])) for r in runs)

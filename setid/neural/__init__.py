@@ -1,0 +1,51 @@
+"""Networks trained anywhere, with statements that are proved."""
+
+from setid.neural.contraction.stability import Stability, stability
+from setid.neural.imports import from_arrays, from_equinox, from_jax_sysid, from_onnx, from_torch
+from setid.neural.last_layers.equation_error import EquationError, equation_error
+from setid.neural.last_layers.last_layer import LastLayer, last_layer
+from setid.neural.last_layers.select import NetworkSelection, select
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.models.regressor import NNARX, NNOE
+from setid.neural.simulations.output_error import OutputError, output_error
+from setid.neural.simulations.simulation import SimulationBand, simulate_band
+from setid.neural.status import Status
+from setid.neural.training.envelope import Envelope, envelope
+from setid.neural.training.train import Trained, initial, train
+from setid.neural.training.train_proved import ProvedTraining, train_proved
+
+__all__ = [
+    "GRU",
+    "LSTM",
+    "NNARX",
+    "NNOE",
+    "Elman",
+    "Envelope",
+    "EquationError",
+    "LastLayer",
+    "Network",
+    "NetworkSelection",
+    "NeuralStateSpace",
+    "OutputError",
+    "ProvedTraining",
+    "SimulationBand",
+    "Stability",
+    "Status",
+    "Trained",
+    "envelope",
+    "equation_error",
+    "from_arrays",
+    "from_equinox",
+    "from_jax_sysid",
+    "from_onnx",
+    "from_torch",
+    "initial",
+    "last_layer",
+    "output_error",
+    "select",
+    "simulate_band",
+    "stability",
+    "train",
+    "train_proved",
+]

@@ -1,0 +1,1 @@
+"""Incremental stability: norm conditions, one matrix inequality, decay rates."""

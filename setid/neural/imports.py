@@ -1,0 +1,451 @@
+"""Weights from elsewhere: arrays, torch, equinox, jax-sysid and ONNX. Nothing executes on loading.
+
+Files are read as numbers only (``weights_only`` of torch, ``allow_pickle=False`` of numpy, the
+tensors of ONNX). Kinds of layers are recognised by their class names; an unknown one is refused by
+its name. The models are those of the imported numbers: sums of two biases are rounded once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from setid import ModelError
+from setid.neural.models.network import Network
+from setid.neural.models.recurrent import GRU, LSTM, Elman, NeuralStateSpace
+from setid.neural.training.shooting import optional
+
+__all__ = ["from_arrays", "from_equinox", "from_jax_sysid", "from_onnx", "from_torch"]
+
+Reals = NDArray[np.float64]
+Path = str | os.PathLike[str]
+Imported = Network | Elman | LSTM | GRU
+_TORCH = {"Tanh": "tanh", "Sigmoid": "sigmoid", "ReLU": "relu", "LeakyReLU": "leaky_relu",
+          "Identity": "identity"}  # fmt: skip
+_ONNX = {"Tanh": "tanh", "Sigmoid": "sigmoid", "Relu": "relu", "LeakyRelu": "leaky_relu"}
+_FUNCTIONS = {"tanh": "tanh", "sigmoid": "sigmoid", "relu": "relu", "leaky_relu": "leaky_relu",
+              "_identity": "identity", "identity": "identity"}  # fmt: skip
+
+
+def from_arrays(
+    weights: Sequence[ArrayLike] | Path,
+    biases: Sequence[ArrayLike] | None = None,
+    activation: str | Sequence[str] = "tanh",
+    leak: float = 0.01,
+) -> Network:
+    """Read a network from arrays, or from an ``.npz`` file with ``W1``, ``b1``, ``W2``, ...
+
+    Parameters
+    ----------
+    weights : sequence of (outputs, inputs) array_like, or path
+    biases : sequence of (outputs,) array_like, optional
+        Left out for a file.
+    activation, leak
+        As for :class:`Network`.
+
+    Raises
+    ------
+    ModelError
+        Naming the array that is missing or has the wrong shape.
+
+    Examples
+    --------
+    >>> from setid import neural
+    >>> neural.from_arrays([[[1.0, 2.0]], [[3.0]]], [[0.0], [1.0]], "relu").parameters
+    5
+    """
+    if isinstance(weights, (str, os.PathLike)):
+        with np.load(weights, allow_pickle=False) as file:
+            count = sum(name.startswith("W") for name in file.files)
+            for name in (f"{letter}{i + 1}" for i in range(count) for letter in "Wb"):
+                if name not in file.files:
+                    raise ModelError(f"{os.fspath(weights)}: found no array {name}, expected W1, "
+                                     "b1, W2, ...")  # fmt: skip
+            return Network(
+                [file[f"W{i + 1}"] for i in range(count)],
+                [file[f"b{i + 1}"] for i in range(count)],
+                activation,
+                leak,
+            )
+    if biases is None:
+        raise ModelError("biases: found None, expected one array a layer")
+    return Network(weights, biases, activation, leak)
+
+
+# ---- torch ----------------------------------------------------------------------------------
+
+
+def from_torch(
+    source: Any,
+    activation: str | Sequence[str] = "tanh",
+    output: Any = None,
+) -> Imported:
+    """Read a torch module, its ``state_dict`` or a file that holds one.
+
+    Parameters
+    ----------
+    source : torch.nn.Module, mapping of str to tensor, or path
+        ``Linear``, ``Sequential`` of ``Linear`` and activations, ``RNN``, ``LSTM`` or ``GRU``
+        (one layer, one direction; several layers for ``RNN``). A file is loaded with
+        ``weights_only=True``.
+    activation : str or sequence of str
+        Used where only a ``state_dict`` is there, which does not hold it.
+    output : torch.nn.Linear, mapping or (W, b), optional
+        Output layer of a recurrent network.
+
+    Returns
+    -------
+    Network, Elman, LSTM or GRU
+        A GRU comes with ``reset="after"`` and the update gate of the notes, which is one minus
+        that of torch.
+
+    Raises
+    ------
+    ModelError
+        Naming the layer that is unknown.
+
+    Examples
+    --------
+    >>> from setid import neural
+    >>> neural.from_torch({"0.weight": [[1.0, 2.0]], "0.bias": [0.5]})([1.0, 1.0])
+    array([3.5])
+    """
+    if isinstance(source, (str, os.PathLike)):
+        torch = optional("torch", "torch")
+        source = torch.load(source, map_location="cpu", weights_only=True)
+    if isinstance(source, Mapping):
+        return _from_state(_numbers(source), activation, 0.01, _linear(output))
+    kind = type(source).__name__
+    if kind == "Linear":
+        return Network([_array(source.weight)], [_bias(source)], "identity")
+    if kind == "Sequential":
+        return _from_sequence(list(source))
+    if kind not in ("RNN", "LSTM", "GRU"):
+        raise ModelError(f"source: found a torch module {kind}, expected Linear, Sequential, RNN, "
+                         "LSTM or GRU")  # fmt: skip
+    if getattr(source, "bidirectional", False) or getattr(source, "proj_size", 0):
+        raise ModelError(f"source: found a bidirectional or projected {kind}, expected neither")
+    name = getattr(source, "nonlinearity", "tanh")
+    return _from_state(_numbers(source.state_dict()), name, 0.01, _linear(output))
+
+
+def _array(tensor: Any) -> Reals:
+    """A tensor of any library as doubles."""
+    for step in ("detach", "cpu", "numpy"):
+        tensor = getattr(tensor, step)() if hasattr(tensor, step) else tensor
+    return np.asarray(tensor, dtype=float)
+
+
+def _numbers(state: Mapping[str, Any]) -> dict[str, Reals]:
+    return {str(key): _array(value) for key, value in state.items()}
+
+
+def _bias(layer: Any) -> Reals:
+    weight = _array(layer.weight)
+    return np.zeros(len(weight)) if layer.bias is None else _array(layer.bias)
+
+
+def _linear(given: Any) -> Any:
+    """An output layer of a recurrent network as (W, b)."""
+    if given is None or isinstance(given, Network):
+        return given
+    if isinstance(given, Mapping):
+        state = _numbers(given)
+        return state["weight"], state.get("bias", np.zeros(len(state["weight"])))
+    if hasattr(given, "weight"):
+        return _array(given.weight), _bias(given)
+    return given
+
+
+def _from_sequence(modules: list[Any]) -> Network:
+    weights: list[Reals] = []
+    biases: list[Reals] = []
+    names: list[str] = []
+    leak = 0.01
+    for place, module in enumerate(modules):
+        kind = type(module).__name__
+        if kind == "Linear":
+            weights.append(_array(module.weight))
+            biases.append(_bias(module))
+            names.append("identity")
+        elif kind in _TORCH and weights and names[-1] == "identity":
+            names[-1] = _TORCH[kind]
+            leak = float(getattr(module, "negative_slope", leak))
+        elif kind not in ("Identity", "Dropout"):
+            raise ModelError(f"source[{place}]: found a torch module {kind}, expected Linear "
+                             f"followed by one of {', '.join(_TORCH)}")  # fmt: skip
+    return Network(weights, biases, names, leak)
+
+
+def _from_state(
+    state: dict[str, Reals], activation: str | Sequence[str], leak: float, output: Any
+) -> Imported:
+    if "weight_ih_l0" in state:
+        return _recurrent(state, activation, output)
+    keys = [key[: -len("weight")] for key in state if key.endswith("weight")]
+    matrices = [state[f"{key}weight"] for key in keys]
+    if not keys or any(matrix.ndim != 2 for matrix in matrices):
+        raise ModelError(f"source: found arrays {', '.join(state) or 'none'}, expected those of "
+                         "linear layers or of RNN, LSTM or GRU")  # fmt: skip
+    biases = [state.get(f"{key}bias", np.zeros(len(m)))
+              for key, m in zip(keys, matrices, strict=True)]  # fmt: skip
+    return Network(matrices, biases, activation, leak)
+
+
+def _recurrent(state: dict[str, Reals], activation: str | Sequence[str], output: Any) -> Imported:
+    layers = sum(key.startswith("weight_ih_l") for key in state)
+    parts = []
+    for i in range(layers):
+        fed, back = state[f"weight_ih_l{i}"], state[f"weight_hh_l{i}"]
+        zero = np.zeros(len(fed))
+        parts.append((fed, back, state.get(f"bias_ih_l{i}", zero),
+                      state.get(f"bias_hh_l{i}", zero)))  # fmt: skip
+    fed, back, inner, outer = parts[0]
+    width = back.shape[1]
+    count = len(back) // width
+    if count == 1:
+        name = activation if isinstance(activation, str) else activation[0]
+        return Elman([(w, v, a + b) for w, v, a, b in parts], output, name)
+    if layers > 1:
+        raise ModelError(f"source: found {layers} gated layers, expected one")
+    return _gated(fed, back, inner, outer, count, output)
+
+
+def _gated(
+    fed: Reals, back: Reals, inner: Reals, outer: Reals, count: int, output: Any
+) -> LSTM | GRU:
+    """Gates of LSTM (i, f, g, o) or GRU (r, z, n) stacked as torch and equinox do."""
+    split = [np.split(a, count) for a in (fed, back, inner, outer)]
+    gate = [(w, v, a + b) for w, v, a, b in zip(*split, strict=True)]
+    if count == 4:
+        return LSTM(gate[1], gate[0], gate[3], gate[2], output)
+    if count != 3:
+        raise ModelError(f"source: found {count} gates, expected 1 (RNN), 3 (GRU) or 4 (LSTM)")
+    w, v, b = gate[1]
+    candidate = (split[0][2], split[1][2], split[2][2], split[3][2])
+    return GRU((-w, -v, -b), gate[0], candidate, output, reset="after")
+
+
+# ---- equinox --------------------------------------------------------------------------------
+
+
+def from_equinox(
+    source: Any, activation: str | None = None, output: Any = None, final: str | None = None
+) -> Imported:
+    """Read ``Linear``, ``MLP``, ``LSTMCell`` or ``GRUCell`` of equinox.
+
+    Parameters
+    ----------
+    source : equinox module
+    activation : str, optional
+        Of the hidden layers; read from the module's function where left out.
+    output : equinox Linear or (W, b), optional
+        Output layer of a cell.
+    final : str, optional
+        Activation of the last layer; where left out it is read likewise, and equinox's own
+        default is the identity.
+
+    Returns
+    -------
+    Network, LSTM or GRU
+        A GRU comes with ``reset="after"``.
+
+    Raises
+    ------
+    ModelError
+        Naming the module or the activation that is unknown.
+    """
+    kind = type(source).__name__
+    if kind == "Linear":
+        return Network([_array(source.weight)], [_bias(source)], "identity")
+    if kind == "MLP":
+        layers = list(source.layers)
+        hidden = activation or _function_name(source.activation, "activation")
+        final = final or _function_name(source.final_activation, "final_activation")
+        names = [hidden] * (len(layers) - 1) + [final]
+        return Network([_array(m.weight) for m in layers], [_bias(m) for m in layers], names)
+    if kind not in ("LSTMCell", "GRUCell"):
+        raise ModelError(f"source: found an equinox module {kind}, expected Linear, MLP, LSTMCell "
+                         "or GRUCell")  # fmt: skip
+    fed, back = _array(source.weight_ih), _array(source.weight_hh)
+    inner = np.zeros(len(fed)) if source.bias is None else _array(source.bias)
+    outer = np.zeros(len(fed))
+    if kind == "GRUCell" and getattr(source, "bias_n", None) is not None:
+        outer[-len(fed) // 3 :] = _array(source.bias_n)
+    count = 4 if kind == "LSTMCell" else 3
+    return _gated(fed, back, inner, outer, count, _linear(output))
+
+
+def _function_name(function: Any, field: str) -> str:
+    """The activation that a Python function is called after."""
+    while hasattr(function, "__wrapped__"):
+        function = function.__wrapped__
+    name = getattr(function, "__name__", type(function).__name__)
+    default = str(getattr(function, "__module__", "")).startswith("equinox")
+    found = "identity" if name == "<lambda>" and default else _FUNCTIONS.get(name)
+    if found is None:
+        raise ModelError(
+            f"{field}: found the function {name}, expected a known name: pass activation= or final="
+        )
+    return found
+
+
+# ---- jax-sysid ------------------------------------------------------------------------------
+
+
+def from_jax_sysid(
+    source: Any, activation: str = "tanh", order: Sequence[int] | None = None
+) -> NeuralStateSpace:
+    """Read an ``RNN`` (flax ``Dense`` layers) or a ``LinearModel`` of jax-sysid.
+
+    Parameters
+    ----------
+    source : jax_sysid model
+        Fitted or not; its ``params`` are read.
+    activation : str
+        Of the hidden layers; the functions themselves are never called.
+    order : sequence of int, optional
+        Order in which the ``Dense`` layers are applied, by their numbers; asked for only where
+        their shapes allow several.
+
+    Returns
+    -------
+    NeuralStateSpace
+
+    Raises
+    ------
+    ModelError
+        If the arrays are not those of such a model.
+    """
+    params = [_array(p) for p in source.params]
+    nx, nu, ny = int(source.nx), int(source.nu), int(source.ny)
+    if getattr(source, "isLinear", False):
+        return _linear_model(params, nx, nu, ny, bool(source.y_in_x))
+    split = getattr(source, "nthx", None)
+    if split is None:
+        raise ModelError(f"source: found {type(source).__name__} with its own functions, expected "
+                         "RNN or LinearModel; build NeuralStateSpace from its arrays")  # fmt: skip
+    transition = _flax(params[:split], nx, nu, nx, activation, order)
+    if source.y_in_x:
+        shown = np.hstack([np.zeros((ny, nu)), np.eye(ny, nx)])
+        return NeuralStateSpace(transition, Network([shown], [np.zeros(ny)]))
+    return NeuralStateSpace(transition, _flax(params[split:], nx, nu, ny, activation, order))
+
+
+def _linear_model(params: list[Reals], nx: int, nu: int, ny: int, shown: bool) -> NeuralStateSpace:
+    a, b = params[0], params[1]
+    c = np.eye(ny, nx) if shown or len(params) < 3 else params[2]
+    d = params[3] if len(params) > 3 else np.zeros((ny, nu))
+    return NeuralStateSpace(
+        Network([np.hstack([b, a])], [np.zeros(nx)]), Network([np.hstack([d, c])], [np.zeros(ny)])
+    )
+
+
+def _flax(
+    params: list[Reals], nx: int, nu: int, ends: int, activation: str, order: Sequence[int] | None
+) -> Network:
+    """Dense layers (bias, kernel) of flax; the first takes [x, u].
+
+    Flax names layers in the order in which they are built, not applied, so that the order is
+    taken from the shapes where these leave only one.
+    """
+    if len(params) % 2 or any(p.ndim != 1 + i % 2 for i, p in enumerate(params)):
+        raise ModelError("source.params: found other arrays than (bias, kernel) of Dense layers")
+    biases, kernels = params[0::2], params[1::2]
+    count = len(kernels)
+    fits = [
+        choice
+        for choice in ([tuple(order)] if order is not None else permutations(range(count)))
+        if sorted(choice) == list(range(count))
+        and [nx + nu, *(kernels[i].shape[1] for i in choice)]
+        == [*(kernels[i].shape[0] for i in choice), ends]
+    ]
+    if len(fits) != 1:
+        shapes = ", ".join(str(k.shape) for k in kernels)
+        raise ModelError(
+            f"source.params: found {len(fits)} orders in which layers of shapes {shapes} make a "
+            f"chain from {nx + nu} to {ends}, expected one: pass order="
+        )
+    weights = [kernels[i].T for i in fits[0]]
+    weights[0] = np.hstack([weights[0][:, nx:], weights[0][:, :nx]])
+    return Network(weights, [biases[i] for i in fits[0]], activation)
+
+
+# ---- ONNX -----------------------------------------------------------------------------------
+
+
+def from_onnx(path: Path) -> Network:
+    """Read a chain of Gemm, MatMul, Add and activations from an ONNX file.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Network
+
+    Raises
+    ------
+    ModelError
+        Naming the operator that is unknown, or the attribute that is not supported.
+    ImportError
+        If onnx is not installed.
+    """
+    onnx = optional("onnx", "onnx")
+    graph = onnx.load(os.fspath(path), load_external_data=False).graph
+    numbers = {item.name: _tensor(onnx, item) for item in graph.initializer}
+    weights: list[Reals] = []
+    biases: list[Reals] = []
+    names: list[str] = []
+    leak, flow = 0.01, graph.input[0].name
+    for place, node in enumerate(graph.node):
+        label = f"node {place + 1} ({node.name or node.op_type})"
+        if flow not in node.input:
+            raise ModelError(f"{label}: found a branch, expected a chain of layers")
+        given = [numbers[name] for name in node.input if name in numbers]
+        attributes = {a.name: onnx.helper.get_attribute_value(a) for a in node.attribute}
+        if node.op_type in ("Gemm", "MatMul"):
+            weight, bias = _dense(node, given, attributes, label, flow)
+            weights.append(weight)
+            biases.append(bias)
+            names.append("identity")
+        elif node.op_type == "Add" and weights and names[-1] == "identity" and len(given) == 1:
+            biases[-1] = biases[-1] + given[0].ravel()
+        elif node.op_type in _ONNX and weights and names[-1] == "identity":
+            names[-1] = _ONNX[node.op_type]
+            leak = float(attributes.get("alpha", leak))
+        elif node.op_type != "Identity":
+            raise ModelError(f"{label}: found the ONNX operator {node.op_type}, expected Gemm, "
+                             f"MatMul, Add, {', '.join(_ONNX)}")  # fmt: skip
+        flow = node.output[0]
+    return Network(weights, biases, names, leak)
+
+
+def _tensor(onnx: Any, item: Any) -> Reals:
+    if item.data_location == onnx.TensorProto.EXTERNAL:
+        raise ModelError(f"{item.name}: found weights in another file, expected them in the model")
+    return np.asarray(onnx.numpy_helper.to_array(item), dtype=float)
+
+
+def _dense(
+    node: Any, given: list[Reals], attributes: dict[str, Any], label: str, flow: str
+) -> tuple[Reals, Reals]:
+    for name, usual in (("alpha", 1.0), ("beta", 1.0), ("transA", 0)):
+        if node.op_type == "Gemm" and attributes.get(name, usual) != usual:
+            raise ModelError(f"{label}: found {name} = {attributes[name]}, expected {usual}")
+    if not given or given[0].ndim != 2:
+        raise ModelError(f"{label}: found no constant matrix, expected the weights in the model")
+    if node.input[0] == flow:
+        weight = given[0] if attributes.get("transB", 0) else given[0].T
+    elif node.op_type == "MatMul":
+        weight = given[0]  # W x
+    else:
+        raise ModelError(f"{label}: found the signal as second factor, expected it first")
+    bias = given[1].ravel() if len(given) > 1 else np.zeros(len(weight))
+    return weight, np.broadcast_to(bias, (len(weight),))

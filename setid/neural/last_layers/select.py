@@ -1,0 +1,133 @@
+"""The structure loop for networks: lags and widths, judged by proved bands on another record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from setid import IOData, ModelError
+from setid.neural.last_layers.last_layer import LastLayer, last_layer
+from setid.neural.models.regressor import NNARX
+from setid.neural.training.train import initial, train
+
+__all__ = ["Candidate", "NetworkSelection", "select"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """One structure and why it was kept or not.
+
+    Parameters
+    ----------
+    order, width : int
+    result : LastLayer
+        On the record that it was trained on.
+    least_error : float
+        Attained by the last layer.
+    band_width : float
+        Mean width of the proved one-step band of readings on the validation record.
+    outside : int
+        Readings outside that band: one of them falsifies the assumptions.
+    decision : str
+    """
+
+    order: int
+    width: int
+    result: LastLayer
+    least_error: float
+    band_width: float
+    outside: int
+    decision: str
+
+    def __repr__(self) -> str:
+        return (
+            f"order {self.order}, {self.width} neurons: least error {self.least_error:.4g}, band "
+            f"{self.band_width:.4g} wide, {self.outside} outside: {self.decision}"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NetworkSelection:
+    """Result of the loop over structures: all candidates and the one chosen.
+
+    Parameters
+    ----------
+    chosen : Candidate
+    log : tuple of Candidate
+        All structures, in the order in which they were tried.
+    """
+
+    chosen: Candidate
+    log: tuple[Candidate, ...]
+
+
+def select(
+    data: IOData,
+    validation: IOData,
+    orders: Sequence[int] = (1, 2, 3),
+    widths: Sequence[int] = (2, 4, 8),
+    factor: float = 1.5,
+    activation: str = "tanh",
+    starts: int = 3,
+    seed: int = 0,
+) -> NetworkSelection:
+    """Choose order and width by the narrowest proved band that no reading falsifies.
+
+    Parameters
+    ----------
+    data, validation : IOData
+        Hidden layers are trained and last layers bounded on the first, bands judged on the other.
+    orders, widths : sequence of int
+    factor : float
+        The bound of the equation error is this multiple of the least that explains ``data``,
+        which makes it an assumption.
+    activation : str
+    starts, seed : int
+        Of the training.
+
+    Returns
+    -------
+    NetworkSelection
+        Where every structure is falsified, the one with the fewest readings outside.
+
+    Raises
+    ------
+    ModelError
+        If there is nothing to choose from.
+
+    Examples
+    --------
+    >>> import numpy as np, setid
+    >>> from setid import neural
+    >>> u = np.sin(np.arange(80.0) ** 1.3)
+    >>> data = setid.IOData(u, np.append(0.0, np.tanh(u[:-1])) + 1e-3 * np.cos(7.0 * u))
+    >>> found = neural.select(*data.split(50), orders=[1], widths=[1, 2], starts=1)
+    >>> len(found.log), found.chosen.order
+    (2, 1)
+    """
+    log: list[Candidate] = []
+    for order in orders:
+        for width in widths:
+            guess = initial(data, order, [width], activation, seed)
+            assert isinstance(guess, NNARX)
+            trained = train(guess, data, starts=starts)
+            assert isinstance(trained.net, NNARX)
+            log.append(_judge(trained.net, data, validation, order, width, factor))
+    if not log:
+        raise ModelError("orders, widths: found no structure, expected at least one")
+    chosen = min(log, key=lambda item: (item.outside, item.band_width))
+    return NetworkSelection(chosen, tuple(log))
+
+
+def _judge(
+    net: NNARX, data: IOData, validation: IOData, order: int, width: int, factor: float
+) -> Candidate:
+    result = last_layer(net, data, factor=factor)
+    band = result.band(validation)
+    outside = len(band.outside)
+    text = "falsified by the validation record" if outside else "consistent"
+    text = text if np.isfinite(band.width) else "no finite band was proved"
+    least = float(result.upper_bound.max()) * float(max(result.noise.bounds(data)[2].max(), 0.0))
+    return Candidate(order, width, result, least, band.width, outside, text)

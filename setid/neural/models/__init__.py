@@ -1,0 +1,1 @@
+"""Network structures: weights, evaluation, simulation in floating point."""

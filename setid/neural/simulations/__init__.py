@@ -1,0 +1,1 @@
+"""Verified simulation, and the least output noise over the initial state."""

@@ -1,0 +1,58 @@
+"""Statuses of proved statements about networks, and records with the numbers they rest on."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from setid import Verification
+
+__all__ = ["Status", "agreed"]
+
+
+class Status(StrEnum):
+    """Outcome of a proof; ``message`` says what it means.
+
+    Examples
+    --------
+    >>> from setid import neural
+    >>> neural.Status.OPEN.message
+    'The condition fails or nothing finite was proved: this says nothing against the claim.'
+    """
+
+    PROVED = "proved"
+    PARTIAL = "partial"
+    EMPTY = "empty"
+    STABLE = "stable"
+    OPEN = "open"
+    ATTAINED = "attained"
+
+    @property
+    def message(self) -> str:
+        """One sentence of help."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Status.PROVED: "Proved and attained ends agree within the tolerance.",
+    Status.PARTIAL: "The outer ends are proved, but not attained within the tolerance.",
+    Status.EMPTY: "It is proved that nothing explains the record: raise the bound or the width.",
+    Status.STABLE: "The network is proved incrementally stable over the inputs that are listed.",
+    Status.ATTAINED: "A local solver attained the value; nothing is proved of its optimality.",
+    Status.OPEN: (
+        "The condition fails or nothing finite was proved: this says nothing against the claim."
+    ),
+}
+
+
+def agreed(*claims: tuple[bool, str]) -> Verification:
+    """Make a verdict of checks and what each failure means.
+
+    Examples
+    --------
+    >>> agreed((True, "a"), (False, "b is wrong"))
+    Verification(ok=False, reason='b is wrong')
+    """
+    for holds, reason in claims:
+        if not holds:
+            return Verification(False, reason)
+    return Verification(True)

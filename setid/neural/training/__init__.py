@@ -1,0 +1,1 @@
+"""Training by existing solvers, and to proved global optima."""

@@ -1,0 +1,245 @@
+"""Global training of small piecewise linear networks: branch and bound on activation patterns.
+
+One hidden layer of ReLU or leaky ReLU (slope leak below 0) is positively homogeneous, so that the
+output weights can be normalised to s_j = +-1. With a = a+ - a-, a+, a- >= 0 and a+ a- = 0 the
+output is sum_j s_j (a+_j - leak a-_j) + c, linear, and the least equation error D is a linear
+program but for the complementarity a+ a- = 0. A node fixes some pairs (a+ = 0 or a- = 0) and drops
+the others; row u- a+ + u+ a- <= u+ u-, with a+ <= u+ and a- <= u-, is valid for all of them.
+
+Every variable is boxed, so multipliers y of the rows r_l <= A x <= r_u prove
+
+    D >= sum_i min(y_i [r_l, r_u]_i) + min over the box of (e_D - A'y) x
+
+in interval arithmetic, whatever the solver did (Neumaier and Shcherbina 2004).
+
+References
+----------
+A. Neumaier, O. Shcherbina, "Safe bounds in linear and mixed-integer linear programming",
+Mathematical Programming 99 (2004) 283-296.
+R. Arora et al., "Understanding deep neural networks with rectified linear units", ICLR 2018,
+theorem 4.1: enumeration of patterns.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from setid.neural.arithmetic import Interval, LinearModel, down, matmul, up
+
+__all__ = ["PatternNode", "PatternSearch", "Patterns", "prove_tree"]
+
+Reals = NDArray[np.float64]
+_ROOM = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PatternNode:
+    """A set of activation patterns: split at one pair, or bounded by multipliers.
+
+    Parameters
+    ----------
+    split : int
+        Pair (sample and neuron) that is decided; -1 at a leaf.
+    children : tuple of PatternNode
+        With a- = 0 and with a+ = 0.
+    dual : (rows,) float
+    infeasible : bool
+        Whether ``dual`` proves that no pattern of the node stays below the cap.
+    """
+
+    split: int
+    children: tuple[PatternNode, ...]
+    dual: Reals
+    infeasible: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patterns:
+    """The linear program of all patterns for one choice of the output signs.
+
+    Columns: weights of each neuron, biases, c, D, then a+ and a- of each pair.
+    """
+
+    matrix: sps.csr_array
+    rows: tuple[Reals, Reals]
+    columns: tuple[Reals, Reals]
+    weights: int
+    pairs: int
+    free: bool
+
+    @staticmethod
+    def of(phi: Reals, y: Reals, signs: Reals, leak: float, reach: float, cap: float) -> Patterns:
+        """Build the program.
+
+        Parameters
+        ----------
+        phi : (T, d) float
+        y : (T,) float
+        signs : (k,) float
+            Output weights, +1 or -1, in descending order.
+        leak : float
+            Slope for negative arguments; 1 makes the network linear.
+        reach : float
+            Bound of all hidden weights and biases and of the output bias.
+        cap : float
+            Bound of D from a network that is known.
+        """
+        count, d = phi.shape
+        k = signs.size
+        size = k * d + k + 2
+        most = up(up(np.abs(phi).sum(axis=1) * (1.0 + (d + 4) * 2.0**-52)) * reach)
+        most = np.repeat(up(most + reach), k)  # abs(a) of each pair, pair = t k + j
+        pairs = count * k
+        eye = sps.identity(pairs, format="csr")
+        own = sps.csr_array(np.hstack([
+            np.kron(np.ones((count, 1)), np.eye(k))[:, :, None].repeat(d, 2).reshape(pairs, k * d)
+            * np.tile(np.repeat(phi, k, axis=0), k),
+            np.kron(np.ones((count, 1)), np.eye(k)), np.zeros((pairs, 2)),
+        ]))  # fmt: skip
+        arguments = sps.hstack([own, -eye, eye])
+        add = sps.csr_array(np.kron(np.eye(count), signs))
+        offset = np.zeros((count, size))
+        offset[:, -2] = 1.0
+        level = np.zeros((count, size))
+        level[:, -1] = 1.0
+        output = sps.hstack([sps.csr_array(offset + level), add, -leak * add])
+        below = sps.hstack([sps.csr_array(offset - level), add, -leak * add])
+        triangle = sps.hstack([sps.csr_array((pairs, size)), sps.diags(most), sps.diags(most)])
+        order = _ordering(signs, d, size + 2 * pairs)
+        matrix = sps.csr_array(sps.vstack([arguments, output, below, triangle, order]))
+        zero, free = np.zeros(pairs), np.inf
+        low = np.concatenate([zero, y, np.full(count, -free), np.full(pairs, -free),
+                              np.zeros(order.shape[0])])  # fmt: skip
+        high = np.concatenate([zero, np.full(count, free), y, up(most * most),
+                               np.full(order.shape[0], free)])  # fmt: skip
+        columns = (
+            np.concatenate([np.full(size - 1, -reach), np.zeros(1 + 2 * pairs)]),
+            np.concatenate([np.full(size - 1, reach), [cap], most, most]),
+        )
+        return Patterns(matrix, (low, high), columns, size, pairs, leak == 1.0)
+
+    def decided(self, fixed: NDArray[np.int8]) -> tuple[Reals, Reals]:
+        """Bounds of the columns where pairs are fixed: 1 for a- = 0, -1 for a+ = 0."""
+        high = self.columns[1].copy()
+        high[self.weights : self.weights + self.pairs][fixed == -1] = 0.0
+        high[self.weights + self.pairs :][fixed == 1] = 0.0
+        return self.columns[0], high
+
+    def prove(self, dual: Reals, fixed: NDArray[np.int8], infeasible: bool) -> float:
+        """Lower bound of D over a node; infinite where the multipliers prove it empty."""
+        if dual.shape != self.rows[0].shape or not np.all(np.isfinite(dual)):
+            return 0.0
+        y = np.where((dual > 0) & np.isinf(self.rows[0]), 0.0, dual)
+        y = np.where((y < 0) & np.isinf(self.rows[1]), 0.0, y)
+        used = np.flatnonzero(y)
+        ends = np.where(y > 0, self.rows[0], self.rows[1])[used]
+        gain = matmul(Interval.point(y[None, used]), Interval.point(ends[:, None]))
+        cost = np.zeros((1, self.matrix.shape[1]))
+        if not infeasible:
+            cost[0, self.weights - 1] = 1.0
+        part = Interval.point(self.matrix[used].toarray())
+        reduced = Interval.point(cost) - matmul(Interval.point(y[None, used]), part)
+        low, high = self.decided(fixed)
+        terms = (reduced * Interval(low[None], high[None])).lo[0]
+        size = np.abs(terms).sum() * (terms.size + 4.0) * 2.0**-52
+        value = float(down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(size))))
+        if infeasible:
+            return np.inf if value > 0 else 0.0
+        return max(value, 0.0)
+
+
+def _ordering(signs: Reals, d: int, width: int) -> sps.csr_array:
+    """Neurons of equal sign are ordered by their first weight, which removes permutations."""
+    rows = []
+    for j in range(signs.size - 1):
+        if signs[j] == signs[j + 1]:
+            row = np.zeros(width)
+            row[j * d], row[(j + 1) * d] = 1.0, -1.0
+            rows.append(row)
+    return sps.csr_array(np.array(rows).reshape(len(rows), width))
+
+
+def prove_tree(program: Patterns, node: PatternNode, fixed: NDArray[np.int8]) -> float:
+    """Lower bound of D that the leaves of a tree prove together."""
+    if node.split < 0:
+        return program.prove(node.dual, fixed, node.infeasible)
+    if len(node.children) != 2 or node.split >= program.pairs:
+        return 0.0
+    found = np.inf
+    for child, value in zip(node.children, (1, -1), strict=True):
+        below = fixed.copy()
+        below[node.split] = value
+        found = min(found, prove_tree(program, child, below))
+    return found
+
+
+class PatternSearch:
+    """Best-first branch and bound over the patterns of one program."""
+
+    def __init__(self, program: Patterns) -> None:
+        self.program = program
+        self.model = LinearModel(program.matrix, program.rows, program.columns)
+        self.cost = np.zeros(program.matrix.shape[1])
+        self.cost[program.weights - 1] = 1.0
+        self.known: list[tuple[NDArray[np.int8], Reals, bool, int, Reals | None]] = []
+        self.children: dict[int, tuple[int, int, int]] = {}
+        self.queue: list[tuple[float, int]] = []
+
+    def add(self, fixed: NDArray[np.int8]) -> None:
+        """Bound a node and keep the weights that its program proposes."""
+        program = self.program
+        low, high = program.decided(fixed)
+        self.model.bound(np.arange(low.size), low, high)
+        found = self.model.solve(self.cost)
+        infeasible = found.status == "infeasible"
+        value = program.prove(found.dual, fixed, infeasible)
+        split = -1
+        x = found.x if found.status == "solved" else None
+        if x is not None and not program.free:
+            plus = x[program.weights : program.weights + program.pairs]
+            minus = x[program.weights + program.pairs :]
+            gap = np.where(fixed == 0, np.minimum(plus, minus), -1.0)
+            split = int(np.argmax(gap)) if np.max(gap) > _ROOM else -1
+        number = len(self.known)
+        point = None if x is None else x[: program.weights].copy()
+        self.known.append((fixed, found.dual, infeasible, split, point))
+        heapq.heappush(self.queue, (value, number))
+
+    def propose(self, fixed: NDArray[np.int8]) -> Reals | None:
+        """Solve the program of one pattern, without keeping it."""
+        low, high = self.program.decided(fixed)
+        self.model.bound(np.arange(low.size), low, high)
+        found = self.model.solve(self.cost)
+        return found.x if found.status == "solved" else None
+
+    def run(self, cutoff: float, until: float, most: int) -> float:
+        """Bisect until the bound reaches the cutoff or limits are met; returns the bound.
+
+        The weakest node without a pair to decide ends the search: its program is exact.
+        """
+        while len(self.known) < most and time.monotonic() < until:
+            value, number = self.queue[0]
+            fixed, _, _, split, _ = self.known[number]
+            if value >= cutoff or split < 0:
+                break
+            heapq.heappop(self.queue)
+            self.children[number] = (split, len(self.known), len(self.known) + 1)
+            for choice in (1, -1):
+                below = fixed.copy()
+                below[split] = choice
+                self.add(below)
+        return self.queue[0][0]
+
+    def tree(self, number: int = 0) -> PatternNode:
+        """The nodes with their multipliers."""
+        if number in self.children:
+            split, one, other = self.children[number]
+            return PatternNode(split, (self.tree(one), self.tree(other)), np.zeros(0))
+        _, dual, infeasible, _, _ = self.known[number]
+        return PatternNode(-1, (), dual, infeasible)

@@ -1,0 +1,393 @@
+"""Training to a proved global optimum, for small networks of one hidden layer.
+
+ReLU, leaky ReLU and identity networks are searched by activation patterns (module ``patterns``):
+their output weights are normalised to +-1 and neurons of equal sign are ordered, which removes the
+symmetries. Networks of tanh, sigmoid or algebraic activations are searched by boxes of hidden
+weights (module ``weight_boxes``), with signs moved inside.
+Both are exact: nothing is approximated but for rounding, which is enclosed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from setid import IOData, ModelError, Verification
+from setid.neural.arithmetic import LinearModel, activate, require_ieee, up
+from setid.neural.last_layers.equation_error import equation_error, rows_of
+from setid.neural.models.network import Network
+from setid.neural.models.regressor import RegressorNetwork
+from setid.neural.status import Status, agreed
+from setid.neural.training.patterns import PatternNode, Patterns, PatternSearch, prove_tree
+from setid.neural.training.weight_boxes import WeightProgram, WeightSearch, prove_boxes
+
+__all__ = ["ProvedTraining", "train_proved"]
+
+Reals = NDArray[np.float64]
+_PIECEWISE = ("relu", "leaky_relu", "identity")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ProvedTraining:
+    """Least equation error over all networks of one structure, enclosed.
+
+    Parameters
+    ----------
+    net : NNARX or NNOE
+        The best network found; its output weights are +-1 for piecewise linear activations.
+    data : IOData
+    status : Status
+        ``"proved"`` where the bounds agree within the tolerance, else ``"partial"``.
+    lower_bound : float
+        Proved: no network within ``weights`` has a smaller largest equation error.
+    upper_bound : float
+        Attained by ``net``.
+    weights : float
+        Bound of hidden weights and biases after normalisation; the output bias may exceed it by
+        the largest reading.
+    tolerance : float
+    nodes : int
+    trees : mapping of tuple of float to PatternNode or WeightNode
+        The proof, for each choice of output signs where there are several.
+    cap : float
+        Error above which nothing was followed: that of the best constant.
+    """
+
+    net: RegressorNetwork
+    data: IOData
+    status: Status
+    lower_bound: float
+    upper_bound: float
+    weights: float
+    tolerance: float
+    nodes: int
+    trees: Mapping[tuple[float, ...], Any]
+    cap: float
+
+    def verify(self) -> Verification:
+        """Prove both bounds again, without any solver."""
+        phi, row = rows_of(self.net, self.data)
+        y = self.data.y[row, 0]
+        reached = equation_error(self.net, self.data).upper_bound[0]
+        closed = self.upper_bound - self.lower_bound <= self.tolerance * _cap(y)
+        inside = _inside(self.net.network, self.weights, y)
+        first = agreed(
+            (reached <= self.upper_bound, "the network does not attain the upper bound"),
+            (inside, "the network is outside the range of weights"),
+            (closed == (self.status is Status.PROVED), "the status does not follow"),
+        )
+        if not first:
+            return first
+        if self.net.network.activation[0] in _PIECEWISE:
+            least = _replay(self.net.network, phi, y, self)
+        else:
+            program = _boxes(self.net.network, phi, y, self.weights, self.cap)
+            tree = self.trees.get(())
+            least = 0.0 if tree is None else prove_boxes(program, tree, program.root())
+            least = min(least, self.cap)
+        return agreed((self.lower_bound <= least, "the lower bound is not proved"))
+
+    def __repr__(self) -> str:
+        ends = f"[{self.lower_bound:.6g}, {self.upper_bound:.6g}]"
+        return f"<ProvedTraining: least error in {ends}, {self.nodes} nodes, {self.status}>"
+
+
+def train_proved(
+    net: RegressorNetwork,
+    data: IOData,
+    weights: float = 10.0,
+    tolerance: float = 1e-4,
+    time_limit: float = 60.0,
+    nodes: int = 20_000,
+) -> ProvedTraining:
+    """Find the network of least equation error and prove that no other is better.
+
+    Parameters
+    ----------
+    net : NNARX or NNOE
+        Its structure is used: one hidden layer, a linear last one, one output.
+    data : IOData
+    weights : float
+        Bound of hidden weights and biases after normalisation of the output weights to +-1
+        (piecewise linear), or of all weights (smooth activations). It is part of the claim.
+    tolerance : float
+        Gap at which the search ends, as a fraction of the error of the best constant.
+    time_limit : float
+        Seconds; the bounds hold when it is over, but need not meet.
+    nodes : int
+        Most sets of patterns that are bounded.
+
+    Returns
+    -------
+    ProvedTraining
+
+    Raises
+    ------
+    ModelError
+        If the structure is not covered.
+
+    Examples
+    --------
+    >>> import setid
+    >>> from setid import neural
+    >>> net = neural.NNARX(neural.Network([[[0.0, 1.0, 0.0]], [[1.0]]], [[0.0], [0.0]],
+    ...                                   "relu"), order=1)
+    >>> data = setid.IOData([0, -1, 2, -2, 1], [0, 0.25, 2, 0, 1])
+    >>> found = neural.train_proved(net, data)
+    >>> found.status, bool(found.verify())
+    (<Status.PROVED: 'proved'>, True)
+    """
+    require_ieee()
+    phi, row = rows_of(net, data)
+    inner = net.network
+    if len(inner.weights) != 2 or inner.activation[1] != "identity" or net.outputs != 1:
+        raise ModelError(
+            f"net: found {inner!r} with {net.outputs} outputs, expected one hidden layer, a linear "
+            "last layer and one output"
+        )
+    if not 0 < weights < np.inf:
+        raise ModelError(f"weights: found {weights!r}, expected a positive number")
+    y, until = data.y[row, 0], time.monotonic() + time_limit
+    if inner.activation[0] in _PIECEWISE:
+        return _by_patterns(net, data, phi, y, float(weights), tolerance, until, nodes)
+    return _by_boxes(net, data, phi, y, float(weights), tolerance, until, nodes)
+
+
+# ---- piecewise linear activations -----------------------------------------------------------
+
+
+def _leak(network: Network) -> float:
+    name = network.activation[0]
+    return {"relu": 0.0, "identity": 1.0}.get(name, network.leak)
+
+
+def _signs(width: int, linear: bool) -> list[tuple[float, ...]]:
+    """Output weights up to permutations; one choice is enough for a linear network."""
+    if linear:
+        return [(1.0,)]
+    return [(1.0,) * p + (-1.0,) * (width - p) for p in range(width, -1, -1)]
+
+
+def _cap(y: Reals) -> float:
+    """The error of the best constant, rounded up."""
+    return float(up(up(np.max(y) - np.min(y)) * 0.5000001)) + 1e-300
+
+
+def _reaches(weights: float, y: Reals) -> float:
+    return float(up(weights + np.max(np.abs(y))))
+
+
+def _program(network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float,
+             cap: float) -> Patterns:  # fmt: skip
+    found = Patterns.of(phi, y, np.array(signs), _leak(network), weights, cap)
+    low, high = (np.array(end) for end in found.columns)
+    low[found.weights - 2], high[found.weights - 2] = -_reaches(weights, y), _reaches(weights, y)
+    return Patterns(found.matrix, found.rows, (low, high), found.weights, found.pairs, found.free)
+
+
+def _by_patterns(
+    net: RegressorNetwork, data: IOData, phi: Reals, y: Reals, weights: float, tolerance: float,
+    until: float, nodes: int,
+) -> ProvedTraining:  # fmt: skip
+    network = net.network
+    width = network.weights[0].shape[0]
+    cap = _cap(y)
+    best = _Best(network, phi, y, weights)
+    trees: dict[tuple[float, ...], PatternNode] = {}
+    lower, count = np.inf, 0
+    choices = _signs(width, network.activation[0] == "identity")
+    for number, signs in enumerate(choices):
+        search = PatternSearch(_program(network, phi, y, signs, weights, cap))
+        share = time.monotonic() + (until - time.monotonic()) / (len(choices) - number)
+        value = _search(search, best, np.array(signs), tolerance, share, nodes - count)
+        trees[signs] = search.tree()
+        lower, count = min(lower, value), count + len(search.known)
+    return _result(
+        net, data, best.network(), (min(lower, cap), weights, tolerance, count), trees, cap
+    )
+
+
+def _result(
+    net: RegressorNetwork, data: IOData, network: Network,
+    found: tuple[float, float, float, int], trees: Mapping[tuple[float, ...], Any], cap: float,
+) -> ProvedTraining:  # fmt: skip
+    """The result for the best network, with the error that it provably attains."""
+    lower, weights, tolerance, count = found
+    trained = type(net)(network, net.order, net.channels)
+    upper = float(equation_error(trained, data).upper_bound[0])
+    closed = upper - lower <= tolerance * cap
+    status = Status.PROVED if closed else Status.PARTIAL
+    return ProvedTraining(
+        trained, data, status, lower, upper, weights, tolerance, count, trees, cap
+    )
+
+
+def _search(
+    search: PatternSearch, best: _Best, signs: Reals, tolerance: float, until: float, nodes: int
+) -> float:
+    """Branch and bound in slices, with the best network found as cutoff."""
+    search.add(np.zeros(search.program.pairs, np.int8))
+    seen = 0
+    while True:
+        for *_, point in search.known[seen:]:
+            best.take(point, signs)
+        best.polish(search, signs)
+        seen, before = len(search.known), best.value
+        limit = min(nodes, seen + 50)
+        value = search.run(best.value - 0.5 * tolerance * best.scale, until, limit)
+        ended = len(search.known) < limit and len(search.known) == seen
+        if ended and best.value == before or limit >= nodes or time.monotonic() >= until:
+            return value
+
+
+class _Best:
+    """The best network found so far."""
+
+    def __init__(self, network: Network, phi: Reals, y: Reals, weights: float) -> None:
+        self.given, self.phi, self.y, self.weights = network, phi, y, weights
+        width, d = network.weights[0].shape
+        self.linear = network.activation[0] == "identity"
+        self.parts: tuple[Reals, Reals, Reals, float] = (
+            np.zeros((width, d)), np.zeros(width), np.ones(width),
+            0.5 * float(np.max(y) + np.min(y)),
+        )  # fmt: skip
+        self.value = 0.5 * float(np.max(y) - np.min(y))
+        self.scale = self.value
+        self.seen: set[bytes] = set()
+
+    def take(self, x: Reals | None, signs: Reals) -> None:
+        """Evaluate the weights of a program's solution."""
+        if x is None:
+            return
+        k, d = signs.size, self.phi.shape[1]
+        w = np.clip(x[: k * d].reshape(k, d), -self.weights, self.weights)
+        b = np.clip(x[k * d : k * d + k], -self.weights, self.weights)
+        hidden = activate(self.given.activation[0], self.phi @ w.T + b, self.given.leak) @ signs
+        rest = self.y - hidden
+        value = 0.5 * float(np.max(rest) - np.min(rest))
+        if value < self.value:
+            self.value = value
+            self.parts = w, b, signs, 0.5 * float(np.max(rest) + np.min(rest))
+
+    def polish(self, search: PatternSearch, signs: Reals) -> None:
+        """Solve the program of the pattern that the best network has, while that helps."""
+        while np.array_equal(self.parts[2], signs) and not search.program.free:
+            w, b, _, _ = self.parts
+            argument = (self.phi @ w.T + b).ravel()
+            pattern = np.where(argument >= 0, 1, -1).astype(np.int8)
+            if pattern.tobytes() in self.seen:
+                return
+            self.seen.add(pattern.tobytes())
+            self.take(search.propose(pattern), signs)
+
+    def network(self) -> Network:
+        """The network, with as many neurons as were given."""
+        w, b, signs, c = self.parts
+        width = self.given.weights[0].shape[0]
+        full = np.zeros((width, self.phi.shape[1])), np.zeros(width), np.ones(width)
+        for whole, part in zip(full, (w, b, signs), strict=True):
+            whole[: len(part)] = part
+        return Network([full[0], full[2][None]], [full[1], [c]], self.given.activation,
+                       self.given.leak)  # fmt: skip
+
+
+def _inside(network: Network, weights: float, y: Reals) -> bool:
+    """Check that a network is one of those that the bound is about."""
+    hidden = max(np.max(np.abs(network.weights[0])), np.max(np.abs(network.biases[0])))
+    last = np.abs(network.weights[1])
+    fits = (
+        np.all(last == 1.0)
+        if network.activation[0] in _PIECEWISE
+        else (np.all(last <= weights) and np.all(network.weights[1] >= 0))
+    )
+    return bool(
+        hidden <= weights and fits and np.all(np.abs(network.biases[1]) <= _reaches(weights, y))
+    )
+
+
+def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> float:
+    """Least of what all trees prove."""
+    width = network.weights[0].shape[0]
+    least = item.cap
+    for signs in _signs(width, network.activation[0] == "identity"):
+        if signs not in item.trees:
+            return 0.0
+        program = _program(network, phi, y, signs, item.weights, item.cap)
+        none = np.zeros(program.pairs, np.int8)
+        least = min(least, prove_tree(program, item.trees[signs], none))
+    return least
+
+
+# ---- smooth activations ---------------------------------------------------------------------
+
+
+def _boxes(network: Network, phi: Reals, y: Reals, weights: float, cap: float) -> WeightProgram:
+    width = network.weights[0].shape[0]
+    bias = _reaches(weights, y)
+    return WeightProgram(network.activation[0], phi, y, width, weights, bias, cap)
+
+
+def _by_boxes(
+    net: RegressorNetwork, data: IOData, phi: Reals, y: Reals, weights: float, tolerance: float,
+    until: float, nodes: int,
+) -> ProvedTraining:  # fmt: skip
+    cap = _cap(y)
+    search = WeightSearch(_boxes(net.network, phi, y, weights, cap))
+    best, value, seen = _clipped(net.network, phi, y, weights), np.inf, 0
+    while True:
+        for *_, point in search.known[seen:]:
+            trial, reached = _fitted(net.network, phi, y, weights, point)
+            if trial is not None and reached < value:
+                best, value = trial, reached
+        seen = len(search.known)
+        lower = search.run(value - 0.5 * tolerance * cap, until, min(nodes, seen + 50))
+        if len(search.known) == seen or len(search.known) >= nodes or time.monotonic() >= until:
+            break
+    return _result(net, data, best, (min(lower, cap), weights, tolerance, len(search.known)),
+                   {(): search.tree()}, cap)  # fmt: skip
+
+
+def _fitted(
+    network: Network, phi: Reals, y: Reals, weights: float, point: Reals | None
+) -> tuple[Network | None, float]:
+    """The best last layer of given hidden weights, by a linear program, and its error."""
+    if point is None:
+        return None, np.inf
+    width, d = network.weights[0].shape
+    hidden = point.reshape(width, d + 1)
+    z = activate(network.activation[0], phi @ hidden[:, :d].T + hidden[:, d], network.leak)
+    one = np.ones((len(y), 1))
+    matrix = sps.csr_array(np.block([[z, one, one], [z, one, -one]]))
+    free, bias = np.full(len(y), np.inf), _reaches(weights, y)
+    columns = (np.append(np.zeros(width), [-bias, 0.0]),
+               np.append(np.full(width, weights), [bias, np.inf]))  # fmt: skip
+    model = LinearModel(matrix, (np.append(y, -free), np.append(free, y)), columns)
+    found = model.solve(np.append(np.zeros(width + 1), 1.0))
+    if found.status != "solved":
+        return None, np.inf
+    last = np.clip(found.x[:width], 0.0, weights)
+    trial = Network([hidden[:, :d], last[None]], [hidden[:, d], [0.0]], network.activation)
+    rest = y - trial(phi)[:, 0]
+    middle = np.clip(0.5 * (rest.max() + rest.min()), -bias, bias)
+    error = float(np.max(np.abs(rest - middle)))
+    return trial.with_last_layer(last[None], [middle]), error
+
+
+def _clipped(network: Network, phi: Reals, y: Reals, weights: float) -> Network:
+    """The network given, with weights in range and output weights that are not negative."""
+    first = np.clip(network.weights[0], -weights, weights)
+    bias = np.clip(network.biases[0], -weights, weights)
+    last = np.clip(network.weights[1][0], -weights, weights)
+    side = np.where(last < 0, -1.0, 1.0)  # moved inside: f(-a) = -f(a), or 1 - f(a) for sigmoid
+    found = np.hstack([first * side[:, None], (bias * side)[:, None]]).ravel()
+    trial, _ = _fitted(network, phi, y, weights, found)
+    if trial is not None:
+        return trial
+    return Network([first * 0.0, last[None] * 0.0], [bias * 0.0, [0.5 * float(y.max() + y.min())]],
+                   network.activation)  # fmt: skip

@@ -1,0 +1,213 @@
+"""Global training of small smooth networks: branch and bound on boxes of hidden weights.
+
+On a box of hidden weights and biases every activation obeys phi(a) = lambda a + mu + s with
+abs(s) <= delta (see :func:`setid.neural.arithmetic.linearise`), delta of second order in the width.
+With output weights v_j >= 0 (signs are moved inside) and q_j = v_j w_j, r_j = v_j b_j the row
+
+    abs(y_t - c - sum_j (lambda_tj (phi_t q_j + r_j) + mu_tj v_j)) <= D + sum_j delta_tj v_j
+
+is linear, as is the box, low_j v_j <= (q_j, r_j) <= high_j v_j. Each box needs one linear program
+whose bound is proved as in :mod:`setid.neural.training.patterns`, with coefficients in intervals.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from setid.neural.arithmetic import Interval, LinearModel, down, linearise, matmul, row_sums, up
+
+__all__ = ["WeightNode", "WeightProgram", "WeightSearch", "prove_boxes"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeightNode:
+    """A box of hidden weights: bisected along one entry, or bounded by multipliers.
+
+    Parameters
+    ----------
+    split : int
+        Entry that is bisected; -1 at a leaf.
+    children : tuple of WeightNode
+        The lower and the upper half.
+    dual : (rows,) float
+    infeasible : bool
+        Whether ``dual`` proves that no network of the box stays below the cap.
+    """
+
+    split: int
+    children: tuple[WeightNode, ...]
+    dual: Reals
+    infeasible: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WeightProgram:
+    """Record, structure and ranges that the linear programs of all boxes share.
+
+    Parameters
+    ----------
+    name : str
+        Activation.
+    phi : (T, d) float
+    y : (T,) float
+    width : int
+        Number k of neurons.
+    weights, bias, cap : float
+        Ranges of hidden and output weights, of the output bias, and of D.
+    """
+
+    name: str
+    phi: Reals
+    y: Reals
+    width: int
+    weights: float
+    bias: float
+    cap: float
+
+    def root(self) -> Interval:
+        """Box of all hidden weights and biases, neuron by neuron, (k (d + 1),)."""
+        high = np.full(self.width * (self.phi.shape[1] + 1), self.weights)
+        return Interval(-high, high)
+
+    def rows(self, box: Interval) -> tuple[Interval, Reals, Reals]:
+        """Coefficients of the rows and their ends; columns (q_j, r_j) ..., v, c, D."""
+        count, d = self.phi.shape
+        k = self.width
+        full = np.hstack([self.phi, np.ones((count, 1))])
+        size = k * (d + 1)
+        upper = Interval(np.zeros((count, size + k + 2)), np.zeros((count, size + k + 2)))
+        lower = Interval(upper.lo.copy(), upper.hi.copy())
+        for j in range(k):
+            own = slice(j * (d + 1), (j + 1) * (d + 1))
+            a = matmul(Interval.point(full), box[own][:, None])[:, 0]
+            slope, offset, radius = linearise(self.name, a)
+            part = Interval.point(slope[:, None]) * Interval.point(full)
+            above = Interval.point(offset) + Interval.point(radius)
+            below = Interval.point(offset) - Interval.point(radius)
+            for rows, level in ((upper, above), (lower, below)):
+                rows.lo[:, own], rows.hi[:, own] = part.lo, part.hi
+                rows.lo[:, size + j], rows.hi[:, size + j] = level.lo, level.hi
+        for rows, sign in ((upper, 1.0), (lower, -1.0)):
+            rows.lo[:, -2] = rows.hi[:, -2] = 1.0
+            rows.lo[:, -1] = rows.hi[:, -1] = sign
+        cone = np.zeros((2 * size, size + k + 2))
+        entry = np.arange(size)
+        cone[entry, entry], cone[size + entry, entry] = 1.0, -1.0
+        cone[entry, size + entry // (d + 1)] = -box.lo
+        cone[size + entry, size + entry // (d + 1)] = box.hi
+        matrix = Interval(
+            np.vstack([upper.lo, lower.lo, cone]), np.vstack([upper.hi, lower.hi, cone])
+        )
+        free = np.inf
+        low = np.concatenate([self.y, np.full(count, -free), np.zeros(2 * size)])
+        high = np.concatenate([np.full(count, free), self.y, np.full(2 * size, free)])
+        return matrix, low, high
+
+    def columns(self, box: Interval) -> tuple[Reals, Reals]:
+        """Ranges of the columns."""
+        most = up(np.maximum(np.abs(box.lo), np.abs(box.hi)) * self.weights)
+        ends = np.full(self.width, self.weights)
+        return (
+            np.concatenate([-most, np.zeros(self.width), [-self.bias, 0.0]]),
+            np.concatenate([most, ends, [self.bias, self.cap]]),
+        )
+
+    def prove(self, box: Interval, dual: Reals, infeasible: bool) -> float:
+        """Lower bound of D over a box; infinite where the multipliers prove it empty."""
+        matrix, low, high = self.rows(box)
+        if dual.shape != low.shape or not np.all(np.isfinite(dual)):
+            return 0.0
+        y = np.where((dual > 0) & np.isinf(low), 0.0, dual)
+        y = np.where((y < 0) & np.isinf(high), 0.0, y)
+        used = np.flatnonzero(y)
+        ends = np.where(y > 0, low, high)[used]
+        gain = matmul(Interval.point(y[None, used]), Interval.point(ends[:, None]))
+        cost = np.zeros((1, matrix.lo.shape[1]))
+        cost[0, -1] = 0.0 if infeasible else 1.0
+        reduced = Interval.point(cost) - matmul(Interval.point(y[None, used]), matrix[used])
+        least, most = self.columns(box)
+        terms = (reduced * Interval(least[None], most[None])).lo[0]
+        slack = float(row_sums(terms[None])[0]) * (terms.size + 4.0) * 2.0**-52
+        value = float(down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(slack))))
+        if infeasible:
+            return np.inf if value > 0 else 0.0
+        return max(value, 0.0)
+
+    def halves(self, box: Interval, entry: int) -> tuple[Interval, Interval]:
+        """The two halves of a box."""
+        middle = 0.5 * box.lo[entry] + 0.5 * box.hi[entry]
+        low, high = box.lo.copy(), box.hi.copy()
+        low[entry], high[entry] = middle, middle
+        return Interval(box.lo, high), Interval(low, box.hi)
+
+
+def prove_boxes(program: WeightProgram, node: WeightNode, box: Interval) -> float:
+    """Lower bound of D that the leaves of a tree prove together."""
+    if node.split < 0:
+        return program.prove(box, node.dual, node.infeasible)
+    if len(node.children) != 2 or node.split >= box.lo.size:
+        return 0.0
+    parts = zip(node.children, program.halves(box, node.split), strict=True)
+    return min(prove_boxes(program, child, half) for child, half in parts)
+
+
+class WeightSearch:
+    """Best-first branch and bound over boxes of hidden weights."""
+
+    def __init__(self, program: WeightProgram) -> None:
+        self.program = program
+        self.known: list[tuple[Interval, Reals, bool, int, Reals | None]] = []
+        self.children: dict[int, tuple[int, int, int]] = {}
+        self.queue: list[tuple[float, int]] = []
+        self.add(program.root())
+
+    def add(self, box: Interval) -> None:
+        """Bound a box and keep the hidden weights that its program proposes."""
+        program = self.program
+        matrix, low, high = program.rows(box)
+        model = LinearModel(sps.csr_array(matrix.middle()), (low, high), program.columns(box))
+        cost = np.zeros(matrix.lo.shape[1])
+        cost[-1] = 1.0
+        found = model.solve(cost)
+        infeasible = found.status == "infeasible"
+        value = program.prove(box, found.dual, infeasible)
+        size, d = box.lo.size, program.phi.shape[1]
+        reach = np.append(np.abs(program.phi).max(axis=0), 1.0)
+        entry = int(np.argmax((box.hi - box.lo) * np.tile(reach, program.width)))
+        point = None
+        if found.status == "solved":
+            v = np.repeat(found.x[size : size + program.width], d + 1)
+            with np.errstate(all="ignore"):
+                point = np.where(v > 1e-12, found.x[:size] / v, box.middle())
+            point = np.clip(point, box.lo, box.hi)
+        self.known.append((box, found.dual, infeasible, entry, point))
+        heapq.heappush(self.queue, (value, len(self.known) - 1))
+
+    def run(self, cutoff: float, until: float, most: int) -> float:
+        """Bisect until the bound reaches the cutoff or limits are met; returns the bound."""
+        while len(self.known) < most and time.monotonic() < until:
+            value, number = self.queue[0]
+            if value >= cutoff:
+                break
+            heapq.heappop(self.queue)
+            box, entry = self.known[number][0], self.known[number][3]
+            self.children[number] = (entry, len(self.known), len(self.known) + 1)
+            for half in self.program.halves(box, entry):
+                self.add(half)
+        return self.queue[0][0]
+
+    def tree(self, number: int = 0) -> WeightNode:
+        """The nodes with their multipliers."""
+        if number in self.children:
+            entry, one, other = self.children[number]
+            return WeightNode(entry, (self.tree(one), self.tree(other)), np.zeros(0))
+        _, dual, infeasible, _, _ = self.known[number]
+        return WeightNode(-1, (), dual, infeasible)

@@ -1,0 +1,154 @@
+"""Controllers from data: the laboratory, the hard case with input noise, classes, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+import setid
+from setid import control
+
+TS = 0.01
+# Zero-order hold of the laboratory plant and reference model, and the ideal controller
+# (LRIC laboratories 7 and 8; exact arithmetic)
+K_STAR = {
+    "b0": 2.0568754, "b1": -4.7255762, "b2": 4.2782032, "b3": -1.4824789,
+    "a1": -0.9761862, "a2": -0.8986386, "a3": 0.8748248,
+}  # fmt: skip
+QUICK = setid.Options(time_limit=2.0, progress=False)
+
+
+def sampled(top: list[float], below: list[float]) -> control.Transfer:
+    b, a, _ = cont2discrete((top, below), TS)
+    return control.Transfer(b.ravel(), a, TS)
+
+
+P = sampled([4500.0], [1.0, 16.0, 4500.0])
+M = sampled([51.54, 861.8], [1.0, 56.97, 861.8])
+
+
+def experiment(bound: float, samples: int = 60, seed: int = 1) -> setid.IOData:
+    rng = np.random.default_rng(seed)
+    r = rng.uniform(-1, 1, samples)
+    return setid.IOData(r, P.simulate(r) + rng.uniform(-bound, bound, samples), TS)
+
+
+def test_orders_are_raised_with_proofs_until_the_set_collapses_on_the_ideal_controller() -> None:
+    found = control.design(experiment(1e-6), M, control.LTI(), 1e-6, options=QUICK)
+    assert [item.order for item in found.refuted] == [1, 2]
+    assert all(item.result.empty and item.result.verify() for item in found.refuted)
+    assert found.order == 3
+    for name, value in K_STAR.items():
+        low, high = found.intervals[name].outer
+        assert value - 1e-4 < low <= value + 1e-7 and value - 1e-7 <= high < value + 1e-4
+    assert found.centre.integrators == 1
+    matching = found.matching(P)
+    assert matching.stable and matching.fit > 99.9
+
+
+@pytest.mark.parametrize("integrator", [True, False])
+def test_noise_on_the_controllers_input(integrator: bool) -> None:
+    """Noise .005 on 60 samples: row by row, outer ends were 10 to 100 times too wide."""
+    found = control.design(experiment(0.005), M, control.LTI(3, integrator), 0.005, options=QUICK)
+    for name, value in K_STAR.items():
+        item = found.intervals[name]
+        assert value in item
+        assert item.width < (0.11 if integrator else 0.2)
+    assert found.matching(P).stable
+    assert not any("Box" in text for text in found.assumptions)
+
+
+def test_the_integrator_is_exact() -> None:
+    found = control.design(experiment(0.005), M, control.LTI(3), 0.005, options=QUICK)
+    for controller in (found.centre, found.feasible, found.estimate):
+        assert controller.integrators == 1
+    assert sum(found.centre.denominator) == 0
+
+
+def test_parallel_pid_is_recovered() -> None:
+    # A plant for which a PID controller is ideal: P = M / ((1 - M) K)
+    module = control.reference_model(rise=0.2, Ts=TS)
+    known = {"Kp": 2.0, "Ki": 5.0, "Kd": 0.01}
+    kp, ki, kd = known.values()
+    K = control.Transfer([kp + ki * TS + kd / TS, -kp - 2 * kd / TS, kd / TS], [1, -1], TS)
+    plant = module / (1 - module) / K
+    r = np.random.default_rng(3).uniform(-1, 1, 80)
+    data = setid.IOData(r, plant.simulate(r), TS)
+    patient = setid.Options(time_limit=60.0, progress=False)  # ends when the gap is closed
+    found = control.design(data, module, control.PID(), 1e-6, options=patient)
+    for name, value in known.items():
+        item = found.intervals[name]
+        assert value in item and item.width < 0.01 * value
+        assert item.inner is not None and item.inner[0] <= item.inner[1]
+    assert found.centre.integrators == 1
+    ideal = found.ideal_form()
+    assert ideal["Ti"][0] <= kp / ki <= ideal["Ti"][1] < 1.01 * kp / ki
+    assert ideal["Td"][0] <= kd / kp <= ideal["Td"][1] < 1.01 * kd / kp
+    series = found.series_form()  # roots of x^2 - Ti x + Ti Td
+    roots = sorted(np.roots([1.0, -kp / ki, kd / ki]))
+    assert series["Td"][0] <= roots[0] <= series["Td"][1]
+    assert series["Ti"][0] <= roots[1] <= series["Ti"][1]
+
+
+def test_a_consistent_controller_is_found_without_the_engine() -> None:
+    at_once = setid.Options(time_limit=1e-3, progress=False)
+    found = control.design(experiment(0.005), M, control.LTI(3, False), 0.005, options=at_once)
+    K = found.feasible
+    y, s = found.data.y.ravel(), found.target
+    # the least noise that explains s = K (y - noise), by the linear program of setid
+    theta = [*K.den[1:], *K.num]
+    record = setid.IOData(y, s, TS)
+    formulation = setid.formulate(record, found.fixed.model, setid.Noise(input=0.005))
+    assert formulation.witness(theta).level <= 1.0 + 1e-9
+
+
+def test_a_pi_controller_cannot_do_it() -> None:
+    found = control.design(experiment(1e-6), M, control.PID(derivative=False), 1e-6, options=QUICK)
+    assert found.empty
+    with pytest.raises(setid.SetidError, match="empty"):
+        _ = found.centre
+
+
+def test_given_numerators() -> None:
+    plant, reference = ([0, 1.0], [1, -0.5]), ([0, 0.4], [1, -0.6])
+    r = np.random.default_rng(0).uniform(-1, 1, 40)
+    data = setid.IOData(r, control.Transfer(*plant).simulate(r))
+    given = control.Polynomials([[1.0, -1.0], [0.0, 1.0]], [1.0, -1.0])
+    found = control.design(data, reference, given, 1e-6, options=QUICK)
+    # K* = .4 (1 - .5 q^-1) / (1 - q^-1) = (.4 (1 - q^-1) + .2 q^-1) / (1 - q^-1)
+    assert 0.4 in found.intervals["k1"] and 0.2 in found.intervals["k2"]
+    assert found.intervals["k2"].width < 1e-4
+
+
+def test_very_strong_noise_says_nothing_and_says_so() -> None:
+    found = control.design(experiment(1.0), M, control.LTI(3), 1.0, options=QUICK)
+    assert not found.empty
+    with pytest.raises(setid.SetidError, match="infinite"):
+        _ = found.centre
+    assert found.estimate.integrators == 1
+
+
+def test_wrong_input_is_refused() -> None:
+    data = experiment(0.01)
+    with pytest.raises(setid.ModelError, match="controller"):
+        control.design(data, M, control.LTI, 0.01)  # type: ignore[arg-type]
+    with pytest.raises(setid.NoiseError, match="input"):
+        control.design(data, M, control.LTI(1), setid.Noise(output=0.01, input=0.1))
+    with pytest.raises(setid.ModelError, match="Ts"):
+        control.design(data, control.Transfer([0, 1], [1, -0.5], 1.0), control.LTI(1), 0.01)
+    with pytest.raises(setid.ModelError, match="lag 0"):
+        control.design(data, ([1.0], [1.0, -0.5]), control.LTI(1), 0.01)
+    with pytest.raises(setid.ModelError, match="polynomials"):
+        control.Polynomials([[1.0, 0.0, 1.0]])
+
+
+def test_models_of_python_control() -> None:
+    module = pytest.importorskip("control")
+    data = setid.IOData(*[np.random.default_rng(0).uniform(-1, 1, 30)] * 2)
+    P1 = control.Transfer([0, 1], [1, -0.5])
+    data = setid.IOData(data.u, P1.simulate(data.u))
+    reference = module.TransferFunction([0.4], [1.0, -0.6], 1.0)
+    found = control.design(data, reference, control.LTI(1), 1e-4, options=QUICK)
+    poles = module.poles(found.to_control())
+    assert np.abs(poles - 1.0).min() < 1e-9

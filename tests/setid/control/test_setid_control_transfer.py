@@ -1,0 +1,156 @@
+"""Transfer functions in rationals, target signals, reference models, ideal controllers."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+import setid
+from setid import control
+from setid.control.transfer import is_schur, simulate_exactly
+
+# Laboratory plant 4500/(s^2+16s+4500) and reference (51.54s+861.8)/(s^2+56.97s+861.8), zero-order
+# hold; ideal controllers by exact arithmetic (LRIC laboratories 7 and 8).
+LABORATORY = {
+    0.01: ([2.0568754, -4.7255762, 4.2782032, -1.4824789], [1, -0.9761862, -0.8986386, 0.8748248]),
+    0.005: (
+        [4.2978183, -11.757854, 11.1460309, -3.6490603],
+        [1, -0.9930685, -0.9480591, 0.9411276],
+    ),
+    0.02: ([1.0013186, -1.1187457, 1.0153414, -0.5193439], [1, -0.927183, -0.8048727, 0.7320557]),
+}
+# Fourth-order example printed in the course notes, section 6.3.4
+NOTES_P = ([0, 0.09516, 0.02, 0.05, -0.04], [1, -0.9048, 0.2, -0.5, 0.4])
+NOTES_M = ([0, 0.4], [1, -0.6])
+NOTES_IDEAL = (
+    [4.20344683, -3.80327869, 0.84068937, -2.10172341, 1.68137873],
+    [1, -0.78982766, 0.31525851, -0.94577554, 0.42034468],
+)
+
+
+def sampled(top: list[float], below: list[float], Ts: float) -> control.Transfer:
+    b, a, _ = cont2discrete((top, below), Ts)
+    return control.Transfer(b.ravel(), a, Ts)
+
+
+@pytest.mark.parametrize("Ts", LABORATORY)
+def test_ideal_controller_of_the_laboratory(Ts: float) -> None:
+    plant = sampled([4500.0], [1.0, 16.0, 4500.0], Ts)
+    reference = sampled([51.54, 861.8], [1.0, 56.97, 861.8], Ts)
+    found = control.ideal_controller(plant, reference)
+    top, below = LABORATORY[Ts]
+    np.testing.assert_allclose(found.num, top, rtol=2e-6)
+    np.testing.assert_allclose(found.den, below, rtol=2e-6)
+    assert found.integrators == 1
+
+
+def test_ideal_controller_of_the_notes() -> None:
+    found = control.ideal_controller(NOTES_P, NOTES_M)
+    np.testing.assert_allclose(found.num, NOTES_IDEAL[0], atol=1e-8)
+    np.testing.assert_allclose(found.den, NOTES_IDEAL[1], atol=1e-8)
+    matching = control.check_matching(NOTES_P, found, NOTES_M)
+    assert matching.stable and matching.gain_error < 1e-9
+
+
+def test_target_signal_is_what_the_ideal_controller_gives() -> None:
+    r = np.random.default_rng(0).uniform(-1, 1, 80)
+    y = lfilter(*NOTES_P, r)
+    s = control.target_signal(NOTES_M, r)
+    np.testing.assert_allclose(lfilter(*NOTES_IDEAL, y), s, atol=1e-6)
+
+
+def test_target_signal_refuses_a_reference_without_delay() -> None:
+    with pytest.raises(setid.ModelError, match="lag 0"):
+        control.target_signal(([1.0, 0.2], [1.0, -0.5]), [1.0, 2.0])
+
+
+def test_ideal_controller_refuses_to_look_ahead() -> None:
+    with pytest.raises(setid.ModelError, match="future"):
+        control.ideal_controller(([0, 0, 1.0], [1.0, -0.5]), ([0, 0.5], [1.0, -0.5]))
+
+
+def test_the_integrator_cancels_exactly() -> None:
+    K, M = control.Transfer([2.0, -1.0], [1.0, -1.0]), control.Transfer([0, 0.4], [1, -0.6])
+    product = K * (1 - M)
+    assert product.integrators == 0 and product.is_stable()
+    assert product.order == 1
+
+
+def test_a_pole_near_one_moves_to_one_and_the_remainder_is_told() -> None:
+    K = control.Transfer([1.0], [1.0, -1.9999, 0.99990001])
+    moved, rest = K.snapped(1e-6)
+    assert moved.integrators == 1 and rest == pytest.approx(1e-8)
+    assert K.snapped(1e-10) == (K, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_schur_agrees_with_the_roots(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    roots = rng.uniform(-1.3, 1.3, 4)
+    polynomial = [Fraction(float(c)) for c in np.poly(roots)]
+    assert is_schur(polynomial) == bool(np.abs(roots).max() < 1.0)
+    radius = Fraction(float(np.abs(roots).max())) * Fraction(11, 10)
+    assert is_schur(polynomial, radius)
+
+
+def test_exact_simulation_agrees_with_doubles() -> None:
+    r = np.random.default_rng(1).uniform(-1, 1, 50)
+    M = control.Transfer(*NOTES_P)
+    np.testing.assert_allclose(simulate_exactly(M, r.tolist()), M.simulate(r), atol=1e-13)
+
+
+def test_exact_simulation_keeps_an_integrator() -> None:
+    r = np.full(2000, 0.1)
+    found = simulate_exactly(control.Transfer([1], [1, -1]), r.tolist())
+    assert found[-1] == float(Fraction(0.1) * 2000)
+
+
+@pytest.mark.parametrize(("rise", "overshoot"), [(1.0, 0.0), (1.0, 0.05), (2.5, 0.2), (0.8, 0.5)])
+def test_reference_model_rises_as_asked(rise: float, overshoot: float) -> None:
+    Ts = 0.002
+    M = control.reference_model(rise=rise, overshoot=overshoot, Ts=Ts)
+    y = M.simulate(np.ones(20000))
+    measured = (np.argmax(y >= 0.9) - np.argmax(y >= 0.1)) * Ts
+    assert measured == pytest.approx(rise, abs=2 * Ts)
+    assert max(y.max() - 1.0, 0.0) == pytest.approx(overshoot, abs=1e-3)
+    assert M.static_gain == 1
+
+
+@pytest.mark.parametrize("overshoot", [0.0, 0.1])
+def test_reference_model_settles_as_asked(overshoot: float) -> None:
+    Ts = 0.002
+    M = control.reference_model(settling=4.0, overshoot=overshoot, Ts=Ts)
+    y = M.simulate(np.ones(20000))
+    last = np.flatnonzero(np.abs(y - 1.0) > 0.02)[-1] * Ts
+    assert last == pytest.approx(4.0, abs=3 * Ts)
+
+
+def test_reference_model_takes_zeros_and_delay() -> None:
+    M = control.reference_model(rise=3.0, delay=2, zeros=[1.5])
+    assert M.delay == 3 and M.static_gain == 1
+    assert np.any(np.abs(M.zeros - 1.5) < 1e-12)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{}, {"rise": -1.0}, {"rise": 1.0, "overshoot": 1.0}, {"rise": 1.0, "zeros": [1j]}]
+)
+def test_reference_model_refuses(wrong: dict) -> None:
+    with pytest.raises(setid.ModelError, match="found"):
+        control.reference_model(**wrong)
+
+
+def test_transfer_from_and_to_python_control() -> None:
+    module = pytest.importorskip("control")
+    given = module.TransferFunction([0.4], [1.0, -0.6], 0.5)
+    found = control.ideal_controller(given, given)
+    assert found.Ts == 0.5
+    back = control.Transfer([0, 0.4], [1, -0.6], 0.5).to_control()
+    omega = [0.1, 1.0]
+    np.testing.assert_allclose(
+        back(np.exp(1j * np.array(omega) * 0.5)), given(np.exp(1j * np.array(omega) * 0.5))
+    )
+    with pytest.raises(setid.ModelError, match="continuous"):
+        control.ideal_controller(module.TransferFunction([1.0], [1.0, 1.0]), given)

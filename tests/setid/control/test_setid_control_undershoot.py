@@ -1,0 +1,111 @@
+"""Undershoot, zeros outside the circle, and reference models from specifications."""
+
+from __future__ import annotations
+
+import builtins
+
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+from setid import control
+
+
+def step(zeros: list[float], poles: list[float], length: int = 60) -> np.ndarray:
+    top, below = np.poly(zeros), np.poly(poles)
+    plant = control.Transfer([0.0, *(top * below.sum() / top.sum())], below)
+    return plant.simulate(np.ones(length))
+
+
+@pytest.mark.parametrize("zero", [1.2, 1.5, 2.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_zero_outside_is_located(zero: float, seed: int) -> None:
+    y = step([zero, 0.3], [0.7, 0.5, 0.2])
+    noise = np.random.default_rng(seed).uniform(-0.01, 0.01, y.size)
+    found = control.undershoot(y + noise, 0.01)
+    assert found.verdict == "present"
+    assert found.depth[0] <= -y.min() <= found.depth[1]
+    assert len(found.zeros) == 1
+    low, high = found.zeros[0]
+    assert low < zero < high and high - low < 0.5 * zero
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_minimum_phase_is_never_called_otherwise(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    y = step([rng.uniform(-0.8, 0.8)], rng.uniform(0.2, 0.8, 2).tolist())
+    found = control.undershoot(y + rng.uniform(-0.05, 0.05, y.size), 0.05)
+    assert found.verdict != "present" and found.zeros == ()
+
+
+def test_without_noise_absence_is_proved_up_to_rounding() -> None:
+    found = control.undershoot(step([0.2], [0.5, 0.6])[1:], 1e-9)
+    assert found.verdict == "absent" and found.depth == (0.0, 0.0)
+
+
+def test_strong_noise_leaves_it_open() -> None:
+    y = step([1.5], [0.7, 0.5])
+    assert control.undershoot(y, 2.0).verdict == "open"
+
+
+def test_a_downward_step_and_assumptions() -> None:
+    y = -2.0 * step([1.5], [0.7, 0.5])
+    u = np.concatenate([np.zeros(3), np.full(y.size, -2.0)])
+    found = control.undershoot(setid.IOData(u, np.concatenate([np.zeros(3), y])), 0.01)
+    assert found.verdict == "present" and found.zeros
+    assert any("after the record" in text for text in found.assumptions)
+
+
+def test_an_input_that_is_no_step_is_refused() -> None:
+    with pytest.raises(setid.DataError, match="step"):
+        control.undershoot(setid.IOData([0, 1, 2], [0, 0, 1]), 0.1)
+
+
+# ---- specifications ---------------------------------------------------------------------
+
+
+def test_a_missing_synthesis_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    original = builtins.__import__
+
+    def absent(name: str, *rest: object, **more: object) -> object:
+        if name.startswith("slycot"):
+            raise ImportError(name)
+        return original(name, *rest, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(builtins, "__import__", absent)
+    with pytest.raises(sp.SolverNotFound, match="slycot"):
+        control.reference_model_from(control.Specification(Ts=0.1, rise=1.0))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"Ts": 0.0, "rise": 1.0}, {"Ts": 1.0}, {"Ts": 1.0, "rise": 1.0, "zeros": (0.5,)},
+     {"Ts": 1.0, "rise": 1.0, "type": 3}, {"Ts": 1.0, "rise": 1.0, "overshoot": 0.0}],
+)  # fmt: skip
+def test_a_wrong_specification_is_refused(wrong: dict) -> None:
+    with pytest.raises(setid.ModelError, match="found"):
+        control.Specification(**wrong)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"sensor_noise": (20.0, 0.2), "disturbance": (0.2, 0.2)},
+        {"zeros": (1.5,), "delay": 2, "rise": 3.0, "overshoot": 0.15},
+        {"type": 2, "rise": 2.0, "overshoot": 0.4},
+    ],
+)
+def test_specifications_are_kept(more: dict) -> None:
+    pytest.importorskip("slycot")
+    spec = control.Specification(**({"Ts": 0.1, "rise": 1.0, "overshoot": 0.1} | more))
+    found = control.reference_model_from(spec)
+    assert found.kept, found.checks
+    assert found.model.is_stable() and found.model.delay == spec.delay
+    rest = (1 - found.model).reduced().numerator
+    value = np.polynomial.polynomial.polyfromroots([1.0] * spec.type)
+    quotient = np.polynomial.polynomial.polydiv([float(c) for c in rest], value)
+    assert np.abs(quotient[1]).max() < 1e-12  # type zeros at z = 1
+    for zero in spec.zeros:
+        assert np.abs(found.model.zeros - zero).min() < 1e-5

@@ -1,0 +1,212 @@
+"""Least equation errors and last layers against closed forms, rational programs and samples."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+from setid import neural
+from setid.neural.arithmetic import Interval
+
+
+def ramp() -> tuple[neural.NNARX, setid.IOData]:
+    """One feature u_t, so that y_t is w u_t + b."""
+    net = neural.Network([[[0.0, 1.0, 0.0]], [[1.0]]], [[0.0], [0.0]], "relu")
+    return neural.NNARX(net, 1), setid.IOData([0, 0, 1, 2, 3], [0, 0, 2, 4, 6])
+
+
+def plant(samples: int, error: float, seed: int = 0) -> tuple[neural.NNARX, setid.IOData]:
+    """A network of three tanh with a bounded equation error on its own output."""
+    rng = np.random.default_rng(seed)
+    w = rng.normal(size=(3, 3))
+    net = neural.Network([w, [[0.6, -0.4, 0.5]]], [rng.normal(size=3), [0.2]])
+    u, y = rng.uniform(-2, 2, size=samples), np.zeros(samples)
+    for t in range(1, samples):
+        y[t] = net([y[t - 1], u[t], u[t - 1]])[0] + rng.uniform(-error, error)
+    return neural.NNARX(net, 1), setid.IOData(u, y)
+
+
+TRUTH = np.array([0.6, -0.4, 0.5, 0.2])
+
+
+def test_equation_error_against_arbitrary_precision() -> None:
+    net, data = plant(40, 0.1)
+    found = neural.equation_error(net, data)
+    w, b = net.network.weights, net.network.biases
+    worst = mpmath.mpf(0)
+    with mpmath.workdps(40):
+        for t in range(1, 40):
+            phi = [mpmath.mpf(v) for v in (data.y[t - 1, 0], data.u[t, 0], data.u[t - 1, 0])]
+            value = mpmath.mpf(b[1][0])
+            for i in range(3):
+                argument = sum(mpmath.mpf(w[0][i, j]) * phi[j] for j in range(3))
+                value += mpmath.mpf(w[1][0, i]) * mpmath.tanh(argument + mpmath.mpf(b[0][i]))
+            assert mpmath.mpf(found.low[t, 0]) <= value <= mpmath.mpf(found.high[t, 0])
+            worst = max(worst, abs(mpmath.mpf(data.y[t, 0]) - value))
+        assert mpmath.mpf(found.lower_bound[0]) <= worst <= mpmath.mpf(found.upper_bound[0])
+    assert found.upper_bound[0] - found.lower_bound[0] < 1e-13
+    assert found.upper_bound[0] <= 0.1 + 1e-13
+    assert found.verify()
+
+
+def test_the_band_holds_all_readings_of_its_record() -> None:
+    net, data = plant(60, 0.05)
+    low, high = neural.equation_error(net, data).band()
+    assert np.all((low <= data.y)[1:] & (data.y <= high)[1:])
+
+
+def test_forged_equation_errors_are_found() -> None:
+    net, data = plant(20, 0.1)
+    found = neural.equation_error(net, data)
+    assert not replace(found, lower_bound=found.lower_bound + 1e-9).verify()
+    assert not replace(found, upper_bound=found.upper_bound - 1e-9).verify()
+    assert not replace(found, low=found.low + 1e-9).verify()
+    assert not replace(found, data=setid.IOData(data.u, data.y + 0.1)).verify()
+
+
+def test_networks_with_a_state_are_refused() -> None:
+    net = neural.Elman([([[1.0]], [[0.5]], [0.0])])
+    with pytest.raises(setid.ModelError, match="found Elman, expected NNARX or NNOE"):
+        neural.equation_error(net, setid.IOData([1, 2], [1, 2]))
+
+
+def test_last_layer_in_closed_form() -> None:
+    """|2 - w - b|, |4 - 2w - b|, |6 - 3w - b|, |b| <= 1/2: a hexagon computed by hand."""
+    net, data = ramp()
+    found = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    w, b = found.intervals["w1"], found.intervals["b"]
+    assert w.outer == pytest.approx((5 / 3, 7 / 3), abs=1e-12)
+    assert b.outer == pytest.approx((-0.5, 0.5), abs=1e-12)
+    assert w.outer[0] <= 5 / 3 and w.outer[1] >= 7 / 3 and b.outer[0] <= -0.5
+    assert w.status == b.status == "certified" and found.status == "proved"
+    assert found.lower_bound[0] == 0.0
+
+
+def test_last_layer_against_rational_programs() -> None:
+    net, data = plant(60, 0.05, seed=3)
+    found = neural.last_layer(net, data, setid.Noise(equation=0.05))
+    features = net.network.features(
+        np.column_stack([data.y[:-1], data.u[1:], data.u[:-1]])
+    )  # rounded: the truth differs by about 1e-16
+    theta = sp.variables(4)
+    rows = []
+    for f, y in zip(features, data.y[1:, 0], strict=True):
+        value = sp.total([float(c) * v for c, v in zip(f, theta, strict=False)]) + theta[3]
+        rows += [value <= y + 0.05, value >= y - 0.05]
+    bounds = sp.linear_bounds(
+        sp.Problem(theta[0], rows), [s * v for v in theta for s in (1.0, -1.0)]
+    )
+    for k, item in enumerate(found.intervals.values()):
+        expected = bounds[2 * k].lower, -bounds[2 * k + 1].lower
+        assert item.outer == pytest.approx(expected, rel=1e-10)
+        assert TRUTH[k] in item
+    assert found.status == "proved"
+
+
+def test_empty_sets_are_proved_empty() -> None:
+    """Features u = (0, 1, 2, 3) and y = (0, 2, 2, 6): the least error is 1 by hand.
+
+    The rows at u = 1, 2, 3 read w + b = 2 + e1, 2 w + b = 2 + e2, 3 w + b = 6 + e3, whose second
+    difference is 4 = 2 e2 - e1 - e3, so that the largest error is at least 1; w = 2, b = -1
+    reaches it at all rows.
+    """
+    net, _ = ramp()
+    data = setid.IOData([0, 0, 1, 2, 3], [0, 0, 2, 2, 6])
+    found = neural.last_layer(net, data, setid.Noise(equation=0.75))
+    assert found.status == "empty" and found.verify()
+    assert found.lower_bound[0] == pytest.approx(1 / 0.75, rel=1e-10)
+    assert found.lower_bound[0] <= 1 / 0.75 <= found.upper_bound[0]
+    assert neural.last_layer(net, data, setid.Noise(equation=1.001)).status == "proved"
+
+
+def test_unbounded_sets_prove_nothing() -> None:
+    net, _ = ramp()
+    found = neural.last_layer(net, setid.IOData([0, 1], [0, 2]), setid.Noise(equation=0.5))
+    assert found.status == "open"
+    assert all(item.outer == (-np.inf, np.inf) for item in found.intervals.values())
+    assert found.verify()
+
+
+def test_bands_hold_all_members() -> None:
+    net, data = plant(120, 0.05, seed=5)
+    _, other = plant(80, 0.05, seed=5)
+    found = neural.last_layer(net, data, setid.Noise(equation=0.05))
+    band = found.band(other)
+    assert band.verify() and not band.outside.size
+    phi = np.column_stack([other.y[:-1], other.u[1:], other.u[:-1]])
+    features = np.column_stack([net.network.features(phi), np.ones(79)])
+    values = found.members(1000, seed=1)[:, 0] @ features.T
+    assert np.all(values >= band.low[1:, 0] - 1e-12) and np.all(values <= band.high[1:, 0] + 1e-12)
+    reached = (values.max(axis=0) - values.min(axis=0)) / (band.high - band.low)[1:, 0]
+    assert np.median(reached) > 0.5  # not merely a wide box
+    truth = features @ TRUTH
+    assert np.all(truth >= band.low[1:, 0]) and np.all(truth <= band.high[1:, 0])
+
+
+def test_noise_read_off_the_record_is_an_assumption() -> None:
+    net, data = plant(60, 0.05)
+    found = neural.last_layer(net, data)
+    assert any("1.05 times the least" in text for text in found.assumptions)
+    assert found.lower_bound[0] == pytest.approx(1 / 1.05, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_output_and_input_noise(seed: int) -> None:
+    """True last layers lie in the proved box; readings in the proved band."""
+    net, exact = plant(200, 0.0, seed)
+    rng = np.random.default_rng(seed + 100)
+    size = 0.01
+    data = setid.IOData(
+        exact.u + rng.uniform(-size, size, size=exact.u.shape),
+        exact.y + rng.uniform(-size, size, size=exact.y.shape),
+    )
+    found = neural.last_layer(net, data, setid.Noise(output=size, input=size))
+    assert found.status == "partial" and found.verify()
+    for k, item in enumerate(found.intervals.values()):
+        assert TRUTH[k] in item and item.width < 10.0
+    band = found.band()
+    assert band.verify() and not band.outside.size
+    assert np.all(exact.y[1:] >= band.low[1:]) and np.all(exact.y[1:] <= band.high[1:])
+
+
+def test_contradicting_noisy_records_are_empty() -> None:
+    net, exact = plant(100, 0.0)
+    data = setid.IOData(exact.u, exact.y + np.where(np.arange(100) % 2, 0.5, -0.5)[:, None])
+    found = neural.last_layer(net, data, setid.Noise(output=0.01))
+    assert found.status == "empty" and found.verify()
+
+
+def test_forged_last_layers_are_found() -> None:
+    net, data = plant(60, 0.05)
+    found = neural.last_layer(net, data, setid.Noise(equation=0.05))
+    (item,) = found.sets
+    narrow = Interval(item.outer.lo + 1e-9, item.outer.hi)
+    assert not replace(found, sets=(replace(item, outer=narrow),)).verify()
+    assert not replace(found, sets=(replace(item, dual=1.01 * item.dual),)).verify()
+    assert not replace(found, sets=(replace(item, inner=item.inner * 1.1),)).verify()
+    assert not replace(found, sets=(replace(item, inside=item.inside + 0.1),)).verify()
+    assert not replace(found, sets=(replace(item, factor=(0.999, 1.0)),)).verify()
+    assert not replace(found, sets=(replace(item, factor=(0.0, item.factor[0] / 2)),)).verify()
+    smaller = neural.last_layer(net, data, setid.Noise(equation=0.049)).sets[0]
+    assert not replace(found, sets=(replace(smaller, widened=0.049 / 0.05),)).verify()
+    assert not replace(found, noise=setid.Noise(equation=0.06)).verify()
+    other = neural.last_layer(net, data, setid.Noise(equation=0.06))
+    assert not replace(found, intervals=other.intervals).verify()
+    band = found.band()
+    assert not replace(band, low=band.low + 1e-6).verify()
+
+
+def test_several_outputs() -> None:
+    net = neural.Network([np.eye(4)[2:3], [[2.0], [-1.0]]], [[0.0], [0.0, 1.0]], "relu")
+    u = np.array([0.0, 1.0, 2.0, 3.0])
+    data = setid.IOData(u, np.column_stack([2 * u, 1 - u]))
+    found = neural.last_layer(neural.NNARX(net, 1), data, setid.Noise(equation=[0.5, 0.25]))
+    assert list(found.intervals) == ["w[1]1", "b[1]", "w[2]1", "b[2]"]
+    # u = 1, 2, 3 are the rows: the slope is within 2 De / 2 of the truth
+    assert found.intervals["w[1]1"].outer == pytest.approx((1.5, 2.5), abs=1e-12)
+    assert found.intervals["w[2]1"].outer == pytest.approx((-1.25, -0.75), abs=1e-12)

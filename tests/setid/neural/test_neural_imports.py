@@ -1,0 +1,240 @@
+"""Imported weights: arrays here; torch, equinox, jax-sysid and ONNX where they are installed."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import setid
+from setid import neural
+
+PEER = "a peer in an environment of its own; not a dependency of this project"
+
+
+def inputs(samples: int = 40, channels: int = 2) -> setid.IOData:
+    rng = np.random.default_rng(0)
+    return setid.IOData(rng.normal(size=(samples, channels)), np.zeros((samples, 1)))
+
+
+def test_arrays_and_files(tmp_path) -> None:
+    rng = np.random.default_rng(0)
+    w, b = [rng.normal(size=(3, 2)), rng.normal(size=(1, 3))], [rng.normal(size=3), [0.5]]
+    net = neural.from_arrays(w, b, "relu")
+    np.savez(tmp_path / "net.npz", W1=w[0], b1=b[0], W2=w[1], b2=b[1])
+    again = neural.from_arrays(tmp_path / "net.npz", activation="relu")
+    x = rng.normal(size=(5, 2))
+    np.testing.assert_array_equal(net(x), again(x))
+    np.testing.assert_allclose(net(x), np.maximum(x @ w[0].T + b[0], 0) @ w[1].T + 0.5, atol=1e-15)
+    np.savez(tmp_path / "half.npz", W1=w[0])
+    with pytest.raises(setid.ModelError, match="found no array b1"):
+        neural.from_arrays(tmp_path / "half.npz")
+    with pytest.raises(setid.ModelError, match="biases: found None"):
+        neural.from_arrays(w)
+
+
+def test_pickles_are_not_executed(tmp_path) -> None:
+    class Bomb:
+        def __reduce__(self):
+            return (pytest.fail, ("code ran while loading",))
+
+    np.savez(tmp_path / "bomb.npz", W1=np.array([Bomb()], dtype=object), b1=[0.0])
+    with pytest.raises(ValueError, match="allow_pickle=False"):
+        neural.from_arrays(tmp_path / "bomb.npz")
+
+
+def test_state_dictionaries_need_no_torch() -> None:
+    rng = np.random.default_rng(1)
+    state = {"0.weight": rng.normal(size=(3, 2)), "0.bias": rng.normal(size=3),
+             "2.weight": rng.normal(size=(1, 3))}  # fmt: skip
+    net = neural.from_torch(state, activation="tanh")
+    x = rng.normal(size=2)
+    expected = state["2.weight"] @ np.tanh(state["0.weight"] @ x + state["0.bias"])
+    np.testing.assert_allclose(net(x), expected, atol=1e-15)
+
+
+def test_the_update_gate_of_libraries_is_one_minus_ours() -> None:
+    """h' = (1 - z) n + z h with n = tanh(W x + b + r (U h + c)), rows of r, z, n stacked."""
+    rng = np.random.default_rng(2)
+    shapes = {"weight_ih": (6, 2), "weight_hh": (6, 2), "bias_ih": 6, "bias_hh": 6}
+    state = {f"{key}_l0": rng.normal(size=shape) for key, shape in shapes.items()}
+    net = neural.from_torch(state)
+    assert net.reset == "after"
+    h, u = rng.normal(size=2), rng.normal(size=2)
+    a = np.split(state["weight_ih_l0"] @ u + state["bias_ih_l0"], 3)
+    b = np.split(state["weight_hh_l0"] @ h + state["bias_hh_l0"], 3)
+    r, z = (1 / (1 + np.exp(-a[i] - b[i])) for i in (0, 1))
+    n = np.tanh(a[2] + r * b[2])
+    np.testing.assert_allclose(net.step(h, u)[0], (1 - z) * n + z * h, atol=1e-14)
+
+
+class Conv1d:
+    """What a foreign module looks like: nothing but its class name is known."""
+
+
+def test_unknown_modules_are_refused_by_name() -> None:
+    with pytest.raises(setid.ModelError, match="torch module Conv1d, expected Linear"):
+        neural.from_torch(Conv1d())
+    with pytest.raises(setid.ModelError, match="equinox module Conv1d"):
+        neural.from_equinox(Conv1d())
+    with pytest.raises(setid.ModelError, match="found arrays kernel, expected those of linear"):
+        neural.from_torch({"kernel": np.zeros((2, 2))})
+    model = SimpleNamespace(params=[np.zeros((2, 2))], nx=2, nu=1, ny=1, isLinear=False)
+    with pytest.raises(setid.ModelError, match="with its own functions"):
+        neural.from_jax_sysid(model)
+
+
+@pytest.mark.parametrize("name", ["onnx", "torch"])
+def test_missing_packages_are_named(name: str, monkeypatch, tmp_path) -> None:
+    monkeypatch.setitem(sys.modules, name, None)
+    load = neural.from_onnx if name == "onnx" else neural.from_torch
+    with pytest.raises(ImportError, match=f"{name} is not installed; it is optional: pip install"):
+        load(tmp_path / "file")
+
+
+def test_missing_trainers_are_named(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    data = inputs(channels=1)
+    net = neural.initial(data, 1, [2], kind=neural.NNOE)
+    with pytest.raises(ImportError, match="casadi is not installed"):
+        neural.train(net, data)
+
+
+# ---- against the libraries themselves -------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_torch_layers() -> None:
+    torch = pytest.importorskip("torch", reason=PEER)
+    torch.manual_seed(0)
+    nn = torch.nn
+    data = inputs()
+    x = torch.tensor(np.array(data.u))
+    stack = nn.Sequential(nn.Linear(2, 5), nn.Tanh(), nn.Linear(5, 4), nn.LeakyReLU(0.2),
+                          nn.Linear(4, 3), nn.Sigmoid(), nn.Linear(3, 1)).double()  # fmt: skip
+    net = neural.from_torch(stack)
+    np.testing.assert_allclose(net(data.u), stack(x).detach().numpy(), atol=1e-12)
+    head = nn.Linear(4, 1).double()
+    for kind, layers in ((nn.RNN, 2), (nn.LSTM, 1), (nn.GRU, 1)):
+        cell = kind(2, 4, num_layers=layers).double()
+        net = neural.from_torch(cell, output=head)
+        with torch.no_grad():
+            expected = head(cell(x)[0]).numpy()
+        np.testing.assert_allclose(net.simulate(data), expected, atol=1e-12)
+    with pytest.raises(setid.ModelError, match="torch module Conv1d"):
+        neural.from_torch(nn.Sequential(nn.Linear(2, 2), nn.Conv1d(1, 1, 1)))
+    with pytest.raises(setid.ModelError, match="bidirectional"):
+        neural.from_torch(nn.GRU(2, 4, bidirectional=True))
+
+
+@pytest.mark.slow
+def test_torch_files(tmp_path) -> None:
+    torch = pytest.importorskip("torch", reason=PEER)
+    cell = torch.nn.LSTM(2, 3).double()
+    torch.save(cell.state_dict(), tmp_path / "cell.pt")
+    data = inputs()
+    with torch.no_grad():
+        expected = cell(torch.tensor(np.array(data.u)))[0].numpy()
+    net = neural.from_torch(tmp_path / "cell.pt", output=(np.eye(3)[:1], [0.0]))
+    np.testing.assert_allclose(net.simulate(data)[:, 0], expected[:, 0], atol=1e-12)
+    torch.save(cell, tmp_path / "whole.pt")  # a pickled module: refused by weights_only
+    with pytest.raises(Exception, match="[Ww]eights.only"):
+        neural.from_torch(tmp_path / "whole.pt")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("alpha", [0.5, 1.0, 1.25])
+def test_torch_gradient_of_a_first_order_model(alpha: float) -> None:
+    """d y_t / d alpha = t alpha^(t - 1) for y_t = alpha y_{t-1}, y_0 = 1, by backpropagation."""
+    torch = pytest.importorskip("torch", reason=PEER)
+    a = torch.tensor(alpha, dtype=torch.float64, requires_grad=True)
+    y = torch.ones((), dtype=torch.float64)
+    for t in range(1, 30):
+        y = a * y
+        (slope,) = torch.autograd.grad(y, a, retain_graph=True)
+        assert float(slope) == pytest.approx(t * alpha ** (t - 1), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_equinox_modules() -> None:
+    jax = pytest.importorskip("jax", reason=PEER)
+    eqx = pytest.importorskip("equinox", reason=PEER)
+    jax.config.update("jax_enable_x64", True)
+    key, data = jax.random.PRNGKey(0), inputs()
+    for function in (jax.nn.tanh, jax.nn.relu, jax.nn.sigmoid):
+        mlp = eqx.nn.MLP(2, 1, 5, 2, activation=function, key=key)
+        name = {"relu": "relu", "sigmoid": "sigmoid"}.get(function.__name__, "tanh")
+        net = neural.from_equinox(mlp, activation=name)
+        np.testing.assert_allclose(net(data.u), jax.vmap(mlp)(data.u), atol=1e-12)
+    head = eqx.nn.Linear(4, 1, key=key)
+    for kind in (eqx.nn.GRUCell, eqx.nn.LSTMCell):
+        cell = kind(2, 4, key=key)
+        net = neural.from_equinox(cell, output=head)
+        state = jax.numpy.zeros(4)
+        state = (state, state) if kind is eqx.nn.LSTMCell else state
+        found = net.simulate(data)
+        for t in range(data.samples):
+            state = cell(data.u[t], state)
+            h = state[0] if kind is eqx.nn.LSTMCell else state
+            np.testing.assert_allclose(found[t], head(h), atol=1e-12)
+
+
+@pytest.mark.slow
+def test_jax_sysid_models() -> None:
+    jax = pytest.importorskip("jax", reason=PEER)
+    models = pytest.importorskip("jax_sysid.models", reason=PEER)
+    nn = pytest.importorskip("flax.linen", reason=PEER)
+    jax.config.update("jax_enable_x64", True)
+
+    class FX(nn.Module):
+        @nn.compact
+        def __call__(self, x):
+            return nn.Dense(3)(nn.tanh(nn.Dense(5)(x)))
+
+    class FY(nn.Module):
+        @nn.compact
+        def __call__(self, x):
+            return nn.Dense(1)(nn.tanh(nn.Dense(4)(x)))
+
+    data = inputs()
+    model = models.RNN(3, 1, 2, FX=FX, FY=FY, x_scaling=1.0)
+    net = neural.from_jax_sysid(model)
+    expected, _ = model.predict(model.x0, np.array(data.u))
+    np.testing.assert_allclose(net.simulate(data), np.asarray(expected).reshape(-1, 1), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_onnx_chains(tmp_path) -> None:
+    onnx = pytest.importorskip("onnx", reason=PEER)
+    rng = np.random.default_rng(0)
+    w = [rng.normal(size=(2, 4)), rng.normal(size=(3, 4)), rng.normal(size=(3, 1))]
+    b = [rng.normal(size=4), rng.normal(size=3)]
+    helper, to = onnx.helper, onnx.numpy_helper.from_array
+    numbers = [to(a, n) for a, n in zip([*w, *b], ["W1", "W2", "W3", "b1", "b2"], strict=True)]
+    nodes = [
+        helper.make_node("MatMul", ["x", "W1"], ["a"]),
+        helper.make_node("Add", ["a", "b1"], ["c"]),
+        helper.make_node("LeakyRelu", ["c"], ["d"], alpha=0.25),
+        helper.make_node("Gemm", ["d", "W2", "b2"], ["e"], transB=1),
+        helper.make_node("Tanh", ["e"], ["f"]),
+        helper.make_node("MatMul", ["f", "W3"], ["y"]),
+    ]
+    double = onnx.TensorProto.DOUBLE
+
+    def save(chain, path) -> None:
+        ends = [helper.make_tensor_value_info(n, double, [1, s]) for n, s in (("x", 2), ("y", 1))]
+        graph = helper.make_graph(chain, "net", ends[:1], ends[1:], numbers)
+        onnx.save(helper.make_model(graph), str(path))
+
+    save(nodes, tmp_path / "net.onnx")
+    net = neural.from_onnx(tmp_path / "net.onnx")
+    x = rng.normal(size=(6, 2))
+    a = x @ w[0] + b[0]
+    expected = np.tanh(np.where(a > 0, a, 0.25 * a) @ w[1].T + b[1]) @ w[2]
+    np.testing.assert_allclose(net(x), expected, atol=1e-12)
+    nodes[4] = helper.make_node("Softplus", ["e"], ["f"])
+    save(nodes, tmp_path / "odd.onnx")
+    with pytest.raises(setid.ModelError, match="ONNX operator Softplus, expected Gemm"):
+        neural.from_onnx(tmp_path / "odd.onnx")
