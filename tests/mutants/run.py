@@ -20,8 +20,9 @@ A list is a table of sources, each with its tests and its faults:
     put = "return np.asarray(x, float)"
     harmless = "why no false claim can follow"  # only where no test can notice it
 
-Results are kept in .mutants/results.json with a hash of the fault, the package and the tests,
-so that an interrupted run goes on where it stopped. Exit code: 0 if every fault is noticed or
+Results are kept in .mutants/results.json as long as the file with the fault, its tests and their
+helpers stay as they are, so that an interrupted run goes on where it stopped; --again forgets
+them. Exit code: 0 if every fault is noticed or
 harmless, 1 if one survives, 2 if the list is wrong or the tests fail without a fault.
 """
 
@@ -128,18 +129,16 @@ def of_files(paths: Iterable[Path]) -> bytes:
 def digests(faults: list[Fault]) -> tuple[str, list[str]]:
     """Names of results, of the tests without a fault and of each fault.
 
-    They change with the fault, the package, the tests and their helpers.
+    They change with the fault, its file, the tests and their helpers.
     """
-    packages = {f.file.split("/")[0] for f in faults} | {"sparsepop_py"}
-    code = of_files(p for package in packages for p in (ROOT / package).rglob("*.py"))
-    code += of_files((ROOT / "tests").glob("*.py"))
+    helpers = of_files((ROOT / "tests").glob("*.py"))
 
-    def name(tests: Iterable[str], about: str) -> str:
-        found = of_files(ROOT / test for test in tests)
-        return hashlib.sha256(code + found + about.encode()).hexdigest()
+    def name(files: Iterable[str], about: str) -> str:
+        found = of_files(ROOT / file for file in files)
+        return hashlib.sha256(helpers + found + about.encode()).hexdigest()
 
-    whole = name([test for fault in faults for test in fault.tests], "")
-    return whole, [name(f.tests, repr((f.file, f.find, f.put, f.tests))) for f in faults]
+    whole = name([file for fault in faults for file in (fault.file, *fault.tests)], "")
+    return whole, [name((f.file, *f.tests), repr((f.find, f.put, f.tests))) for f in faults]
 
 
 class Workshop:
