@@ -193,7 +193,10 @@ def test_what_is_boxed_is_a_truth_value(kind):
 )
 def test_ends_of_t_are_intervals_of_real_numbers(low, high):
     """Within [-1, 1] where boxed, in order, and large enough for their products to be doubles."""
-    assert not three(ends=(of(*low), of(*high))).fits(3)
+    scaling = three(ends=(of(*low), of(*high)))
+    assert not scaling.fits(3)
+    for box in (box_of([0, 0, 4], [0, 0, 4]), box_of([-0.5, 5, 5], [0.25, 5, 5])):
+        assert not scaling.contains(box)
 
 
 def test_bounds_of_t_are_those_of_boxes_sides_and_nothing():
