@@ -62,11 +62,12 @@ def restated(p: Polynomial, m: int, least: int = 0) -> tuple[dict[Word, int], in
     return found, m * degree - p.exp + shift
 
 
-def form_of(terms: dict[Word, int], equality: bool) -> Form:
-    """Complete the squares c1 X + c2 X^2 of a row."""
+def form_of(terms: dict[Word, int], equality: bool, complete: bool = True) -> Form:
+    """A row as a form, the squares c1 X + c2 X^2 completed if asked."""
     left, multiple = dict(terms), 1
     pairs = []
-    for word in [w for w in terms if len(w) == 2 and w[0] == w[1] and (w[0],) in terms]:
+    both = [w for w in terms if len(w) == 2 and w[0] == w[1] and (w[0],) in terms]
+    for word in both if complete else ():
         pairs.append((word[0], left.pop((word[0],)), left.pop(word)))
         multiple = lcm(multiple, 4 * abs(pairs[-1][2]))
     constant = left.pop((), 0) * multiple
@@ -117,8 +118,8 @@ def i_power(i: Any, n: int) -> Any:
     return found
 
 
-def never(form: Form, box: Ends) -> bool:
-    """Whether a row cannot hold on a box, as the kernel finds it."""
+def range_of(form: Form, box: Ends) -> tuple[Any, Any]:
+    """The range of a form over a box, as the kernel finds it."""
     low: Any = 0
     high: Any = 0
     for term in form.terms:
@@ -129,6 +130,12 @@ def never(form: Form, box: Ends) -> bool:
         part = i_scale(term.coefficient, 0, (1, 1) if part is None else part)
         low = None if low is None or part[0] is None else low + part[0]
         high = None if high is None or part[1] is None else high + part[1]
+    return low, high
+
+
+def never(form: Form, box: Ends) -> bool:
+    """Whether a row cannot hold on a box, as the kernel finds it."""
+    low, high = range_of(form, box)
     return bool((high is not None and high < 0) or (form.equality and low is not None and low > 0))
 
 
@@ -296,7 +303,17 @@ class Exporter:
             pair = [self.certificate.parts[child] for child in part.children]
             parts = [self.tree(child, half) for child, half in zip(pair, (low, high), strict=True)]
             return f"(Branch {steps} {v + 1}%positive ({at})\n  {parts[0]}\n  {parts[1]})"
+        if part.argument is None and not self.empty:
+            return f"(Plain {steps}\n  {self._plain(box)})"
         return f"(Leaf {steps}\n  {self.identity(part, box)})"
+
+    def _plain(self, box: Ends) -> str:
+        """A form of the objective whose range over the box is enough."""
+        for form in (form_of(self.objective, False), form_of(self.objective, False, False)):
+            low, _ = range_of(form, box)
+            if low is not None and low >= form.multiple * self.bound:
+                return f"{form_text(form)} {form.multiple}"
+        raise NotCovered("a part that rests on the squares of the objective, or on its box alone")
 
     def _goal(self, part: Part) -> list[tuple[Fraction, Fraction]] | None:
         """The box of X that the multipliers of a part are about."""

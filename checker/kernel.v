@@ -780,12 +780,28 @@ Qed.
 
 Inductive tree :=
 | Leaf (ss : list shave) (i : identity)
+| Plain (ss : list shave) (f : form) (k : Z)    (* the range of F is enough *)
 | Void (ss : list shave) (v : positive)
 | Branch (ss : list shave) (v : positive) (at_v : Z) (low high : tree).
+
+Definition plain (F : poly) (B : Z) (b : box) (f : form) (k : Z) : bool :=
+  Z.ltb 0 k && peq (expand f) (pmono [] k F)
+  && match fst (range b f) with Some a => Z.leb (k * B) a | None => false end.
+
+Lemma plain_sound F B b f k X : inside X b -> plain F B b f k = true -> IZR B <= ev X F.
+Proof.
+  unfold plain. intros Hb H. apply andb_true_iff in H. destruct H as [H H3].
+  apply andb_true_iff in H. destruct H as [H1 H2].
+  apply Z.ltb_lt, IZR_lt in H1. apply (peq_ev X) in H2. rewrite ev_expand, ev_pmono in H2.
+  assert (R := mem_range X b f Hb). destruct R as [R _].
+  destruct (fst (range b f)) as [a|]; [|discriminate]. apply Z.leb_le, IZR_le in H3.
+  rewrite mult_IZR in H3. simpl in R, H2. nra.
+Qed.
 
 Fixpoint check (rs : list row) (F : poly) (B : Z) (b : box) (t : tree) : bool :=
   match t with
   | Leaf ss i => match shave_all rs b ss with Some c => bounds rs F B c i | None => false end
+  | Plain ss f k => match shave_all rs b ss with Some c => plain F B c f k | None => false end
   | Void ss v => match shave_all rs b ss with
                  | Some c => match at_ c v with (Some lo, Some hi) => Z.ltb hi lo | _ => false end
                  | None => false
@@ -801,10 +817,11 @@ Fixpoint check (rs : list row) (F : poly) (B : Z) (b : box) (t : tree) : bool :=
 Theorem check_sound rs F B t X : all_hold X rs ->
   forall b, inside X b -> check rs F B b t = true -> IZR B <= ev X F.
 Proof.
-  intros Hr. induction t as [ss i|ss v|ss v e low IHl high IHh]; simpl; intros b Hb H;
+  intros Hr. induction t as [ss i|ss f k|ss v|ss v e low IHl high IHh]; simpl; intros b Hb H;
     destruct (shave_all rs b ss) as [c|] eqn:S; try discriminate;
     assert (Hc : inside X c) by (eapply shave_all_sound; eauto).
   - eapply bounds_sound; eauto.
+  - eapply plain_sound; eauto.
   - assert (V := mem_at X c v Hc). destruct (at_ c v) as [[lo|] [hi|]]; try discriminate.
     destruct V as [L U]. simpl in L, U. apply Z.ltb_lt, IZR_lt in H. lra.
   - apply andb_true_iff in H. destruct H as [H1 H2].
