@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.verified.arithmetic import interval
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import (
@@ -258,3 +259,15 @@ def test_the_range_of_a_box_is_taken_at_its_lower_end():
     problem = sp.Problem(z * z * z, lower=-2, upper=1)
     found = verdict(problem, Node())
     assert -8.0 - 1e-12 <= found.bound <= -8.0
+
+
+# ---- the process ------------------------------------------------------------------------------
+
+
+def test_nothing_is_verified_where_subnormal_numbers_are_flushed(monkeypatch):
+    problem = line()
+    certificate = Certificate(problem.fingerprint, -1.0)
+    assert certificate.verify(problem).ok
+    monkeypatch.setattr(interval, "_TINY", 0.0)  # what a flushed product looks like
+    with pytest.raises(FloatingPointError, match="IEEE"):
+        certificate.verify(problem)
