@@ -271,6 +271,11 @@ class Polynomial:
             Number of variables n.
         names : sequence of str, optional
 
+        Returns
+        -------
+        Polynomial
+            Without zero coefficients, with read-only arrays.
+
         Raises
         ------
         ProblemError

@@ -46,7 +46,7 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 @pytest.mark.parametrize("nothing", [None, {}, [], np.zeros((0, 0)), SimpleNamespace()])
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
-    assert parameters == Parameters(options=Options(order=1, progress=True))
+    assert parameters == Parameters(options=Options(order=1, chordal="min-degree", progress=True))
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
 
@@ -73,7 +73,9 @@ def test_containers(param: Any) -> None:
     assert parameters.POPsolver == "active-set"
     assert parameters.printLevel == (0, 0)
     switches = Switches(order=3)
-    expected = Options(order=3, sparse=False, effort="plain", switches=switches)
+    expected = Options(
+        order=3, sparse=False, chordal="min-degree", effort="plain", switches=switches
+    )
     assert parameters.options == expected
 
 

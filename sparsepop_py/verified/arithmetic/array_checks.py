@@ -13,7 +13,7 @@ __all__ = ["are_indices", "are_numbers", "frozen", "is_index", "read_only"]
 
 
 def read_only(values: Any, kinds: str, field: str, dimensions: int = 1) -> NDArray[Any]:
-    """Return an array that nobody can write to: the given one if it is so, else a copy.
+    """Return a read-only array, a copy unless the given one is read-only already.
 
     Parameters
     ----------

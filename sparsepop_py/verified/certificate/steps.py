@@ -62,10 +62,11 @@ class Propagation:
 
 @dataclass(frozen=True, eq=False)
 class Sublevel:
-    """Bounds |t_v| <= (K / e - c)^(1 / 2d) where f <= cutoff, from an identity.
+    """Bounds of variables where f <= cutoff, from a sum-of-squares identity.
 
     The sum-of-squares identity proves 0 >= -K + e sum_b (b(t))^2 on that set with a floor e > 0,
-    the sum running over the monomials of the moment blocks, among them t_v^d. c is 1 where the
+    the sum running over the monomials of the moment blocks, among them t_v^d; so
+    |t_v| <= (K / e - c)^(1 / 2d). c is 1 where the
     monomial 1 is among them, else 0. The identity is evaluated at its own cutoff, so that the box
     is the same whatever lower cutoff it is used at.
     """
