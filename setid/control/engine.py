@@ -9,7 +9,7 @@ from setid.data.checks import frozen, natural, number, real_array, switch
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
-from setid.feasible_points.witness import consistent
+from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import Formulation, formulate
 from setid.identify import identify
 from setid.models.lti import TransferFunction
@@ -41,6 +41,7 @@ __all__ = [
     "formulate",
     "frozen",
     "identify",
+    "least_noise",
     "natural",
     "new_axes",
     "number",

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from setid.control.certificates.characteristic import closed_loop_polynomial, polynomials_of
 from setid.control.certificates.small_gain import denominator_of
-from setid.control.engine import Formulation, IOData, Noise, TransferFunction, consistent, formulate
+from setid.control.engine import (
+    Formulation,
+    IOData,
+    Noise,
+    TransferFunction,
+    consistent,
+    formulate,
+    least_noise,
+)
 from setid.control.parameters.parameter_set import ParameterSet
 from setid.control.parameters.rows import noisy_rows
 from setid.control.parameters.sums import Frame, best_fit, least_noise_fit
@@ -79,7 +87,7 @@ def _theta(offset: Reals, basis: Reals, x: Reals) -> Reals:
 
 
 def _level(formulation: Formulation, theta: Reals) -> float:
-    level = formulation.witness(theta).level
+    level = least_noise(formulation, theta).level
     return float(level) if np.isfinite(level) else np.inf
 
 

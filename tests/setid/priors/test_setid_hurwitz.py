@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_setid_priors import admits
+from prior_cases import admits
 
 import setid
 from setid.priors.hurwitz import schwarz_parameters
