@@ -18,6 +18,7 @@ from benchmarks.report import report
 
 @pytest.mark.parametrize("kind", ["oe", "eiv"])
 @pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.slow
 def test_the_truth_is_feasible_and_the_noise_is_what_was_asked(kind: str, order: int) -> None:
     experiment = Experiment(kind, order, 20, 5.0, 1)
     task, truth = experiment.task(), experiment.record()
@@ -72,6 +73,7 @@ def test_wrong_claims_are_found() -> None:
     assert "is outside" in texts[0] and "is not inside" in texts[1] and "verify" in texts[2]
 
 
+@pytest.mark.slow
 def test_block_structures_stand_beside_the_peer_on_the_same_box() -> None:
     family = REGISTRY["block_structured"]
     wanted = Selection(names=("lure 1",), sizes=(20,), noises=(1.0,))

@@ -142,6 +142,7 @@ def test_banded_squares_end_at_their_zero(n):
     assert result.lower_bound == 0.0 and 0.0 <= result.upper_bound <= 1e-8
 
 
+@pytest.mark.slow
 def test_what_no_memory_holds_is_not_tried_for_a_box_either():
     """Blocks of 120 in 23 cliques: some 15 GB."""
     result = sp.solve(sp.Problem(problems.broyden_banded(30).objective))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,6 +24,7 @@ def exact(polynomial, x):
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), SIZES, SIZES)
+@pytest.mark.slow
 def test_the_problem_of_a_ball_contains_all_points_below_the_cutoff(seed, far, high):
     """level - f >= its row, and -|x - c|^2 >= its objective, in rationals."""
     rng = np.random.default_rng(seed)

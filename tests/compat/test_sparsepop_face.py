@@ -267,6 +267,7 @@ def test_report_of_an_infeasible_problem(capsys: pytest.CaptureFixture[str]) -> 
         (struct([[3, 0]], [1]), [], "no sum of squares of this order"),
     ],
 )
+@pytest.mark.slow
 def test_the_report_says_what_the_solver_reports(
     objective: Any, rows: Any, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

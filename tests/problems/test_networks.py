@@ -25,6 +25,7 @@ def test_the_pooling_problem_is_the_one_of_the_handbook():
 
 
 @pytest.mark.parametrize("make", [networks.pooling, networks.separation])
+@pytest.mark.slow
 def test_networks_are_closed_and_proved(make):
     context = make()
     result = sp.solve(context.problem, sp.Options(effort="auto", gap=1e-5, gap_kind="relative"))

@@ -108,6 +108,7 @@ def widths(result: setid.Identification) -> np.ndarray:
     return np.array([item.width for item in result.intervals.values()])
 
 
+@pytest.mark.slow
 def test_laboratory_three_collapses_with_the_noise() -> None:
     """Widths are about proportional to the noise, and the truth stays inside."""
     found = []

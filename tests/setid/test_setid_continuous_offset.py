@@ -62,6 +62,7 @@ def test_an_offset_of_the_sensor_is_found(bound: float) -> None:
     assert without.empty
 
 
+@pytest.mark.slow
 def test_intervals_collapse_on_the_truth() -> None:
     """Tustin of a linear input and the recursion's own output: nothing but noise of 1e-8."""
     model = C(1, 0, Ts=TS, offset=True)

@@ -152,6 +152,7 @@ def test_simulated_records_second_order(noise: setid.Noise) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
 def test_first_order_is_certified_and_nested(seed: int) -> None:
     noise, model = setid.Noise(output=0.1, input=0.02), setid.TransferFunction(1, 1, 1)
     truth = record(24, noise, seed, model, [-0.6, 2.0], -1)
@@ -220,6 +221,7 @@ def test_polynomial_models() -> None:
     assert result.status == "certified" and bool(result.verify())
 
 
+@pytest.mark.slow
 def test_separate_denominators_are_bounded_through_products_of_parameters() -> None:
     model, noise = setid.TransferFunction(1, 1, 1, inputs=2), setid.Noise(output=0.02)
     u = np.random.default_rng(0).uniform(-1, 1, (15, 2))

@@ -65,6 +65,7 @@ def test_wide_intervals_of_large_numbers_agree_with_linear_programs_on_a_grid() 
             )
 
 
+@pytest.mark.slow
 def test_errors_in_variables_of_order_two_scale_with_their_units() -> None:
     """Intervals in other units, 4096 times smaller, contain what is attained in these."""
     noise = setid.Noise(output=30.0, input=0.01)
@@ -165,6 +166,7 @@ def test_a_problem_in_units_has_the_same_feasible_points(y: int, u: int, seed: i
         assert (ratio.denominator & (ratio.denominator - 1)) == 0
 
 
+@pytest.mark.slow
 def test_subnormal_signals_keep_the_units_in_which_they_are_exact() -> None:
     """Exact data of a1 = -1/2, b0 = 2^-1018: a unit would round what it multiplies."""
     tiny, source = 2.0**-1074, np.random.default_rng(3)

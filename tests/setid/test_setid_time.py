@@ -49,6 +49,7 @@ def test_consistency_and_selection_end_in_time(heavy: setid.IOData) -> None:
     assert spent < 1.0 + SPARE and 1 <= len(chosen.steps) <= 3
 
 
+@pytest.mark.slow
 def test_a_projection_has_the_time_of_its_result(heavy: setid.IOData) -> None:
     options = setid.Options(time_limit=1.0, progress=False)
     box = setid.Box({name: (-5.0, 5.0) for name in MODEL.parameters})

@@ -293,6 +293,7 @@ def test_the_objective_of_the_problem_itself_is_ignored(effort):
 
 
 @pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.slow
 def test_what_is_repaired_is_searched_from_once(effort, monkeypatch):
     searched, repaired = [], []
 

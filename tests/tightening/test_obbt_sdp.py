@@ -134,6 +134,7 @@ ENDS = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)]
 
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("above", [0.01, 0.1])
+@pytest.mark.slow
 def test_no_point_below_the_cutoff_is_lost_and_the_box_replays(end, above: float) -> None:
     problem = record(*end)
     points = feasible_points()

@@ -60,6 +60,7 @@ def test_small_gain_at_60_decibel() -> None:
         assert np.all(np.abs(delta) <= bound)
 
 
+@pytest.mark.slow
 def test_small_gain_at_40_decibel() -> None:
     found = certified(40.0, "small_gain")
     assert found.verdict == "certified" and TRUE_MAX <= found.bound < 0.82
@@ -211,6 +212,7 @@ def test_wrong_input_is_refused() -> None:
         control.stability_certificate(data, control.Transfer([1], [1], 0.5), M, 4, bound)
 
 
+@pytest.mark.slow
 def test_report_is_one_page_with_pictures(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib.pyplot").switch_backend("Agg")
     data, bound = experiment(60.0)

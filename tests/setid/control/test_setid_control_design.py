@@ -66,6 +66,7 @@ def test_the_integrator_is_exact() -> None:
     assert sum(found.centre.denominator) == 0
 
 
+@pytest.mark.slow
 def test_parallel_pid_is_recovered() -> None:
     # A plant for which a PID controller is ideal: P = M / ((1 - M) K)
     module = control.reference_model(rise=0.2, Ts=TS)

@@ -126,6 +126,7 @@ def test_certificates_that_claim_too_much_keep_what_they_prove() -> None:
     assert recheck_results(elsewhere, [honest])[0].lower_bound == -np.inf
 
 
+@pytest.mark.slow
 def test_long_records_with_strong_noise_have_cells() -> None:
     """Coarse cells say nothing of late samples: the first decide, then more of them."""
     truth, noise = record("wiener 2", 50, 5.0)
@@ -137,6 +138,7 @@ def test_long_records_with_strong_noise_have_cells() -> None:
     assert box_follows(box, known)
 
 
+@pytest.mark.slow
 def test_ends_with_products_of_parameters_are_searched_for() -> None:
     """Nine parameters, two denominators: terms such as a1 a'1 eta(k-2).
 

@@ -121,6 +121,7 @@ def long_record() -> tuple[setid.Simulated, setid.Formulation, setid.ParameterBo
     return truth, known, first
 
 
+@pytest.mark.slow
 def test_the_first_rows_of_a_long_record_are_enough() -> None:
     truth, known, first = long_record()
     box = boxed(known, first)

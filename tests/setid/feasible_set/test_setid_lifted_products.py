@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import setid
 import sparsepop_py as sp
@@ -104,6 +105,7 @@ def test_a_sum_bounds_each_part_where_the_others_are_bounded() -> None:
     assert found[0, 1] <= 0.5 and found[1, 1] >= 3.0
 
 
+@pytest.mark.slow
 def test_two_blocks_of_order_two_have_a_box_from_the_data() -> None:
     """Nine parameters, stable poles and nothing else given."""
     truth, noise = record("two inputs 2", 50)

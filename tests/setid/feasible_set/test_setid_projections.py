@@ -80,6 +80,7 @@ def test_the_exact_outline_is_the_limit_of_many_directions() -> None:
         assert (shadow.outline @ normal).max() == pytest.approx(high, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_output_errors_are_covered() -> None:
     model, noise = setid.TransferFunction(1, 1), setid.Noise(output=0.2)
     formulation = setid.formulate(laboratory_two_first(), model, noise)

@@ -32,6 +32,7 @@ def known(samples: int = 20, noise: float = 0.5) -> tuple[Formulation, LiftedBox
     return formulation, box
 
 
+@pytest.mark.slow
 def test_nine_parameters_have_a_box_from_twenty_samples() -> None:
     formulation, box = known()
     assert box.limit is not None and box.limit.reach <= 16.0
@@ -54,6 +55,7 @@ def test_no_consistent_parameters_are_as_far_as_that() -> None:
         assert setid.least_noise(formulation, theta).level > 1.0
 
 
+@pytest.mark.slow
 def test_damaged_proofs_are_refused() -> None:
     formulation, box = known()
     limit, rows, last = box.limit, formulation.products, box.rounds[-1]

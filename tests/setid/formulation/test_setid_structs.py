@@ -70,6 +70,7 @@ def test_two_calls_a_parameter_give_the_interval() -> None:
         assert ends == pytest.approx(exact.intervals[name].outer, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_the_example_brackets_the_truth(tmp_path: Path) -> None:
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
     script = ROOT / "examples" / "structs_from_identification.py"

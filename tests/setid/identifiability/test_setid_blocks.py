@@ -120,6 +120,7 @@ def test_coupled_samples_have_proved_ends_and_attained_ones(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
 def test_intervals_collapse_on_the_truth(name: str) -> None:
     model, theta, priors = CASES[name]
     truth = simulated(name, 1e-8, samples=14)

@@ -99,6 +99,7 @@ def test_an_input_that_acts_sooner_makes_all_parameters_unbounded(kind: str) -> 
     assert not found.verify(setid.formulate(data, model, noise, setid.Stable()))
 
 
+@pytest.mark.slow
 def test_little_to_spare_is_enough() -> None:
     """With a pole and a delay less 0.9873 of the noise explains the record, 0.9864 does not."""
     truth, (model, theta) = Experiment("eiv", 3, 20, 10.0, 9).record(), PLANTS[3]

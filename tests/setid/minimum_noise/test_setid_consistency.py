@@ -47,6 +47,7 @@ def test_priors_can_only_raise_it() -> None:
 
 
 @pytest.mark.parametrize("noise", [setid.Noise(output=0.2), setid.Noise(output=0.2, input=0.05)])
+@pytest.mark.slow
 def test_output_and_input_noise(noise: setid.Noise) -> None:
     model = setid.TransferFunction(1, 1, 1)
     u = np.random.default_rng(1).uniform(-1, 1, 16)
@@ -148,6 +149,7 @@ def test_noise_with_which_parameters_have_no_box_still_ends_in_a_closed_bracket(
     assert result.attained.value - result.lower_bound <= 2e-3
 
 
+@pytest.mark.slow
 def test_where_an_estimate_needs_too_much_noise_for_a_box() -> None:
     """A plant of order three as one of order two: l-infinity needs 1.7 times the least noise."""
     u = np.random.default_rng([0, 3, 20]).uniform(-1.0, 1.0, 20)

@@ -128,6 +128,7 @@ def test_attained_points_are_stable_where_rows_would_let_others_pass() -> None:
 
 
 @pytest.mark.parametrize("theta", [[-3.0, 3.0, -1.0, 1.0], [-3.4, 3.4, -1.0, 1.0]])
+@pytest.mark.slow
 def test_unstable_points_of_the_rows_are_not_attained(theta: list[float]) -> None:
     """Without the step-up test the ends of these records are taken at roots of 1.6 to 1.9."""
     u = np.array([1.0, -2.0, 1.5, 0.5, -1.0, 2.0])

@@ -144,6 +144,7 @@ def test_a_memo_keeps_its_arguments_alive():
     assert len(about) == 200
 
 
+@pytest.mark.slow
 def test_deep_trees_and_long_chains_can_be_stored_and_printed():
     (x,) = sp.variables(1)
     problem = sp.Problem(x, lower=0, upper=1)
