@@ -2,9 +2,15 @@
 
 The file states the problem in rationals and proves ``forall x, constraints -> bound <= f x`` with
 the standard library alone: ``coqc proof.v``. It covers trees whose ends are identities of squares,
+<<<<<<< HEAD
 linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets,
 left inverses, quoted certificates, matrices, priced monomials and variables without a box are not
 covered.
+=======
+linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets, left
+inverses, quoted certificates, matrices, priced monomials, exact Gram matrices and variables without
+a box are not covered.
+>>>>>>> refs/heads/checker
 
 All is computed in integers, for X = 2^m x. Boxes shrink by "shaving": a row is negative all over
 the part of the box beyond the new end. Since points above the claim need no proof, the row
@@ -65,10 +71,10 @@ def restated(p: Polynomial, m: int, least: int = 0) -> tuple[dict[Word, int], in
 def form_of(terms: dict[Word, int], equality: bool, complete: bool = True) -> Form:
     """A row as a form, the squares c1 X + c2 X^2 completed if asked."""
     left, multiple = dict(terms), 1
-    pairs = []
+    pairs: list[tuple[int, int, int]] = []
     both = [w for w in terms if len(w) == 2 and w[0] == w[1] and (w[0],) in terms]
-    for word in both if complete else ():
-        pairs.append((word[0], left.pop((word[0],)), left.pop(word)))
+    for square in both if complete else []:
+        pairs.append((square[0], left.pop((square[0],)), left.pop(square)))
         multiple = lcm(multiple, 4 * abs(pairs[-1][2]))
     constant = left.pop((), 0) * multiple
     found = []
@@ -182,8 +188,14 @@ class Shaver:
             for upper in (True, False):
                 new = inside.ends[v][upper]
                 if new not in (INF, -INF):
+<<<<<<< HEAD
                     end = -(-new // one) if upper else new // one
                     found += self._cut(number, box, v, upper, end)
+=======
+                    found += self._cut(
+                        number, box, v, upper, -(-new // one) if upper else new // one
+                    )
+>>>>>>> refs/heads/checker
         return found
 
     def _cut(self, number: int, box: Ends, v: int, upper: bool, end: int) -> list[str]:
@@ -298,8 +310,9 @@ class Exporter:
             v, place = part.branch
             at = int(place * 2**self.m)
             low, high = list(box), list(box)
-            low[v] = (box[v][0], at if box[v][1] is None else min(box[v][1], at))
-            high[v] = (at if box[v][0] is None else max(box[v][0], at), box[v][1])
+            left, right = box[v]
+            low[v] = (left, at if right is None else min(right, at))
+            high[v] = (at if left is None else max(left, at), right)
             pair = [self.certificate.parts[child] for child in part.children]
             parts = [self.tree(child, half) for child, half in zip(pair, (low, high), strict=True)]
             return f"(Branch {steps} {v + 1}%positive ({at})\n  {parts[0]}\n  {parts[1]})"
@@ -500,10 +513,8 @@ def coq(problem: Problem, certificates: Certificates) -> str:
         (None if a == -INF else int(a * unit), None if b == INF else int(b * unit))
         for a, b in zip(problem.lower, problem.upper, strict=True)
     ]
-    added = ""
-    for v, (low, high) in enumerate(box, 1):
-        ends = " ".join("None" if e is None else f"(Some ({e})%Z)" for e in (low, high))
-        added += f"(M.add {v}%positive ({', '.join(ends_text(low, high))}) " if ends else ""
+    pairs = [", ".join(ends_text(low, high)) for low, high in box]
+    added = "".join(f"(M.add {v}%positive ({pair}) " for v, pair in enumerate(pairs, 1))
     first = added + "(M.empty ivl)" + ")" * len(box)
     tree = made.tree(certificates.list[-1].parts[0], list(box))
     goal, count = statement(problem, None if made.empty else made.claim)

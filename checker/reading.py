@@ -151,7 +151,7 @@ def of_type(kind: type) -> Callable[[Any, str], Any]:
     """A value of exactly that type."""
 
     def read(found: Any, place: str) -> Any:
-        if type(found) is not kind:
+        if type(found) is not kind or (isinstance(found, str) and not found.isprintable()):
             raise Malformed(f"{place}: {found!r:.40} is no {kind.__name__}")
         return found
 
@@ -260,9 +260,9 @@ def constraint(found: Any, n: int, place: str) -> Constraint:
 
 def weighted(found: Any, n: int, place: str) -> tuple[Fraction, Polynomial]:
     """A weight >= 0 and a polynomial."""
-    if len(items(found, place)) != 2 or not finite(found[0], place) >= 0:
+    if len(items(found, place)) != 2 or not (weight := finite(found[0], place)) >= 0:
         raise Malformed(f"{place}: not a weight >= 0 and a polynomial")
-    return Fraction(found[0]), polynomial(found[1], n, place)
+    return Fraction(weight), polynomial(found[1], n, place)
 
 
 def problem(found: Any, place: str = "problem") -> Problem:

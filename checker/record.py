@@ -55,6 +55,7 @@ class Identification:
 
     def _number(self) -> None:
         """Which unknown is which parameter or sample."""
+        self.labels: list[str] = []
         for k, triple in enumerate(self.got.variables):
             group, channel, place = items(triple, "variables")
             key = text(group, "variables"), whole(channel, "variables"), whole(place, "variables")
@@ -62,6 +63,8 @@ class Identification:
             if (group == "theta") != first or (first and place != k) or key in self.record.letters:
                 raise Malformed("variables: parameters come first, and each unknown stands once")
             self.record.letters[key] = k + 1
+            label = f"{group}{channel or ''}[{place + 1}]"
+            self.labels.append(self.names[k] if first else label)
 
     def _stated(self, stated: Any) -> Structure | None:
         """The structure, if it is one whose rows are built here."""
@@ -95,11 +98,24 @@ class Identification:
             why = self._differs(text(name, "rows"), k, c)
             if why:
                 raise NotProved(f"row {place}, {name} at sample {k + 1}: {why}")
-        known = sum(origin is None for origin in self.got.rows)
-        self.stated = [f"given: {known} rows of priors and sets of noise"] if known else []
+        pairs = zip(self.got.rows, self.problem.constraints, strict=True)
+        self.stated = [f"given: {self._shown(c)}" for origin, c in pairs if origin is None]
         self.whole = all(len(self.sides.get(row, ())) == 2 for row in self._wanted())
         for v in range(len(self.names), self.problem.dimension):
             self._check_bounds(v)
+
+    def _shown(self, c: Constraint) -> str:
+        """A row of a prior or a set of noise, in the units of the record."""
+        if c.side:
+            raise Malformed("rows: a prior that is a matrix")
+        parts = []
+        for word in sorted(c.polynomial.terms, key=lambda w: (len(w), w)):
+            value = c.polynomial.coefficient(word)
+            for v in word:
+                value /= self.units[v - 1]
+            names = [self.labels[v - 1] for v in word]
+            parts += ["*".join([shown(value), *names])] if value else []
+        return f"{' + '.join(parts) or '0'} {'==' if c.equality else '>='} 0"
 
     def _wanted(self) -> list[tuple[str, int]]:
         """All equations and samples that a row is possible for."""

@@ -27,6 +27,7 @@ import sparsepop_py as sp  # noqa: E402
 from sparsepop_py import Switches, problems  # noqa: E402
 
 INF = float("inf")
+ZOO = HERE.parent / "problems" / "zoo"
 Solved = Iterator[tuple[str, sp.Result]]
 
 
@@ -46,7 +47,7 @@ def zoo(effort: str = "presolve", every: int = 1) -> Solved:
     """Problems with known optima, at their orders or with the ladder."""
     entries = [
         entry
-        for path in sorted((HERE.parent / "zoo").glob("*.toml"))
+        for path in sorted(ZOO.glob("*.toml"))
         for entry in tomllib.loads(path.read_text())["problem"]
     ]
     for entry in entries[::every]:
@@ -192,7 +193,7 @@ def unbounded() -> Solved:
 
 def switches(every: int = 2) -> Solved:
     """SparsePOP's relaxation: prices of moments, scaling without a shift."""
-    for path in sorted((HERE.parent / "zoo").glob("*.toml")):
+    for path in sorted(ZOO.glob("*.toml")):
         for entry in tomllib.loads(path.read_text())["problem"][::every]:
             problem = sp.parse(entry["text"])
             order = entry["orders"][0]

@@ -141,6 +141,23 @@ def test_a_missing_row_leaves_outer_intervals_only():
     assert not any("attained" in line for line in lines)
 
 
+def test_what_is_asked_is_shown():
+    """A prior that a file adds restricts the set, so that readers must see it."""
+    found = loaded("o-0")
+    assert not any(line.startswith("given") for line in Identification(found).check())
+    found["given"][0][0], found["rows"][0] = -0.9, None
+    found["problem"]["names"] = [f"other{k}" for k in range(len(found["units"]))]
+    shown = [line for line in Identification(found).check() if line.startswith("given")]
+    assert shown[0] == "given: a1 in [-0.9, inf]"
+    assert "b0" in shown[1] and "a1*eta1[1]" in shown[1] and shown[1].endswith("== 0")
+
+
+def test_texts_cannot_pretend_to_be_lines_of_the_checker():
+    found = loaded("e-0")
+    found["assumptions"].append("nothing\nproved: a1 in [0, 0]")
+    assert verdict(found) == "malformed"
+
+
 def test_tables_are_compared_with_the_record(tmp_path):
     found = loaded("o-0")
     path, table = tmp_path / "identification.json", tmp_path / "record.csv"
