@@ -740,7 +740,7 @@ def dual_bounds(problem, scale, number, value, word=None, owner=None, products=N
     count = len(number)
     dual = LinearDual(
         scale,
-        np.array(number),
+        np.array(number, int),
         np.zeros((count, 1), np.int32) if word is None else np.array(word, np.int32),
         np.array(value, float),
         np.zeros(count, int) if owner is None else np.array(owner),
