@@ -173,7 +173,7 @@ def _constraints(statement: _Statement, vocabulary: Vocabulary) -> Iterator[Cons
 
 
 def _infinity(side: list[Token]) -> float:
-    """inf or -inf where nothing else stands on a side, else 0."""
+    """Inf or -inf where nothing else stands on a side, else 0."""
     if not side or side[-1][1].lower() not in _NO_NUMBERS[:2]:
         return 0.0
     signs = [text for kind, text, _ in side[:-1] if kind == "sign"]
