@@ -73,7 +73,7 @@ def read_text(path: Any, errors: str = "strict") -> str:
 
 
 def write_file(path: Any, write: Callable[[BinaryIO], object]) -> None:
-    """Write a file whole or not at all: what was there stays until the new content is complete.
+    """Write a file whole or not at all; the old one stays until then.
 
     The content goes to a file beside it that takes its place at the end. What is no regular
     file, such as a terminal, is written directly.

@@ -236,13 +236,13 @@ class Options:
 
 
 def _is_integer(value: object, least: int) -> bool:
-    """Whether a value is an integer from ``least`` to below 2^63, and not True or False."""
+    """Check for an integer from ``least`` to below 2^63 that is no bool."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
     return whole and least <= int(value) < 2**63  # type: ignore[call-overload]
 
 
 def _is_number(value: object, expected: str) -> bool:
-    """Whether a value is a real number that a double holds, not negative, and > 0 if expected."""
+    """Check for a finite number >= 0, or > 0 where that is expected."""
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         return False
     try:

@@ -106,7 +106,7 @@ class _Walk:
         walk.array(start, start + length, 0, named=True)
 
     def tag(self, at: int, end: int, padded: bool = True) -> tuple[int, int, int, int]:
-        """Type, start and size of the data of an element, and where the next one starts."""
+        """Read type, start and size of an element, and the start of the next one."""
         if at + 8 > end:
             raise self.wrong(at, f"{end - at} bytes", "a tag of 8")
         kind, size = struct.unpack_from(self.order + "II", self.data, at)
