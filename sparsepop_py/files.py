@@ -121,7 +121,7 @@ def write_file(path: Any, write: Callable[[BinaryIO], object]) -> None:
 
 
 def write_text(path: Any, text: str, encoding: str = "utf-8") -> None:
-    """Write a text file whole or not at all, with the line ends that the text has.
+    """Write a text file whole or not at all, with its own line ends.
 
     Parameters
     ----------

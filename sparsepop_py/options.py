@@ -242,7 +242,7 @@ def _is_integer(value: object, least: int) -> bool:
 
 
 def _is_number(value: object, expected: str) -> bool:
-    """Check for a finite number >= 0, or > 0 where that is expected."""
+    """Check for a number that a double holds: >= 0, or > 0 where expected."""
     if not isinstance(value, numbers.Real) or isinstance(value, bool):
         return False
     try:
