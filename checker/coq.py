@@ -2,15 +2,9 @@
 
 The file states the problem in rationals and proves ``forall x, constraints -> bound <= f x`` with
 the standard library alone: ``coqc proof.v``. It covers trees whose ends are identities of squares,
-<<<<<<< HEAD
-linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets,
-left inverses, quoted certificates, matrices, priced monomials and variables without a box are not
-covered.
-=======
 linear duals or empty boxes, over boxes that follow from the rows one at a time. Sublevel sets, left
 inverses, quoted certificates, matrices, priced monomials, exact Gram matrices and variables without
 a box are not covered.
->>>>>>> refs/heads/checker
 
 All is computed in integers, for X = 2^m x. Boxes shrink by "shaving": a row is negative all over
 the part of the box beyond the new end. Since points above the claim need no proof, the row
@@ -188,14 +182,9 @@ class Shaver:
             for upper in (True, False):
                 new = inside.ends[v][upper]
                 if new not in (INF, -INF):
-<<<<<<< HEAD
-                    end = -(-new // one) if upper else new // one
-                    found += self._cut(number, box, v, upper, end)
-=======
                     found += self._cut(
                         number, box, v, upper, -(-new // one) if upper else new // one
                     )
->>>>>>> refs/heads/checker
         return found
 
     def _cut(self, number: int, box: Ends, v: int, upper: bool, end: int) -> list[str]:

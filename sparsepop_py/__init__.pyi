@@ -11,6 +11,7 @@ from .compat.structs import from_structs, to_structs
 from .conic.program import ConicProgram, ConicSolution
 from .errors import (
     FormatError,
+    OutputError,
     ParameterWarning,
     ProblemError,
     SolverNotFound,
@@ -41,6 +42,7 @@ __all__ = [
     "ConicSolution",
     "Constraint",
     "FormatError",
+    "OutputError",
     "Kind",
     "LinearBound",
     "Options",

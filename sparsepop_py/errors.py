@@ -10,6 +10,7 @@ from pathlib import Path
 
 __all__ = [
     "FormatError",
+    "OutputError",
     "ParameterWarning",
     "ProblemError",
     "SolverNotFound",
@@ -34,6 +35,10 @@ class FormatError(SparsePOPError, ValueError):
 
     The message names file, line, statement and what was expected.
     """
+
+
+class OutputError(SparsePOPError, OSError):
+    """A file cannot be written; what was there before is unchanged."""
 
 
 class SolverNotFound(SparsePOPError, ImportError):

@@ -8,11 +8,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from sparsepop_py.compat.mat import read_mat, write_mat
 from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.files import as_path, read_text
 from sparsepop_py.io.gams import read_gms, write_gms
 from sparsepop_py.io.json_ import read_json, write_json
 from sparsepop_py.io.text import parse
@@ -42,10 +42,7 @@ class Format:
 
 
 def _read_text(path: PathLike) -> Problem:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: {error}") from error
+    text = read_text(path)
     try:
         return parse(text)
     except FormatError as error:
@@ -130,10 +127,7 @@ def write(problem: Problem, path: PathLike) -> None:
 
 
 def _format(path: PathLike) -> Format:
-    try:
-        ending = Path(path).suffix.lower()
-    except TypeError as error:
-        raise FormatError(f"path: found {path!r}, expected a file name") from error
+    ending = as_path(path).suffix.lower()
     if ending not in FORMATS:
         known = ", ".join(FORMATS)
         raise FormatError(f"{path}: found the ending {ending!r}, expected one of {known}")

@@ -38,6 +38,21 @@ SKIPPED = (
 
 _OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until the version after next
 
+_INTEGERS = {
+    "order": (1, "a positive integer"),
+    "node_limit": (0, "an integer >= 0"),
+    "max_iterations": (1, "an integer >= 1"),
+    "seed": (0, "an integer >= 0"),
+}
+_NUMBERS = {
+    "gap": "a number >= 0",
+    "tolerance": "a number >= 0",
+    "time_limit": "seconds > 0",
+    "work_limit": "a number > 0",
+    "memory_limit": "a number > 0",
+    "accuracy": "a number > 0",
+}
+_OPTIONAL = ("order", "node_limit", "max_iterations", "time_limit", "work_limit", "accuracy")
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
@@ -158,39 +173,30 @@ class Options:
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ProblemError(
-                    f"Options.{name}: found {getattr(self, name)!r}, expected one of "
-                    + ", ".join(map(repr, choices))
-                )
-        if self.order is not None and (
-            isinstance(self.order, bool)
-            or not isinstance(self.order, numbers.Integral)
-            or self.order < 1
-        ):
-            raise ProblemError(f"Options.order: found {self.order!r}, expected a positive integer")
-        for name in ("gap", "tolerance"):
             value = getattr(self, name)
-            if not isinstance(value, numbers.Real) or not float(value) >= 0:
-                raise ProblemError(f"Options.{name}: found {value!r}, expected a number >= 0")
+            if not isinstance(value, str) or value not in choices:
+                raise self._wrong(name, "one of " + ", ".join(map(repr, choices)))
+        for name, (least, expected) in _INTEGERS.items():
+            value = getattr(self, name)
+            if not _is_integer(value, least) and not (value is None and name in _OPTIONAL):
+                raise self._wrong(name, expected)
+        for name, expected in _NUMBERS.items():
+            value = getattr(self, name)
+            if not _is_number(value, expected) and not (value is None and name in _OPTIONAL):
+                raise self._wrong(name, expected)
+        if self.accuracy is not None and not float(self.accuracy) < np.inf:
+            raise self._wrong("accuracy", _NUMBERS["accuracy"])
         self._check_kinds()
         self._check_skip()
-        self._check_solver()
-
-    def _check_solver(self) -> None:
-        accuracy, most, switches = self.accuracy, self.max_iterations, self.switches
-        if accuracy is not None and (
-            not isinstance(accuracy, numbers.Real) or not 0 < float(accuracy) < np.inf
-        ):
-            raise ProblemError(f"Options.accuracy: found {accuracy!r}, expected a number > 0")
-        if most is not None and (not isinstance(most, numbers.Integral) or int(most) < 1):
-            raise ProblemError(f"Options.max_iterations: found {most!r}, expected an integer >= 1")
-        if switches is not None:
+        if self.switches is not None:
             self._check_switches()
-        if switches is not None and self.effort != "plain":
-            raise ProblemError(
-                f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
-            )
+            if self.effort != "plain":
+                raise ProblemError(
+                    f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
+                )
+
+    def _wrong(self, name: str, expected: str) -> ProblemError:
+        return ProblemError(f"Options.{name}: found {getattr(self, name)!r}, expected {expected}")
 
     def _check_switches(self) -> None:
         # Loaded where it is used: reading stored results must not load relaxations.
@@ -208,53 +214,48 @@ class Options:
             require_solver(self.solver)
 
     def _check_skip(self) -> None:
-        object.__setattr__(self, "skip", _renamed(self.skip))
         named = isinstance(self.skip, Iterable) and not isinstance(self.skip, str)
-        if not named or any(name not in SKIPPED for name in self.skip):
-            raise ProblemError(
-                f"Options.skip: found {self.skip!r}, expected some of " + ", ".join(SKIPPED)
-            )
+        names = tuple(self.skip) if named else ()
+        object.__setattr__(self, "skip", _renamed(names) if named else self.skip)
+        if not named or any(not isinstance(n, str) or n not in SKIPPED for n in self.skip):
+            raise self._wrong("skip", "some of " + ", ".join(SKIPPED))
 
     def _check_kinds(self) -> None:
-        limit = self.time_limit
-        if limit is not None and (not isinstance(limit, numbers.Real) or not float(limit) > 0):
-            raise ProblemError(f"Options.time_limit: found {limit!r}, expected seconds > 0")
-        for name in ("work_limit", "memory_limit"):
-            value = getattr(self, name)
-            number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-            if not (name == "work_limit" and value is None) and not (number and float(value) > 0):
-                raise ProblemError(f"Options.{name}: found {value!r}, expected a number > 0")
-        nodes = self.node_limit
-        if nodes is not None and (not isinstance(nodes, numbers.Integral) or int(nodes) < 0):
-            raise ProblemError(f"Options.node_limit: found {nodes!r}, expected an integer >= 0")
-        chosen = self.branch_on if self.branch_on is not None else ()
-        if not isinstance(chosen, Iterable) or not all(
-            isinstance(v, numbers.Integral) and int(v) >= 0 for v in chosen
-        ):
-            raise ProblemError(
-                f"Options.branch_on: found {self.branch_on!r}, expected variable numbers from 0"
-            )
+        if self.branch_on is not None:
+            several = isinstance(self.branch_on, Iterable) and not isinstance(self.branch_on, str)
+            chosen = tuple(self.branch_on) if several else ()
+            if not several or not all(_is_integer(v, 0) for v in chosen):
+                raise self._wrong("branch_on", "variable numbers from 0")
+            object.__setattr__(self, "branch_on", tuple(int(v) for v in chosen))
         if self.executor is not None and not isinstance(self.executor, Executor):
-            raise ProblemError(f"Options.executor: found {self.executor!r}, expected an Executor")
+            raise self._wrong("executor", "an Executor")
         self._check_solver_name()
-        if not isinstance(self.seed, numbers.Integral) or int(self.seed) < 0:
-            raise ProblemError(f"Options.seed: found {self.seed!r}, expected an integer >= 0")
         for name in ("sparse", "progress"):
             if not isinstance(getattr(self, name), (bool, np.bool_)):
-                raise ProblemError(
-                    f"Options.{name}: found {getattr(self, name)!r}, expected True or False"
-                )
+                raise self._wrong(name, "True or False")
 
 
-def _renamed(skip: Sequence[str]) -> Sequence[str]:
+def _is_integer(value: object, least: int) -> bool:
+    """Whether a value is an integer from ``least`` to below 2^63, and not True or False."""
+    whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
+    return whole and least <= int(value) < 2**63  # type: ignore[call-overload]
+
+
+def _is_number(value: object, expected: str) -> bool:
+    """Whether a value is a real number that a double holds, not negative, and > 0 if expected."""
+    if not isinstance(value, numbers.Real) or isinstance(value, bool):
+        return False
+    try:
+        number = float(value)
+    except OverflowError:
+        return False
+    return number > 0 if expected.endswith("> 0") else number >= 0
+
+
+def _renamed(names: tuple[str, ...]) -> tuple[str, ...]:
     """Replace names of earlier versions by those of today, with a DeprecationWarning."""
-    if isinstance(skip, str) or not isinstance(skip, Iterable):
-        return skip  # refused by the caller
-    names = tuple(skip)
     old = [name for name in names if isinstance(name, str) and name in _OLD_SKIPPED]
     for name in old:
         text = f"Options.skip: {name!r} is now called {_OLD_SKIPPED[name]!r}"
         warnings.warn(text, DeprecationWarning, stacklevel=5)
-    if not old:
-        return skip
     return tuple(_OLD_SKIPPED[name] if name in old else name for name in names)

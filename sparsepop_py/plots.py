@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.errors import SolverNotFound
+from sparsepop_py.errors import FormatError, SolverNotFound
+from sparsepop_py.files import as_path, write_file
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import Result, Status
@@ -151,13 +152,22 @@ def save_plot(result: Result, path: str | os.PathLike[str]) -> None:
     ------
     SolverNotFound
         If matplotlib is not installed.
+    FormatError
+        If the suffix is of no format.
+    OutputError
+        If the file cannot be written.
     """
     require_matplotlib()
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 5.2), layout="constrained")
     plot_result(result, figure.add_subplot())
-    figure.savefig(path, dpi=150)
+    target = as_path(path)
+    kind = target.suffix[1:].lower()
+    known = figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise FormatError(f"{path}: found the ending {kind!r}, expected one of {', '.join(known)}")
+    write_file(target, lambda file: figure.savefig(file, dpi=150, format=kind))
 
 
 def _sign(problem: Problem) -> float:

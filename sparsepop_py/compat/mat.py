@@ -6,18 +6,21 @@ certificate as JSON, which :func:`read_mat` turns back.
 
 from __future__ import annotations
 
+import zlib
+from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 import scipy.io
 from scipy.io.matlab import MatReadError
 
+from sparsepop_py.compat.mat_structure import check_structure
 from sparsepop_py.compat.output import SparsePOPOutput, cell, matlab_structs
 from sparsepop_py.compat.structs import INFINITE, from_structs, to_structs
 from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.files import read_bytes, write_file
 from sparsepop_py.io.json_ import from_json, to_json
 from sparsepop_py.problem.problem import Problem
 
@@ -41,6 +44,8 @@ def write_mat(value: Any, path: str | Path) -> None:
     ProblemError
         If the value is something else, or a finite bound is 1e10 or more in size, which stands
         for none in structs.
+    OutputError
+        If the file cannot be written.
 
     Examples
     --------
@@ -63,8 +68,7 @@ def write_mat(value: Any, path: str | Path) -> None:
         raise ProblemError(
             f"write_mat: found {type(value).__name__}, expected a Problem or what sparsePOP returns"
         )
-    with open(path, "wb") as file:
-        scipy.io.savemat(file, variables, long_field_names=True, oned_as="column")
+    save(path, variables)
 
 
 def read_mat(path: str | Path) -> Any:
@@ -98,12 +102,7 @@ def read_mat(path: str | Path) -> Any:
     ...     sp.read_mat(pathlib.Path(folder) / "square.mat")
     <Problem: 1 variables, 0 inequalities, 0 equalities, degree 2>
     """
-    try:
-        with open(path, "rb") as file:
-            found = scipy.io.loadmat(file, struct_as_record=False, squeeze_me=False)
-    # the third of these is what SciPy raises for version 7.3, which is HDF5
-    except (OSError, ValueError, NotImplementedError, BadZipFile, MatReadError, TypeError) as error:
-        raise FormatError(f"{path}: expected a .mat file up to version 7: {error}") from error
+    found = load(path, struct_as_record=False, squeeze_me=False)
     variables = {name: value for name, value in found.items() if not name.startswith("__")}
     if "objPoly" in variables:
         return _problem(variables, path)
@@ -112,6 +111,43 @@ def read_mat(path: str | Path) -> Any:
     if isinstance(text, str) and text and "POP" in made:
         made["POP"].certificate = from_json(text)
     return SimpleNamespace(**made)
+
+
+def save(path: str | Path, variables: dict[str, Any]) -> None:
+    """Save variables to a file, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    how: dict[str, Any] = {"long_field_names": True, "oned_as": "column"}
+    write_file(path, lambda file: scipy.io.savemat(file, variables, **how))
+
+
+def load(path: str | Path, **how: Any) -> dict[str, Any]:
+    """Load the variables of a file that SciPy can read without harm.
+
+    Parameters
+    ----------
+    path : str or Path
+    **how
+        Options of :func:`scipy.io.loadmat`.
+
+    Raises
+    ------
+    FormatError
+        If the file is missing or is no such file.
+    """
+    try:
+        data = read_bytes(path)
+        check_structure(data)
+        return scipy.io.loadmat(BytesIO(data), **how)
+    # NotImplementedError is what SciPy raises for version 7.3, which is HDF5
+    except (ArithmeticError, LookupError, MemoryError, NotImplementedError, ValueError) as error:
+        raise FormatError(f"{path}: expected a .mat file up to version 7: {error}") from error
+    except (MatReadError, TypeError, zlib.error) as error:
+        raise FormatError(f"{path}: expected a .mat file up to version 7: {error}") from error
 
 
 def _of_problem(problem: Problem) -> dict[str, Any]:

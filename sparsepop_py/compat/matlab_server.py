@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 import scipy.sparse as sps
 
+from sparsepop_py.compat.mat import load, save
 from sparsepop_py.compat.output import cell, matlab_structs
 from sparsepop_py.compat.sparsepop import sparsePOP
 from sparsepop_py.errors import ProblemError, SparsePOPError
@@ -81,7 +81,7 @@ def answer(path: str | os.PathLike[str]) -> None:
             reply["error"] = _counted_from_one(str(error))
     reply["warnings"] = cell([_counted_from_one(str(warning.message)) for warning in caught])
     sys.stdout.flush()
-    scipy.io.savemat(path, reply, long_field_names=True, oned_as="column")
+    save(path, reply)
 
 
 def serve() -> None:
@@ -128,10 +128,10 @@ def _question(path: Path) -> dict[str, Any]:
     with warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)
         try:
-            return scipy.io.loadmat(path, mat_dtype=True)
+            return load(path, mat_dtype=True)
         except np.exceptions.ComplexWarning:
             pass
-    arguments = scipy.io.loadmat(path)["arguments"].ravel()
+    arguments = load(path)["arguments"].ravel()
     names = ["objPoly", "ineqPolySys", "lbd", "ubd", "param"]
     if arguments.size <= 2:
         del names[1:4]

@@ -20,7 +20,7 @@ from sparsepop_py.compat.output import SparsePOPOutput
 from sparsepop_py.compat.param import Parameters
 from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.compat.sdp_sizes import BuiltSDP
-from sparsepop_py.errors import check_writable
+from sparsepop_py.errors import OutputError, check_writable
 from sparsepop_py.io.sdpa import write_info, write_sdpa
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import Relaxation
@@ -194,8 +194,11 @@ def check_files(parameters: Parameters) -> None:
 
 
 def _append(path: str, text: str) -> None:
-    with open(path, "a", encoding="utf-8") as file:
-        file.write(text)
+    try:
+        with open(path, "a", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def _log(output: SparsePOPOutput) -> str:

@@ -11,17 +11,24 @@ what comes back is translated into this one.
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.errors import FormatError
+from sparsepop_py.files import read_bytes, write_file
 
 __all__ = ["Cones", "ConicProgram", "ConicSolution", "solution"]
+
+
+_LARGEST = 2**33  # bytes of the arrays of a stored program
 
 
 @dataclass(frozen=True)
@@ -85,20 +92,24 @@ class ConicProgram:
         ----------
         path : str or Path
             Used as it is; no suffix is added.
+
+        Raises
+        ------
+        OutputError
+            If the file cannot be written.
         """
-        with open(path, "wb") as file:
-            np.savez_compressed(
-                file,
-                q=self.q,
-                b=self.b,
-                offset=self.offset,
-                data=self.A.data,
-                indices=self.A.indices,
-                indptr=self.A.indptr,
-                zero=self.cones.zero,
-                nonnegative=self.cones.nonnegative,
-                psd=np.array(self.cones.psd, int),
-            )
+        parts: dict[str, Any] = {
+            "q": self.q,
+            "b": self.b,
+            "offset": self.offset,
+            "data": self.A.data,
+            "indices": self.A.indices,
+            "indptr": self.A.indptr,
+            "zero": self.cones.zero,
+            "nonnegative": self.cones.nonnegative,
+            "psd": np.array(self.cones.psd, int),
+        }
+        write_file(path, lambda file: np.savez_compressed(file, **parts))
 
     @staticmethod
     def load(path: str | Path) -> ConicProgram:
@@ -118,13 +129,15 @@ class ConicProgram:
             If the file is missing or is no such archive.
         """
         try:
-            with open(path, "rb") as stream, np.load(stream) as file:
+            data = read_bytes(path)
+            _check_archive(data)
+            with np.load(BytesIO(data)) as file:
                 shape = (file["b"].size, file["q"].size)
                 matrix = sps.csc_array((file["data"], file["indices"], file["indptr"]), shape=shape)
                 sizes = tuple(int(s) for s in file["psd"])
                 cones = Cones(int(file["zero"]), int(file["nonnegative"]), sizes)
                 return ConicProgram(file["q"], matrix, file["b"], cones, float(file["offset"]))
-        except (OSError, EOFError, KeyError, TypeError, ValueError, BadZipFile) as error:
+        except (EOFError, KeyError, TypeError, ValueError, BadZipFile, zlib.error) as error:
             raise FormatError(f"{path}: expected a saved conic program: {error}") from error
 
     def __str__(self) -> str:
@@ -224,3 +237,11 @@ def solution(
         solver=solver,
         detail=detail,
     )
+
+
+def _check_archive(data: bytes) -> None:
+    """Refuse an archive whose arrays would fill the memory."""
+    with ZipFile(BytesIO(data)) as archive:
+        size = sum(part.file_size for part in archive.infolist())
+    if size > _LARGEST:
+        raise ValueError(f"found {size} bytes of arrays, expected at most {_LARGEST}")

@@ -10,7 +10,6 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from sparsepop_py.algebra.monomials import degrees
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError
+from sparsepop_py.files import read_bytes
 from sparsepop_py.io.expressions import (
     ExpressionError,
     Vocabulary,
@@ -92,12 +92,7 @@ def read_statements(path: str | os.PathLike[str]) -> tuple[list[Statement], list
 
 
 def _read(path: str | os.PathLike[str]) -> str:
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError as error:
-        raise FormatError(f"{path}: no such file") from error
-    except OSError as error:
-        raise FormatError(f"{path}: {error.strerror or error}") from error
+    data = read_bytes(path)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

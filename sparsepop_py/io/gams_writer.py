@@ -6,12 +6,12 @@ import os
 import re
 from collections.abc import Iterable, Iterator
 from itertools import groupby
-from pathlib import Path
 
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Kind, Polynomial
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.files import write_text
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["write_gms"]
@@ -62,7 +62,7 @@ def write_gms(problem: Problem, path: str | os.PathLike[str]) -> None:
     <BLANKLINE>
     <BLANKLINE>
     """
-    Path(path).write_text("\n".join(_lines(problem)) + "\n", encoding="ascii", newline="\n")
+    write_text(path, "\n".join(_lines(problem)) + "\n", "ascii")
 
 
 class _Symbols:

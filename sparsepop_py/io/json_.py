@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
-from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.files import read_text, write_text
 from sparsepop_py.io import json_codecs as codecs
 from sparsepop_py.io import json_version2 as version2
 from sparsepop_py.io.json_certificates import CERTIFICATE
@@ -138,7 +139,7 @@ def _upgrade(name: str, content: Any) -> None:
 
 
 def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
-    """Write a problem, certificate or result to a JSON file.
+    """Write a problem, certificate or result to a JSON file, whole or not at all.
 
     Parameters
     ----------
@@ -149,6 +150,8 @@ def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
     ------
     ProblemError
         If the value is something else.
+    OutputError
+        If the file cannot be written.
 
     Examples
     --------
@@ -161,7 +164,7 @@ def write_json(value: Problem | Certificate | Result, path: str | Path) -> None:
     >>> again.lower_bound == result.lower_bound, again.certificate.verify(result.problem).ok
     (True, True)
     """
-    Path(path).write_text(to_json(value), encoding="utf-8")
+    write_text(path, to_json(value))
 
 
 def read_json(path: str | Path) -> Any:
@@ -192,11 +195,7 @@ def read_json(path: str | Path) -> Any:
     ...     print(sp.read_json(path).upper)
     [1.]
     """
-    try:
-        source = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FormatError(f"{path}: {error}") from error
-    return from_json(source)
+    return from_json(read_text(path))
 
 
 # ---- problems -----------------------------------------------------------------------------
@@ -216,7 +215,7 @@ def _polynomial(words: Any, coefficients: Any, dimension: int) -> Polynomial:
 
 
 def _kind(found: Any, place: str) -> Kind:
-    if found not in Kind.__members__:
+    if not isinstance(found, str) or found not in Kind.__members__:
         raise codecs.wrong(place, found, "one of " + ", ".join(Kind.__members__))
     return Kind[found]
 
@@ -301,7 +300,7 @@ def _special(value: Any) -> Any:
 
 
 def _status(found: Any, place: str) -> Status:
-    if found not in Status.__members__:
+    if not isinstance(found, str) or found not in Status.__members__:
         raise codecs.wrong(place, found, "one of " + ", ".join(Status.__members__))
     return Status[found]
 

@@ -178,7 +178,10 @@ class _Certificates:
 
     def _read_known(self, found: Any, place: str) -> Known:
         bounds = []
-        for k, row in enumerate(codecs.field_of(found, "bounds", place)):
+        rows = codecs.field_of(found, "bounds", place)
+        if not isinstance(rows, list):
+            raise codecs.wrong(f"{place}.bounds", rows, "a list")
+        for k, row in enumerate(rows):
             here = f"{place}.bounds[{k}]"
             triple = sequence(whole).read(row, here)
             if len(triple) != 3 or not 0 <= triple[2] < len(self.read_already):

@@ -126,7 +126,7 @@ def _write_array(values: Any) -> Any:
 
 def _read_array(found: Any, place: str) -> NDArray[Any]:
     name, shape, data = (field_of(found, key, place) for key in ("type", "shape", "data"))
-    if name not in _TYPES:
+    if not isinstance(name, str) or name not in _TYPES:
         raise wrong(f"{place}.type", name, "one of " + ", ".join(_TYPES))
     lengths = sequence(whole).read(shape, f"{place}.shape")
     if not isinstance(data, list) or any(length < 0 for length in lengths):
@@ -141,12 +141,14 @@ def _read_array(found: Any, place: str) -> NDArray[Any]:
         data = [each.read(v, f"{place}.data") for v in data]
     elif name[0] != "f":
         data = [each.read(v, f"{place}.data") for v in data]
-    with np.errstate(over="ignore"):
-        values = np.array(data, np.float64 if name[0] == "f" else None)
     try:
-        values = values.reshape(lengths).astype(_TYPES[name])
+        wide = np.array(data, np.float64 if name[0] == "f" else None).reshape(lengths)
+        with np.errstate(over="ignore"):
+            values: NDArray[Any] = wide.astype(_TYPES[name])
     except (OverflowError, ValueError, TypeError):
         raise wrong(f"{place}.data", data, f"numbers of type {name}") from None
+    if name == "f4" and np.any(np.isinf(values) & np.isfinite(wide)):
+        raise wrong(f"{place}.data", data, "numbers that 32 bits hold")
     limit = np.iinfo(np.int32)
     if name == "i4" and any(not limit.min <= v <= limit.max for v in data):
         raise wrong(f"{place}.data", data, "32-bit integers")
@@ -209,7 +211,7 @@ def tagged(codecs: Mapping[type, Codec]) -> Codec:
 
     def read(found: Any, place: str) -> Any:
         name = field_of(found, "is", place)
-        if name not in by_name:
+        if not isinstance(name, str) or name not in by_name:
             raise wrong(f"{place}.is", name, "one of " + ", ".join(by_name))
         return by_name[name].read(found, place)
 

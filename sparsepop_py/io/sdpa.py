@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.conic.program import Cones, ConicProgram
 from sparsepop_py.errors import FormatError, ProblemError
+from sparsepop_py.files import read_text, write_text
 
 __all__ = ["read_sdpa", "write_info", "write_sdpa"]
 
@@ -82,7 +83,7 @@ def write_sdpa(program: ConicProgram, path: str | Path, title: str = "") -> None
         m, b, p, q, v = (column[k] for column in columns)
         if v:
             lines.append(f"{m} {b} {p} {q} {float(v)!r}")
-    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _places(
@@ -134,10 +135,7 @@ def read_sdpa(path: str | Path) -> ConicProgram:
     >>> round(sp.solve_conic(program).primal, 6)
     2.0
     """
-    try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
-        raise FormatError(f"{path}: {error.strerror or error}") from error
+    lines = read_text(path, "replace").splitlines()
     reader = _Lines(str(path), lines)
     m, _ = reader.whole("mDIM"), reader.whole("nBLOCK")
     sizes = [int(v) for v in reader.numbers(_, "bLOCKsTRUCT", whole=True)]
@@ -291,4 +289,4 @@ def write_info(
         )
     rows = zip(moment.tolist(), scale.tolist(), shift.tolist(), strict=True)
     text = "".join(f"{index} {a!r} {b!r}\n" for index, a, b in rows)
-    Path(path).write_text(text, encoding="utf-8")
+    write_text(path, text)

@@ -242,7 +242,7 @@ def test_malformed_certificates() -> None:
 
 
 def test_files_and_values_that_are_no_json(tmp_path: pathlib.Path) -> None:
-    with pytest.raises(FormatError, match=r"nowhere.json: .*No such file"):
+    with pytest.raises(FormatError, match=r"nowhere.json: no such file"):
         sp.read_json(tmp_path / "nowhere.json")
     with pytest.raises(ProblemError, match=r"to_json: found int, expected a Problem, Certif"):
         sp.to_json(7)
@@ -333,7 +333,7 @@ def test_only_conic_programs_are_written_as_sdpa(tmp_path: pathlib.Path) -> None
 
 
 def test_a_missing_sdpa_file(tmp_path: pathlib.Path) -> None:
-    with pytest.raises(FormatError, match="nowhere.dat-s: No such file"):
+    with pytest.raises(FormatError, match="nowhere.dat-s: no such file"):
         sp.read_sdpa(tmp_path / "nowhere.dat-s")
 
 

@@ -52,9 +52,15 @@ __all__ = [
 ]
 
 
+_MOST_SWEEPS = 1000
+
+
 @dataclass(frozen=True)
 class Propagation:
-    """``sweeps`` passes of interval propagation, with the cutoff row or without it."""
+    """``sweeps`` passes of interval propagation, with the cutoff row or without it.
+
+    More than 1000 are not replayed: a box that creeps would keep a reader of files for ever.
+    """
 
     sweeps: int
     uses_cutoff: bool
@@ -190,9 +196,10 @@ class Replay:
             return box
         if isinstance(step, Propagation):
             rows = self.rows(step.uses_cutoff)
-            for _ in range(step.sweeps):
-                box = sweep(rows, box)
-                if is_empty(box):
+            for _ in range(min(step.sweeps, _MOST_SWEEPS)):
+                old, box = box, sweep(rows, box)
+                still = np.array_equal(old.lo, box.lo) and np.array_equal(old.hi, box.hi)
+                if still or is_empty(box):
                     break
             return box
         if isinstance(step, Sublevel):

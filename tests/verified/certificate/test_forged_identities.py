@@ -192,19 +192,37 @@ def test_what_is_left_of_a_floor_is_rounded_down():
 
 
 def test_the_least_floor_of_all_moment_blocks_is_left():
-    """One block pays for z, one has little to begin with, one belongs to a constraint."""
-    problem = sp.Problem(x**2 + y**2 + 0.5 * x + 2.0, [1 - 0 * x >= 0], -1, 1)
-    basis = [[0], [1]]
-    zero = np.zeros((2, 1))
-    one = squares(0, basis, zero, 1.0)
-    small = squares(0, [[0], [2]], zero, 0.125)
+    """One block pays for x, one has little to begin with, one belongs to a constraint as well."""
+    basis, zero = [[0], [1]], np.zeros((2, 1))
+    one, small = squares(0, basis, zero, 1.0), squares(0, [[0], [2]], zero, 0.125)
+    problem = sp.Problem(x**2 + 0.125 * y**2 + 0.5 * x + 2.0)
     for groups in ((one, small), (small, one)):
         found = evaluate(problem, Identity(scaling([False, False]), groups))
-        assert found.floor <= 0.125
+        assert found.bound > -INF and 0.12 < found.floor <= 0.125
     mixed = squares([0, 1], [basis, basis], [zero, zero], 0.25)
+    problem = sp.Problem(1.5 * x**2 + 0 * y + 0.5 * x + 2.0, [1 - 0 * x >= 0])
     for groups in ((one, mixed), (mixed, one)):
         found = evaluate(problem, Identity(scaling([False, True]), groups))
-        assert found.floor <= 0.25
+        assert found.bound > -INF and 0.0 < found.floor <= 0.25
+
+
+def test_a_floor_that_pays_for_one_tiny_entry_is_rounded_down():
+    """z^2 goes to the first block; the second pays 5e-21 for z, which doubles lose beside 1."""
+    problem = sp.Problem(3.0 * z**2 + 1.0 + 1e-20 * z)
+    first = squares(0, [[1]], np.zeros((1, 1)), 2.0)
+    second = squares(0, [[0], [1]], np.zeros((2, 1)), 1.0)
+    found = evaluate(problem, Identity(scaling([False]), (first, second)))
+    assert found.bound > -INF
+    assert 1 - 1e-12 < found.floor and Fraction(found.floor) <= 1 - Fraction(1e-20) / 2
+
+
+def test_monomials_between_those_of_a_block_are_not_its_own():
+    """{1, z^2} has the products 1, z^2 and z^4: neither z nor z^3 is among them."""
+    group = squares(0, [[0, 0], [1, 1]], np.zeros((2, 1)), 1.0)
+    assert bound_of(sp.Problem(z**4 + 0.1 * z**2 + 1), scaling([False]), group) > -INF
+    for term in (z, z**3):
+        problem = sp.Problem(z**4 + 1 + 0.1 * term)
+        assert bound_of(problem, scaling([False]), group) == -INF
 
 
 @pytest.mark.parametrize("copies", [40, 400])
@@ -269,6 +287,15 @@ def test_constants_losses_and_prices_are_rounded_down(seed):
     found = bound_of(problem, scale, priced=Priced(words, prices))
     assert Fraction(found) <= least(rest) + total
     assert found >= float(least(rest) + total) - 1e-9 * (1 + np.abs(values).sum())
+
+
+def test_a_price_that_the_constant_swallows_still_counts():
+    """1 - 1e-17 x^2 with the price -1.5e-17 of x^2: what is left, 5e-18 x^2, costs nothing."""
+    price = -1.5e-17
+    problem = sp.Problem(1.0 - 1e-17 * x**2 + 0 * y)
+    priced = Priced(np.array([[1, 1]], np.int32), np.array([price]))
+    found = bound_of(problem, scaling([True, True]), priced=priced)
+    assert Fraction(found) <= 1 - Fraction(1e-17) and found >= 1 - 1e-12
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -407,6 +434,57 @@ def test_products_of_generators_are_enclosed(seed):
     )
     assert Fraction(found) <= least(rest)
     assert found >= float(least(rest)) - 1e-9 * (1 + float(abs(least(rest))))
+
+
+FIXED = Scaling(np.array([0.0, 0.7]), np.array([1.0, 0.0]), np.ones(2, bool), np.zeros(2, int))
+
+
+def in_fixed(rng):
+    """A polynomial in y with all digits, and its exact value at y = 7/10 (the double)."""
+    values = rng.uniform(0.5, 1, 6)
+    p = sp.total([float(c) * y**k if k else float(c) + 0 * y for k, c in enumerate(values)])
+    at = Fraction(0.7)
+    return p, sum(Fraction(c) * at**k for k, c in enumerate(values.tolist()))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_constants_of_generators_are_taken_at_their_upper_ends(seed):
+    """-p(y) <= -p(0.7) with y fixed: one inequality, a product of two, an entry of a matrix."""
+    rng = np.random.default_rng(seed)
+    (p, first), (q, second) = in_fixed(rng), in_fixed(rng)
+    zero = sp.Problem(0 * x + 0 * y, [p - x**2 >= 0, q >= 0])
+    one = squares(1, ONE, [[1.0]])
+    found = bound_of(zero, FIXED, one)
+    assert Fraction(found) <= -first and found >= -float(first) * (1 + 1e-13)
+    single = generators.count(2, 2)
+    products = np.array([[1, 2]])
+    pair = squares(single, ONE, [[1.0]])
+    plain = sp.Problem(0 * x + 0 * y, [p >= 0, q >= 0])
+    found = bound_of(plain, FIXED, pair, products=products)
+    assert Fraction(found) <= -first * second and found >= -float(first * second) * (1 + 1e-13)
+    matrix = sp.Problem(0 * x + 0 * y, [sp.psd([[p, 0.0], [0.0, q]])])
+    for place, value in ((0, first), (1, second)):
+        group = squares(1, ONE, [[1.0]], place=np.array([[place]]))
+        found = bound_of(matrix, FIXED, group)
+        assert Fraction(found) <= -value and found >= -float(value) * (1 + 1e-13)
+    for number, value in ((1, first), (single, first * second)):
+        found = dual_bounds(plain, FIXED, [number], [1.0], products=products)[0]
+        assert Fraction(found) <= -value and found >= -float(value) * (1 + 1e-13)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_entries_of_squares_that_cancel_are_enclosed(seed):
+    """10 x^2 + 10 y^2 less a square whose entry x y nearly cancels: it costs what doubles lose."""
+    rng = np.random.default_rng(seed)
+    a, b = rng.uniform(1, 2, 2)
+    c = float(np.nextafter(1 / a, 2))
+    factor = np.array([[a, b], [b * c, -a * c]])
+    problem = sp.Problem(10 * x**2 + 10 * y**2)
+    exact = sum(Fraction(u) * Fraction(v) for u, v in zip(*factor, strict=True))
+    group = squares(0, [[1], [2]], factor)
+    found = bound_of(problem, scaling([True, True]), group)
+    assert Fraction(found) <= -2 * abs(exact)
+    assert found >= -1e-14
 
 
 # ---- malformed --------------------------------------------------------------------------------
@@ -662,7 +740,7 @@ def dual_bounds(problem, scale, number, value, word=None, owner=None, products=N
     count = len(number)
     dual = LinearDual(
         scale,
-        np.array(number),
+        np.array(number, int),
         np.zeros((count, 1), np.int32) if word is None else np.array(word, np.int32),
         np.array(value, float),
         np.zeros(count, int) if owner is None else np.array(owner),
@@ -700,6 +778,32 @@ def test_linear_bounds_are_rounded_down(seed):
     for value, exact in zip(found, (least(rest), least(other)), strict=True):
         assert Fraction(value) <= exact
         assert value >= float(exact) - 1e-9 * (1 + abs(float(exact)))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_coefficients_of_objectives_are_taken_at_their_upper_ends(seed):
+    """x p(y) with y fixed has the minimum -p(0.7); 1 + 1e-17 x is not 1."""
+    p, value = in_fixed(np.random.default_rng(seed))
+    problem = sp.Problem(x * p)
+    for found in (dual_bounds(problem, FIXED, [], [])[0], bound_of(problem, FIXED)):
+        assert Fraction(found) <= -value and found >= -float(value) * (1 + 1e-13)
+    tiny = sp.Problem(1 + 1e-17 * x + 0 * y)
+    for found in (dual_bounds(tiny, FIXED, [], [])[0], bound_of(tiny, FIXED)):
+        assert Fraction(found) <= 1 - Fraction(1e-17) and found >= 1 - 1e-12
+
+
+@pytest.mark.parametrize("kind", [np.longdouble, complex, object, int])
+def test_multipliers_of_linear_duals_are_doubles(kind):
+    problem, scale = good()
+    dual = LinearDual(
+        scale, np.array([1]), np.zeros((1, 1), np.int32), np.ones(1), np.zeros(1, int), NONE
+    )
+    rows = problem.rows, problem.equality, problem.objective_row
+    assert np.isfinite(dual.evaluate(*rows)[0])
+    assert replace(dual, value=dual.value.astype(kind)).evaluate(*rows)[0] == -INF
+    for count in (0, 2, 3):
+        wrong = replace(dual, word=np.zeros((count, 1), np.int32))
+        assert wrong.evaluate(*rows)[0] == -INF
 
 
 def test_a_negative_multiplier_of_an_inequality_counts_as_nothing():

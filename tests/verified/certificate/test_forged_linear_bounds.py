@@ -168,6 +168,17 @@ def test_bounds_that_are_no_doubles_are_rounded_down():
     assert not replace(good, upper=1 / 3).verify(problem, x).ok  # the vertex attains more
 
 
+@pytest.mark.parametrize(
+    "row", [sp.psd([[x, y], [y, 1]]), sp.second_order(x, y), x * y >= 1, x * x == 1]
+)
+def test_matrices_and_products_are_not_linear(row):
+    """What follows from a matrix is linear, and says less than the matrix."""
+    with pytest.raises(sp.ProblemError, match=r"constraints\[0\]"):
+        GOOD.verify(sp.Problem(x, [row]), x)
+    with pytest.raises(sp.ProblemError, match=r"objectives\[0\]"):
+        GOOD.verify(PROBLEM, x * y)
+
+
 # ---- signs of rows ----------------------------------------------------------------------------
 
 numbers = st.one_of(
