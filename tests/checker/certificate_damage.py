@@ -100,6 +100,8 @@ def damaged(found: Any, chance: random.Random) -> tuple[Any, str]:
     done = []
     for _ in range(chance.choice([1, 1, 1, 2, 3])):
         every = list(places(other))
+        if not every:  # all is gone
+            break
         kind = chance.random()
         chosen = [p for p in every if _is_kind(p, kind)] or every
         inside, key = chance.choice(chosen)
