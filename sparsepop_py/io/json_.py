@@ -330,7 +330,8 @@ def _result(**parts: Any) -> Result:
     claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
     if not claims.get(result.status, True):
         raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
-    return replace(result, upper_bound=max(result.upper_bound, attained))
+    # the point as it was proved again: nothing that a file says of it is believed
+    return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
 
 
 STATUS = Codec(lambda status: status.name, _status)

@@ -397,3 +397,12 @@ def test_wrong_mat_files(tmp_path: pathlib.Path) -> None:
     (x,) = sp.variables(1)
     with pytest.raises(ProblemError, match=r"write_mat: found the bound 1e\+12, expected less"):
         sp.write_mat(sp.Problem(x, (), -1e12), path)
+
+
+def test_what_a_file_says_of_an_attained_point_is_proved_anew() -> None:
+    """The least x on [0, 1] is 0, whatever value and radius a file states."""
+    (x,) = sp.variables(1)
+    found = json.loads(sp.to_json(sp.solve(sp.Problem(x, lower=0, upper=1))))
+    found["result"]["attained"].update(value=-5.0, radius=-1.0)
+    again = sp.from_json(json.dumps(found))
+    assert again.attained.value == again.upper_bound == 0.0 and again.attained.radius == 0.0
