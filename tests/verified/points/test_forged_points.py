@@ -223,7 +223,6 @@ def test_stored_points_that_make_no_sense_are_refused_without_an_exception():
     for fields in (
         {"x": np.array([0.25])},
         {"x": np.array([0.25, 0.75, 0.0])},
-        {"x": np.array([[0.25, 0.75]])},
         {"x": np.array([np.nan, 0.75])},
         {"x": np.array([0.25, INF])},
         {"rows": np.array([2])},
@@ -237,6 +236,8 @@ def test_stored_points_that_make_no_sense_are_refused_without_an_exception():
     ):
         for proof in ("exact", "krawczyk"):
             assert replace(good, proof=proof, **fields).recheck(problem) is None, fields
+    with pytest.raises(sp.ProblemError, match="x: found"):  # no point can be made of it
+        replace(good, x=np.array([[0.25, 0.75]]))
 
 
 def test_what_a_stored_point_says_of_itself_is_not_read():
