@@ -58,6 +58,7 @@ def answer(path: str | os.PathLike[str]) -> None:
 
     Examples
     --------
+    >>> import os, numpy as np, scipy.io
     >>> square = {"typeCone": 1, "dimVar": 1, "noTerms": 2, "supports": [[1], [2]],
     ...           "coef": [-2, 1]}
     >>> arguments = np.empty((1, 5), dtype=object)
