@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from setid.bands.outputs import Comparison, Mode, OutputBand
     from setid.bands.responses import Kind
     from setid.export.python_control import ControlModels
+    from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
 
@@ -192,6 +193,17 @@ class Identification(FeasibleSet):
         from setid.feasible_points.members import feasible
 
         return feasible(self)
+
+    def best(self, goal: Goal = "simulation") -> BestMember:
+        """A member that simulates or predicts the record best; see :func:`setid.best`.
+
+        Parameters
+        ----------
+        goal : {"simulation", "prediction"}
+        """
+        from setid.feasible_points.best import best
+
+        return best(self, goal)
 
     @property
     def projection(self) -> NDArray[np.float64]:
