@@ -166,6 +166,69 @@ class Identification(FeasibleSet):
         """
         return verify(self.evidence, data)
 
+    # ---- files and tables ---------------------------------------------------------------
+
+    def to_json(self) -> str:
+        """Write the result with its evidence as JSON text.
+
+        Returns
+        -------
+        str
+            What :meth:`from_json` reads.
+
+        Raises
+        ------
+        SetidError
+            If structure, noise or priors hold functions, which have no text.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> setid.Identification.from_json(result.to_json()).intervals["a1"]
+        a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+        """
+        from setid.result.json_ import to_json
+
+        return to_json(self)
+
+    @classmethod
+    def from_json(cls, text: str) -> Identification:
+        """Read a result and verify every claim of it; no solver is run.
+
+        Parameters
+        ----------
+        text : str
+            As :meth:`to_json` makes it.
+
+        Raises
+        ------
+        SetidError
+            If the text is no result, or a claim in it does not follow from the record in it.
+        """
+        from setid.result.json_ import from_json
+
+        return from_json(text)
+
+    def to_frame(self) -> Any:
+        """Intervals as a pandas DataFrame, one row a parameter.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns ``outer_low``, ``outer_high`` (proved), ``inner_low``, ``inner_high``
+            (attained, NaN where none is), ``width``, ``centre``, ``status``.
+
+        Raises
+        ------
+        SolverNotFound
+            If pandas is missing; the message says how to install it.
+        """
+        from setid.result.frames import to_frame
+
+        return to_frame(self)
+
     # ---- estimates ----------------------------------------------------------------------
 
     @property
