@@ -140,7 +140,8 @@ class Comparison:
         if outside and band.kind == "proved":
             sample, output = band.outside[0]
             lines.append(
-                f"the assumptions are falsified for this record, first by y{output + 1} at sample "
+                "the assumptions are falsified for this record, first by "
+                f"{band.data.output_names[output]} at sample "
                 f"{sample}: larger noise bounds, a higher order or another structure is needed"
             )
         lines += [self.advice] if self.advice else []

@@ -241,7 +241,8 @@ def _classes() -> dict[str, type]:
                 own = isinstance(one, type) and one.__module__ == module.name
                 if own and is_dataclass(one) and not name.startswith("_"):
                     found.setdefault(name, cast(type, one))
-    for kind in (BlockStructured, *BlockStructured.__subclasses__()):
+    structures: list[type] = [BlockStructured, *BlockStructured.__subclasses__()]
+    for kind in structures:
         if kind.__module__.startswith("setid."):
             found[kind.__name__] = kind
     return found

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.data.record import IOData
 from setid.feasible_points.centre import central
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.completion import noise_shares
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
 
-__all__ = ["Remarks", "active_priors", "binding", "binding_kinds", "summary", "table"]
+__all__ = ["Remarks", "active_priors", "binding", "binding_kinds", "channels", "summary", "table"]
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
 _NEAR = 1e-6  # closer than this (relative) to a bound counts as at it
@@ -34,7 +35,16 @@ def table(result: FeasibleSet) -> str:
         if result.empty:
             outer = ("empty", "")
         lines.append(line.format(item.name, *outer, *inner, f"{item.width:.3g}", item.status))
-    return "\n".join(lines)
+    named = channels(result.formulation.data)
+    return "\n".join(lines + ([named] if named else []))
+
+
+def channels(data: IOData) -> str:
+    """Names and units of channels by their numbers, where they have any, else empty."""
+    own = [f"y{i + 1}" for i in range(data.outputs)] + [f"u{j + 1}" for j in range(data.inputs)]
+    shown = (*data.output_labels, *data.input_labels)
+    pairs = [f"{o} = {s}" for o, s in zip(own, shown, strict=True) if o != s]
+    return ", ".join(pairs)
 
 
 def binding(result: FeasibleSet) -> tuple[tuple[int, int, int], ...]:
