@@ -130,13 +130,13 @@ class Columns(dict[str, object]):
 
 def test_records_from_any_table_with_columns_by_name() -> None:
     table = Columns(
-        t=np.array(["2020-01-01T00:00:00", "2020-01-01T00:00:02"], "M8[s]"),
-        u=np.array([None, 3.0], object),
-        y=np.array([1, 2]),
-        flag=np.array([True, False]),
+        t=np.array(["2020-01-01T00:00:00", "2020-01-01T00:00:02", "2020-01-01T00:00:04"], "M8[s]"),
+        u=np.array([None, 3.0, 1.0], object),
+        y=np.array([1, 2, 1]),
+        flag=np.array([True, False, True]),
     )
     data = setid.IOData.from_frame(table, "u", "y", time="t")
     assert data.Ts == 2.0 and data.input_names == ("u",)
-    assert np.array_equal(data.u.ravel(), [np.nan, 3.0], equal_nan=True)
+    assert np.array_equal(data.u.ravel(), [np.nan, 3.0, 1.0], equal_nan=True)
     with pytest.raises(setid.DataError, match="'flag'.*real numbers"):
         setid.IOData.from_frame(table, "flag", "y")
