@@ -17,6 +17,7 @@ from setid.data.readers import frame_column, listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
 from setid.data.times import sampling_time
 from setid.errors import DataError, SetidWarning
+from setid.html import listing, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -442,6 +443,22 @@ class IOData:
 
         return plot_record(self)
 
+    def _repr_html_(self) -> str:
+        named = zip(
+            (*self.input_names, *self.output_names),
+            (*self.input_units, *self.output_units),
+            [*self.u.T, *self.y.T],
+            strict=True,
+        )
+        rows = [
+            (name, unit, int(np.isnan(values).sum()), *(f"{v:.6g}" for v in _spread(values)))
+            for name, unit, values in named
+        ]
+        head = ["channel", "unit", "missing", "least", "mean", "largest"]
+        return section(
+            repr(self)[1:-1], table(head, rows), listing("assumptions", self.assumptions)
+        )
+
     def _rows(self, part: slice) -> IOData:
         begin, end, _ = part.indices(self.samples)
         inside = self.starts[(self.starts > begin) & (self.starts < end)] - begin
@@ -482,6 +499,10 @@ def _constant_channels(inputs: NDArray[np.float64]) -> list[int]:
         return []
     low, high = np.nanmin(inputs, axis=0), np.nanmax(inputs, axis=0)
     return np.flatnonzero((low == high) & (low != 0.0)).tolist()
+
+
+def _spread(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(np.nanmin(values)), float(np.nanmean(values)), float(np.nanmax(values))
 
 
 def _check_alike(one: IOData, other: IOData, place: int) -> None:

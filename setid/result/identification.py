@@ -139,6 +139,11 @@ class Identification(FeasibleSet):
 
         return summary(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
 
+    def _repr_html_(self) -> str:
+        from setid.result.reports import Remarks, html
+
+        return html(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+
     def binding(self) -> tuple[tuple[int, int, int], ...]:
         """Samples whose noise is at its bound where ends of intervals are attained.
 
