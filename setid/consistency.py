@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,9 @@ from setid.proofs.noise_scale import (
 )
 from setid.proofs.parameter_box import start_of
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Consistency", "consistency"]
 
@@ -120,6 +123,17 @@ class Consistency(NoiseScale):
             lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
         lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
         return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the refuted and attained factors; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
+        from setid.plots.decisions import plot_consistency
+
+        return plot_consistency(self, ax)
 
     def _repr_html_(self) -> str:
         low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)

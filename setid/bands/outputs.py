@@ -83,11 +83,17 @@ class OutputBand:
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
         return np.argwhere(gone)
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the readings and the band, one axis an output; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the readings and the band, one axis an output; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_output_band
 
-        return plot_output_band(self)
+        return plot_output_band(self, ax)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,11 +153,17 @@ class Comparison:
         lines += [self.advice] if self.advice else []
         return "\n".join(lines)
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the band with the fit in the title; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the band with the fit in the title; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_comparison
 
-        return plot_comparison(self)
+        return plot_comparison(self, ax)
 
 
 def simulate_band(

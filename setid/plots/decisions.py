@@ -1,0 +1,61 @@
+"""Pictures of noise levels and of structure loops."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from setid.plots.axes import ATTAINED, PROVED, ink, new_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from setid.consistency import Consistency
+    from setid.select import Selection
+
+__all__ = ["plot_consistency", "plot_selection"]
+
+_COLOUR = {"refuted": PROVED, "kept": ATTAINED}
+
+
+def plot_consistency(found: Consistency, ax: Axes | None = None) -> Axes:
+    """Draw which factors on the noise bounds are refuted, open and attained.
+
+    Parameters
+    ----------
+    found : Consistency
+    ax : matplotlib Axes, optional
+    """
+    axes = new_axes(ax, (7.0, 1.8))
+    low, high = found.scale
+    end = 1.25 * max(1.0, low, high if np.isfinite(high) else 0.0)
+    axes.axvspan(0.0, low, color=PROVED, alpha=0.35, lw=0, label="inconsistent (proved)")
+    if np.isfinite(high):
+        axes.axvspan(high, end, color=ATTAINED, alpha=0.35, lw=0, label="consistent (attained)")
+    axes.axvline(1.0, color=ink(), lw=1, label="the bounds as given")
+    axes.set_xlim(0.0, end)
+    axes.set_yticks([])
+    axes.set_xlabel("factor on the noise bounds")
+    axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def plot_selection(found: Selection, ax: Axes | None = None) -> Axes:
+    """Draw the decision on each structure that was tried.
+
+    Parameters
+    ----------
+    found : Selection
+    ax : matplotlib Axes, optional
+    """
+    axes = new_axes(ax, (7.0, 0.4 * len(found.steps) + 1.0))
+    for place, step in enumerate(found.steps):
+        axes.barh(place, 1.0, color=_COLOUR.get(step.decision, "0.5"), alpha=0.35, lw=0)
+        axes.text(0.02, place, f"{step.decision}: {step.reason}", va="center", fontsize="small")
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xticks([])
+    names = [f"order {step.order}, degree {step.degree}" for step in found.steps]
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    return axes
