@@ -7,6 +7,7 @@ the structure, the noise bounds and the priors lies in it. ``inner`` always mean
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,6 +28,8 @@ from setid.proofs.unbounded import Unbounded
 from setid.proofs.verification import verify
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
     from setid.bands.outputs import Comparison, Mode, OutputBand
@@ -233,6 +236,29 @@ class Identification(FeasibleSet):
         from setid.result.frames import to_frame
 
         return to_frame(self)
+
+    def report(self, path: str | os.PathLike[str], validation: IOData | None = None) -> Path:
+        """Write one self-contained page: data, assumptions, intervals, bands, how to verify.
+
+        Parameters
+        ----------
+        path : path-like
+            Of the page, HTML with its pictures and the stored result inside.
+        validation : IOData, optional
+            A record to compare with; that of the identification when left out.
+
+        Returns
+        -------
+        pathlib.Path
+
+        Raises
+        ------
+        SolverNotFound
+            If jinja2 or matplotlib is missing; the message says how to install them.
+        """
+        from setid.result.page import report
+
+        return report(self, path, validation)
 
     # ---- estimates ----------------------------------------------------------------------
 
