@@ -177,6 +177,10 @@ from .select import (
     SelectionStep,
     select,
 )
+from .sensitivity import (
+    Sensitivity,
+    sensitivity,
+)
 from .simulation.simulate import (
     Simulated,
     simulate,
@@ -232,6 +236,7 @@ __all__ = [
     "Rows",
     "Selection",
     "SelectionStep",
+    "Sensitivity",
     "SetidError",
     "SetidWarning",
     "Sign",
@@ -279,6 +284,7 @@ __all__ = [
     "register_structure",
     "residuals",
     "select",
+    "sensitivity",
     "signal_band",
     "simulate",
     "simulate_band",

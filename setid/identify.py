@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.consistency import consistency
 from setid.data.checks import frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -39,6 +40,7 @@ from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options
+from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.free_parameters import free_parameters
@@ -54,6 +56,7 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
+from setid.result.holdout import Holdout
 from setid.result.identification import Identification
 from setid.result.progress import Progress
 
@@ -64,6 +67,8 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_SHARE = 0.75  # of the time, for the part of a record that is not held out
+_LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 
 
@@ -73,6 +78,8 @@ def identify(
     noise: Noise,
     priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
     options: Options | None = None,
+    *,
+    holdout: IOData | float | None = None,
 ) -> Identification:
     """Prove an uncertainty interval for each parameter.
 
@@ -85,6 +92,10 @@ def identify(
     noise : Noise
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
+    holdout : float, int or IOData, optional
+        Samples that check the noise bounds: a part of the record that is left out of the
+        identification (as of :meth:`IOData.split`: 0.5 holds out the second half), or another
+        record. The result says with which factor on the bounds they are explained.
 
     Returns
     -------
@@ -116,6 +127,8 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    if holdout is not None:
+        return _held_out(data, model, noise, priors, settings, holdout)
     if isinstance(model, BlockStructured) and isinstance(data, IOData):
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
             return _reported(data, model, noise, priors, settings, set(affected))
@@ -126,6 +139,43 @@ def identify(
     )
     formulation = task.timed("formulate", lambda: formulate(data, model, noise, given))
     return _with_remark(_settle(formulation, task))
+
+
+def _held_out(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: Any,
+    settings: Options,
+    holdout: IOData | float,
+) -> Identification:
+    """Identify from one part, and find the factor on the noise bounds that the other needs."""
+    if not isinstance(data, IOData):
+        raise SetidError(f"data: found {type(data).__name__}, expected IOData")
+    until = settings.deadline()
+    first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
+    own, other = _noise_of(noise, data, first, rest)
+    share = None if settings.time_limit is None else _SHARE * settings.time_limit
+    found = identify(first, model, own, priors, replace(settings, time_limit=share))
+    if found.empty:
+        return found
+    known = found.formulation
+    ends = {n: i.outer for n, i in found.intervals.items() if np.any(np.isfinite(i.outer))}
+    given = [*known.priors, *([Box(ends)] if ends else [])]
+    left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
+    other = other.covering(known.noise.model_error)
+    level = consistency(rest, known.model, other, given, replace(settings, time_limit=left))
+    return replace(found, holdout=Holdout(rest, level.scale))
+
+
+def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[Noise, Noise]:
+    """Noise of both parts of a record; bounds that are given one a sample are split as it is."""
+    each = [np.shape(getattr(noise, kind))[:1] for kind in ("output", "input", "equation")]
+    if first is data or (data.samples,) not in each:
+        return noise, noise
+    eta, xi, e = noise.bounds(data)
+    k = first.samples
+    return Noise(eta[:k], xi[:k], e[:k]), Noise(eta[k:], xi[k:], e[k:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
 
     from setid.consistency import Consistency
     from setid.select import Selection
+    from setid.sensitivity import Sensitivity
 
-__all__ = ["plot_consistency", "plot_selection"]
+__all__ = ["plot_consistency", "plot_selection", "plot_sensitivity"]
 
 _COLOUR = {"refuted": PROVED, "kept": ATTAINED}
 
@@ -37,6 +38,35 @@ def plot_consistency(found: Consistency, ax: Axes | None = None) -> Axes:
     axes.set_xlim(0.0, end)
     axes.set_yticks([])
     axes.set_xlabel("factor on the noise bounds")
+    axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def plot_sensitivity(found: Sensitivity, ax: Axes | None = None) -> Axes:
+    """Draw the widths of the intervals over the noise factor, and where signs are lost.
+
+    Parameters
+    ----------
+    found : Sensitivity
+    ax : matplotlib Axes, optional
+    """
+    axes = new_axes(ax, (7.0, 4.0))
+    order = np.argsort(found.factors)
+    low, high = found.outer[order, :, 0], found.outer[order, :, 1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        size = np.maximum(np.abs(low), np.abs(high)).max(axis=0)
+        width = np.where(low <= high, high - low, np.nan) / size
+    colours = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"]
+    for i, name in enumerate(found.names):
+        colour = colours[i % len(colours)]
+        axes.plot(found.factors[order], width[:, i], "o-", ms=4, color=colour, label=name)
+        proved, attained = found.lost.get(name, (np.inf, np.inf))
+        end = attained if np.isfinite(attained) else proved
+        if end <= found.factors.max():
+            axes.axvline(end, color=colour, ls=":", lw=1.5, label=f"sign of {name} lost")
+    axes.set_xlabel("factor on the noise bounds")
+    axes.set_ylabel("outer width, relative")
+    axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize="small")
     return axes
 

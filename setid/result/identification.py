@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.unbounded import Unbounded
 from setid.proofs.verification import verify
+from setid.result.holdout import Holdout
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
+    from setid.result.reports import Remarks
+    from setid.sensitivity import Sensitivity
 
 __all__ = ["Identification"]
 
@@ -82,6 +85,8 @@ class Identification(FeasibleSet):
         For a structure without a normalisation: the result with the one that was used.
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
+    holdout : Holdout, optional
+        What samples that were held out say of the noise bounds; not written to JSON.
 
     Examples
     --------
@@ -106,6 +111,7 @@ class Identification(FeasibleSet):
     unbounded: Unbounded | None = None
     reference: Identification | None = None
     nonzero: Nonzero | None = None
+    holdout: Holdout | None = None
 
     @property
     def status(self) -> IntervalStatus:
@@ -138,14 +144,21 @@ class Identification(FeasibleSet):
 
     def summary(self) -> str:
         """The table, what it rests on, and what to do about wide or empty intervals."""
-        from setid.result.reports import Remarks, summary
+        from setid.result.reports import summary
 
-        return summary(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+        return summary(self, self._remarks())
+
+    def _remarks(self) -> Remarks:
+        """Remarks of texts and pages."""
+        from setid.result.reports import Remarks
+
+        held = () if self.holdout is None else (self.holdout.text,)
+        return Remarks(self.active, self.samples, (*self.notes, *held), self.assumptions)
 
     def _repr_html_(self) -> str:
-        from setid.result.reports import Remarks, html
+        from setid.result.reports import html
 
-        return html(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+        return html(self, self._remarks())
 
     def binding(self) -> tuple[tuple[int, int, int], ...]:
         """Samples whose noise is at its bound where ends of intervals are attained.
@@ -322,6 +335,18 @@ class Identification(FeasibleSet):
         from setid.feasible_points.witness import consistent
 
         return consistent(self.formulation, theta)
+
+    def sensitivity(self, factors: Iterable[float] | None = None) -> Sensitivity:
+        """Widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
+
+        Parameters
+        ----------
+        factors : iterable of float, optional
+            On all noise bounds; 1 to 2 in six steps when left out.
+        """
+        from setid.sensitivity import FACTORS, sensitivity
+
+        return sensitivity(self, FACTORS if factors is None else factors)
 
     # ---- one-line delegations -----------------------------------------------------------
 

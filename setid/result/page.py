@@ -25,7 +25,7 @@ from setid.html import table
 from setid.plots.axes import require_matplotlib
 from setid.result.identification import Identification
 from setid.result.json_ import to_json
-from setid.result.reports import Remarks, advice, binding_kinds, html
+from setid.result.reports import advice, binding_kinds, html
 from sparsepop_py.files import write_text
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _named(data: IOData) -> str:
 
 def _sections(result: Identification, validation: IOData | None) -> list[Section]:
     formulation = result.formulation
-    remarks = Remarks(result.active, result.samples, result.notes, result.assumptions)
+    remarks = result._remarks()
     found = [
         Section(
             "data",
