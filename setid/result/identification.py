@@ -78,6 +78,8 @@ class Identification(FeasibleSet):
         For a structure without a normalisation: the result with the one that was used.
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
+    fewer_priors : Identification, optional
+        The result without priors that have unknowns of their own, where these intervals use it.
 
     Examples
     --------
@@ -102,6 +104,7 @@ class Identification(FeasibleSet):
     unbounded: Unbounded | None = None
     reference: Identification | None = None
     nonzero: Nonzero | None = None
+    fewer_priors: Identification | None = None
 
     @property
     def status(self) -> IntervalStatus:
@@ -122,6 +125,7 @@ class Identification(FeasibleSet):
             unbounded=self.unbounded,
             reference=None if self.reference is None else self.reference.evidence,
             nonzero=self.nonzero,
+            fewer_priors=None if self.fewer_priors is None else self.fewer_priors.evidence,
         )
 
     # ---- texts --------------------------------------------------------------------------
