@@ -286,6 +286,7 @@ class AdaptiveSearch:
         if box_bound.proved.bound > self.best.proved.bound:
             self.best = box_bound
         self.outcome = better(self.outcome, made)
+        self.context.report(self.bound)
 
     def _search_incumbent(self, starts: list[NDArray[Any]]) -> None:
         """Run local searches; a better incumbent lowers the cutoff and tightens the box."""
@@ -298,6 +299,7 @@ class AdaptiveSearch:
     def _search_in_tree(self, context: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
         self.context, candidates = update_incumbent(context, starts, self.bound)
         self.candidates = self.candidates + candidates
+        self.context.report(self.bound)
         return self.context
 
     def _shrink(self) -> None:
