@@ -220,26 +220,6 @@ class Result:
         advice = _advice(self) if self.status in _OPEN else []
         return f"{self.status.message} Try {_listed(advice)}." if advice else self.status.message
 
-    @cached_property
-    def ray(self) -> NDArray[np.float64] | None:
-        """Direction from ``x`` along which the objective provably falls, (n,); else None."""
-        if self.status is not Status.UNBOUNDED or self.attained is None:
-            return None
-        return falling_ray(self.problem, self.attained)
-
-    @property
-    def message(self) -> str:
-        """What the status means in this run, and what to try after it."""
-        if self.status is Status.UNBOUNDED and self.ray is not None:
-            return f"It is proved that the objective falls without limit along {_line(self)}."
-        if self.status is Status.LIMIT:
-            found = "the bound is proved, the gap is open"
-            if self.lower_bound == -np.inf:
-                found = "nothing finite was proved by then"
-            return f"{_limits(self.options)} ended the work; {found}."
-        advice = _advice(self) if self.status in _OPEN else []
-        return f"{self.status.message} Try {_listed(advice)}." if advice else self.status.message
-
     def summary(self) -> str:
         """Describe the result in a few lines of text.
 
