@@ -173,11 +173,11 @@ class Stages:
         self._draw()
         self._report()
 
-    def note(self, text: str) -> None:
-        """Keep a sentence for the user, once, and log it as a warning."""
+    def note(self, text: str, level: int = logging.INFO) -> None:
+        """Keep a sentence for the user, once, and log it."""
         if text not in self.notes:
             self.notes.append(text)
-            _LOG.warning(text)
+            _LOG.log(level, text)
 
     def close(self) -> None:
         """Erase the line."""
