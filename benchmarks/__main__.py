@@ -136,11 +136,11 @@ def _limits(chosen: argparse.Namespace) -> None:
     if chosen.list:
         print("\n".join(CASES))
         return
-    runs = []
-    for run in measure_limits(chosen.names, chosen.limits, chosen.busy):
-        print(f"{run.case}: {run.wall:.1f} s of {run.limit:g} s, {run.status}", flush=True)
-        runs.append(run)
-    print(f"\n{limits_table(runs)}")
+    found = []
+    for each in measure_limits(chosen.names, chosen.limits, chosen.busy):
+        print(f"{each.case}: {each.wall:.1f} s of {each.limit:g} s, {each.status}", flush=True)
+        found.append(each)
+    print(f"\n{limits_table(found)}")
 
 
 def _walks(chosen: argparse.Namespace) -> None:

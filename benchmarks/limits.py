@@ -94,22 +94,21 @@ def _identified(model: Any, noise: Any, data: Any) -> Callable[[float], tuple[st
     return run
 
 
-def _linear_record(samples: int, seed: int) -> setid.IOData:
+def _linear_record(samples: int, seed: int, input_noise: float, noise: float) -> setid.IOData:
     rng = np.random.default_rng(seed)
     u, y = rng.uniform(-1, 1, samples), np.zeros(samples)
     for k in range(2, samples):
         y[k] = 0.7647 * y[k - 1] - 0.3012 * y[k - 2] + 0.3224 * u[k - 1] + 0.2141 * u[k - 2]
-    return setid.IOData(
-        u + rng.uniform(-0.02, 0.02, samples), y + rng.uniform(-0.02, 0.02, samples)
-    )
+    wrong = rng.uniform(-1.0, 1.0, (2, samples))
+    return setid.IOData(u + input_noise * wrong[0], y + noise * wrong[1])
 
 
 def _hammerstein_record(samples: int, seed: int) -> setid.IOData:
     rng = np.random.default_rng(seed)
     u, y = rng.uniform(-1, 1, samples), np.zeros(samples)
     x = u + 0.4 * u**2
-    for k in range(1, samples):
-        y[k] = 0.6 * y[k - 1] + x[k] + 0.3 * x[k - 1]
+    for k in range(2, samples):
+        y[k] = 0.6 * y[k - 1] - 0.2 * y[k - 2] + x[k] + 0.3 * x[k - 1]
     return setid.IOData(u, y + rng.uniform(-0.05, 0.05, samples))
 
 
@@ -158,16 +157,17 @@ def _control() -> Callable[[float], tuple[str, str]]:
 
 def _errors_in_variables() -> Callable[[float], tuple[str, str]]:
     model = setid.TransferFunction(na=2, nb=2, nk=1)
-    return _identified(model, setid.Noise(output=0.02, input=0.02), _linear_record(60, 0))
+    data = _linear_record(200, 0, 0.05, 0.05)
+    return _identified(model, setid.Noise(output=0.05, input=0.05), data)
 
 
 def _output_error() -> Callable[[float], tuple[str, str]]:
     model = setid.TransferFunction(na=2, nb=2, nk=1)
-    return _identified(model, setid.Noise(output=0.02), _linear_record(300, 1))
+    return _identified(model, setid.Noise(output=0.05), _linear_record(500, 1, 0.0, 0.05))
 
 
 def _hammerstein() -> Callable[[float], tuple[str, str]]:
-    model = setid.Hammerstein(setid.TransferFunction(na=1, nb=1, nk=0), 2, normalise="gamma1")
+    model = setid.Hammerstein(setid.TransferFunction(na=2, nb=2, nk=0), 2, normalise="gamma1")
     return _identified(model, setid.Noise(output=0.05), _hammerstein_record(60, 2))
 
 
@@ -182,8 +182,8 @@ CASES: dict[str, Callable[[], Callable[[float], tuple[str, str]]]] = {
     "Broyden banded, 30 variables": _banded,
     "chained Wood without bounds, 400 variables": _wood_free,
     "scalar control, 60 steps": _control,
-    "errors in variables, 60 samples": _errors_in_variables,
-    "output error, 300 samples": _output_error,
+    "errors in variables, 200 samples": _errors_in_variables,
+    "output error, 500 samples": _output_error,
     "Hammerstein, 60 samples": _hammerstein,
 }
 
