@@ -224,7 +224,7 @@ def _text(path: str, result: Result) -> str:
     words = ("attained", "proved") if maximise else ("proved", "attained")
     lines = [
         f"{path}: {repr(result.problem)[10:-1]}, {'maximise' if maximise else 'minimise'}",
-        f"status        {result.status}: {result.status.message}",
+        f"status        {result.status}: {result.message}",
     ]
     if result.status is not Status.INFEASIBLE:
         lines += [
@@ -289,7 +289,7 @@ def _record(path: str, result: Result) -> dict[str, Any]:
         "file": path,
         "sense": problem.sense,
         "status": str(result.status),
-        "message": result.status.message,
+        "message": result.message,
         "lower_bound": json_number(low),
         "upper_bound": json_number(high),
         "gap": json_number(result.gap),

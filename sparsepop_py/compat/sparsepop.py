@@ -350,7 +350,10 @@ def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint
     """
     options = result.options
     context = SolveContext(
-        problem, options, Stages(False), Deadline(options.time_limit, options.work_limit)
+        problem,
+        options,
+        Stages(False),
+        Deadline(options.time_limit, options.work_limit, options.cpu_limit),
     )
     best, _ = search_incumbent(problem, [] if result.x is None else [result.x], context)
     context = replace(context, best=best)
