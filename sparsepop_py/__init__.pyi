@@ -4,6 +4,7 @@ from . import problems
 from .algebra.matrix_constraints import psd, second_order
 from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from .bounding.exact_linear import linear_bounds
+from .compat.intervals import sparsePOPintervals
 from .compat.mat import read_mat, write_mat
 from .compat.output import SparsePOPOutput
 from .compat.sparsepop import sparsePOP
@@ -79,6 +80,7 @@ __all__ = [
     "solve_conic",
     "solve_each",
     "sparsePOP",
+    "sparsePOPintervals",
     "to_json",
     "to_structs",
     "total",

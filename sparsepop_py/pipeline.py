@@ -27,7 +27,11 @@ from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
+from sparsepop_py.local_search.incumbents import (
+    first_incumbent,
+    first_moments,
+    random_starts,
+)
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
@@ -435,7 +439,14 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
         history=state.history,
         timings=context.stages.seconds,
         notes=notes,
+        moments=_moments(bound),
     )
+
+
+def _moments(bound: CertifiedBound) -> NDArray[np.float64] | None:
+    if bound.relaxation is None or bound.model.scaled is None:
+        return None
+    return first_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
 
 
 def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:

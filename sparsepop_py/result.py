@@ -166,6 +166,9 @@ class Result:
         CPU seconds of each stage.
     notes : tuple of str
         Sentences on what was changed or observed.
+    moments : (n,) float or None
+        Moments of degree one of the last relaxation, in the units of the variables: its guess at
+        a minimiser, mostly not feasible. Not stored in files.
 
     Examples
     --------
@@ -191,6 +194,7 @@ class Result:
     history: tuple[HistoryEntry, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    moments: NDArray[np.float64] | None = None
 
     @property
     def gap(self) -> float:
