@@ -3,6 +3,7 @@
 from . import problems
 from .algebra.matrix_constraints import psd, second_order
 from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
+from .algebra.rational import Rational, RationalConstraint, ratio
 from .bounding.exact_linear import linear_bounds
 from .compat.mat import read_mat, write_mat
 from .compat.output import SparsePOPOutput
@@ -10,6 +11,7 @@ from .compat.sparsepop import sparsePOP
 from .compat.structs import from_structs, to_structs
 from .conic.program import ConicProgram, ConicSolution
 from .errors import (
+    DenominatorError,
     FormatError,
     OutputError,
     ParameterWarning,
@@ -25,6 +27,8 @@ from .io.text import parse
 from .options import Options
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
+from .problem.rational_problem import RationalProblem
+from .rational.result import RationalResult
 from .relaxation.assemble import assemble
 from .relaxation.moment import Relaxation, relax
 from .relaxation.sparsepop.relaxation import Switches
@@ -33,6 +37,7 @@ from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
 from .verified.certificate.certificate import Certificate, Verdict
 from .verified.certificate.linear_bound import LinearBound
+from .verified.certificate.rational_bound import RangeProof, RationalCertificate
 from .verified.points.feasible_point import ProvedPoint
 
 __all__ = [
@@ -41,6 +46,7 @@ __all__ = [
     "ConicProgram",
     "ConicSolution",
     "Constraint",
+    "DenominatorError",
     "FormatError",
     "OutputError",
     "Kind",
@@ -52,6 +58,12 @@ __all__ = [
     "Problem",
     "ProblemError",
     "ProvedPoint",
+    "RangeProof",
+    "Rational",
+    "RationalCertificate",
+    "RationalConstraint",
+    "RationalProblem",
+    "RationalResult",
     "Relaxation",
     "Result",
     "SolverNotFound",
@@ -68,6 +80,7 @@ __all__ = [
     "parse",
     "problems",
     "psd",
+    "ratio",
     "read",
     "read_gms",
     "read_json",
