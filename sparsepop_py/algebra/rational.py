@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 
-__all__ = ["Rational", "RationalConstraint", "key_of", "ratio"]
+__all__ = ["Rational", "RationalConstraint", "constraint", "key_of", "ratio"]
 
 Pair = tuple[Polynomial, Polynomial]  # numerator and denominator
 
@@ -68,7 +68,7 @@ class Rational:
     def __post_init__(self) -> None:
         pairs = tuple((p, q) for p, q in self.ratios)
         self.__dict__["ratios"] = pairs
-        for part in (self.whole, *(part for pair in pairs for part in pair)):
+        for part in self.parts:
             if not isinstance(part, Polynomial):
                 raise ProblemError(f"ratio: found {type(part).__name__}, expected a Polynomial")
             if part.dimension != self.whole.dimension:
@@ -112,8 +112,12 @@ class Rational:
     @property
     def names(self) -> tuple[str, ...] | None:
         """Names of the variables, None where none were given."""
-        parts = (self.whole, *(part for pair in self.ratios for part in pair))
-        return next((part.names for part in parts if part.names), None)
+        return next((part.names for part in self.parts if part.names), None)
+
+    @property
+    def parts(self) -> tuple[Polynomial, ...]:
+        """The polynomial, then numerators and denominators by turns."""
+        return (self.whole, *(part for pair in self.ratios for part in pair))
 
     @property
     def is_fraction(self) -> bool:
@@ -202,7 +206,7 @@ class Rational:
         right = self._operand(other)
         if right is None:
             return NotImplemented
-        return RationalConstraint(_one_fraction((self - right) * sign), kind)
+        return constraint((self - right) * sign, kind)
 
     def __ge__(self, other: Any) -> RationalConstraint:
         return self._compare(other, Kind.NONNEGATIVE, 1.0)
@@ -294,6 +298,25 @@ class RationalConstraint:
 
 
 AnyConstraint = Constraint | RationalConstraint
+
+
+def constraint(expression: Polynomial | Rational, kind: Kind, name: str = "") -> AnyConstraint:
+    """Make the constraint that an expression is non-negative or zero.
+
+    Parameters
+    ----------
+    expression : Polynomial or Rational
+        One ratio beside a polynomial becomes a single fraction.
+    kind : Kind
+    name : str
+
+    Returns
+    -------
+    Constraint or RationalConstraint
+    """
+    if isinstance(expression, Polynomial):
+        return Constraint(expression, kind, name)
+    return RationalConstraint(_one_fraction(expression), kind, name)
 
 
 def ratio(numerator: Any, denominator: Any) -> Rational:

@@ -157,13 +157,21 @@ class RationalProblem:
         return self.objective.dimension
 
     @property
-    def _rational(self) -> list[RationalConstraint]:
+    def degree(self) -> int:
+        """Largest degree of polynomials, numerators and denominators."""
+        rows = [row.expression for row in self.rational_rows]
+        parts = [part.degree for f in (self.objective, *rows) for part in f.parts]
+        return max(self.base.degree, *parts)
+
+    @property
+    def rational_rows(self) -> list[RationalConstraint]:
+        """The constraints with ratios, in their order."""
         return [row for row in self.constraints if isinstance(row, RationalConstraint)]
 
     @cached_property
     def denominators(self) -> tuple[Polynomial, ...]:
         """Distinct denominators: of the objective, then of each constraint."""
-        expressions = (self.objective, *(row.expression for row in self._rational))
+        expressions = (self.objective, *(row.expression for row in self.rational_rows))
         listed = [q for expression in expressions for _, q in expression.ratios]
         return tuple({key_of(q): q for q in listed}.values())  # in the order of first occurrence
 
@@ -198,7 +206,7 @@ class RationalProblem:
         """
         point = np.asarray(x, float)
         worst = [self.base.violation(point)]
-        for row in self._rational:
+        for row in self.rational_rows:
             value = float(row.expression(point))
             worst.append(abs(value) if row.kind is Kind.ZERO else -value)
         return float("inf") if np.any(np.isnan(worst)) else max(worst)
@@ -223,7 +231,9 @@ class RationalProblem:
         """
         wanted = set[int]()
         expressions = [] if level is not None else [self.objective]
-        expressions += [row.expression for row in self._rational if not row.expression.is_fraction]
+        expressions += [
+            row.expression for row in self.rational_rows if not row.expression.is_fraction
+        ]
         for expression in expressions:
             wanted |= {self.place(q) for _, q in expression.ratios}
         return tuple(sorted(wanted))
@@ -276,7 +286,7 @@ class RationalProblem:
             Constraint(total([wide(self.denominators[k], letters[k]), -1.0]), Kind.ZERO)
             for k in places
         ]
-        for row in self._rational:
+        for row in self.rational_rows:
             if row.expression.is_fraction:
                 ((p, q),) = row.expression.ratios
                 left = wide(p * float(ranges[self.place(q)].sign))
@@ -307,6 +317,10 @@ class RationalProblem:
         ----------
         level : float
 
+        Returns
+        -------
+        numerator, denominator : Polynomial
+
         Raises
         ------
         ProblemError
@@ -328,12 +342,11 @@ class RationalProblem:
         and denominators.
         """
         digest = hashlib.sha256(b"sparsepop-py rational problem 1")
-        kinds = ["objective", *(row.kind.name for row in self._rational)]
-        expressions = [self.objective, *(row.expression for row in self._rational)]
+        kinds = ["objective", *(row.kind.name for row in self.rational_rows)]
+        expressions = [self.objective, *(row.expression for row in self.rational_rows)]
         parts = [encoding(self.base)]
         for kind, expression in zip(kinds, expressions, strict=True):
-            listed = [expression.whole, *(part for pair in expression.ratios for part in pair)]
-            rows = [Constraint(part, Kind.ZERO) for part in listed]
+            rows = [Constraint(part, Kind.ZERO) for part in expression.parts]
             parts += [kind.encode(), encoding(Problem(expression.whole * 0.0, rows))]
         for part in parts:
             digest.update(len(part).to_bytes(8, "little") + part)

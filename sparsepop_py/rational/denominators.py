@@ -103,8 +103,15 @@ def sharpened(
 
 def _for_denominators(options: Options) -> Options:
     """Keep what does not belong to the objective of the whole problem."""
-    changed = {"gap": 1e-6, "gap_kind": "relative", "branch_on": None, "order": None}
-    return replace(options, **changed, effort="presolve", switches=None)
+    return replace(
+        options,
+        gap=1e-6,
+        gap_kind="relative",
+        branch_on=None,
+        order=None,
+        effort="presolve",
+        switches=None,
+    )
 
 
 def _by_intervals(

@@ -52,6 +52,16 @@ class RangeProof:
     ------
     ProblemError
         If a part has another type.
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, = sp.variables(1)
+    >>> problem = sp.RationalProblem(x / (x - 5), lower=-1, upper=1)
+    >>> proof = sp.solve(problem).certificate.ranges[0]
+    >>> size = proof.prove(problem.base, x - 5)
+    >>> size.sign, round(size.least, 9), round(size.most, 9)
+    (-1, 4.0, 6.0)
     """
 
     sign: int
@@ -102,7 +112,7 @@ class RangeProof:
 
 
 def level_bound(problem: RationalProblem, level: float, found: float, size: Range) -> float:
-    """Bound an objective w + p / q from a bound of sign(q) (p - level q).
+    """Bound w + p / q by a bound of sign(q) (p - level q).
 
     Parameters
     ----------
