@@ -3,6 +3,7 @@
 from . import problems
 from .algebra.matrix_constraints import psd, second_order
 from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
+from .algebra.rational import Rational, RationalConstraint, ratio
 from .bounding.exact_linear import linear_bounds
 from .compat.intervals import sparsePOPintervals
 from .compat.mat import read_mat, write_mat
@@ -11,6 +12,7 @@ from .compat.sparsepop import sparsePOP
 from .compat.structs import from_structs, to_structs
 from .conic.program import ConicProgram, ConicSolution
 from .errors import (
+    DenominatorError,
     FormatError,
     OutputError,
     ParameterWarning,
@@ -26,6 +28,8 @@ from .io.text import parse
 from .options import Options
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
+from .problem.rational_problem import RationalProblem
+from .rational.result import RationalResult
 from .relaxation.assemble import assemble
 from .relaxation.moment import Relaxation, relax
 from .relaxation.sparsepop.relaxation import Switches
@@ -34,6 +38,7 @@ from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
 from .verified.certificate.certificate import Certificate, Verdict
 from .verified.certificate.linear_bound import LinearBound
+from .verified.certificate.rational_bound import RangeProof, RationalCertificate
 from .verified.points.feasible_point import ProvedPoint
 
 __all__ = [
@@ -42,6 +47,7 @@ __all__ = [
     "ConicProgram",
     "ConicSolution",
     "Constraint",
+    "DenominatorError",
     "FormatError",
     "OutputError",
     "Kind",
@@ -53,6 +59,12 @@ __all__ = [
     "Problem",
     "ProblemError",
     "ProvedPoint",
+    "RangeProof",
+    "Rational",
+    "RationalCertificate",
+    "RationalConstraint",
+    "RationalProblem",
+    "RationalResult",
     "Relaxation",
     "Result",
     "SolverNotFound",
@@ -69,6 +81,7 @@ __all__ = [
     "parse",
     "problems",
     "psd",
+    "ratio",
     "read",
     "read_gms",
     "read_json",

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, tee
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,10 @@ from sparsepop_py.local_search.incumbents import (
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.progress import OnProgress, Stages
+from sparsepop_py.rational.result import RationalResult
+from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.strategy.multi_objective import (
@@ -58,19 +61,39 @@ _UNVERIFIED = "time ended before the bound was verified: that of the bounds give
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
 
-@one_thread
+@overload
 def solve(
     problem: Problem,
     options: Options | None = None,
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
-) -> Result:
+) -> Result: ...
+
+
+@overload
+def solve(
+    problem: RationalProblem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+) -> RationalResult: ...
+
+
+@one_thread
+def solve(
+    problem: Problem | RationalProblem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+) -> Result | RationalResult:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or RationalProblem
     options : Options, optional
         Defaults: relaxation of least order, with presolve.
     start : (n,) array_like, optional
@@ -78,10 +101,11 @@ def solve(
     on_progress : callable, optional
         Called with 0, the proved and the attained value: when they change, and at the next stage
         after two seconds. Where it raises ``KeyboardInterrupt``, what is proved is returned.
+        Not called for a problem with ratios.
 
     Returns
     -------
-    Result
+    Result or RationalResult
         ``lower_bound`` is proved (``result.certificate.verify(problem)`` re-checks it),
         ``upper_bound`` is attained by a point whose existence is proved.
 
@@ -89,6 +113,8 @@ def solve(
     ------
     ProblemError
         If an argument is malformed.
+    DenominatorError
+        If the sign of a denominator is not proved.
     SolverNotFound
         If the chosen solver is not installed.
 
@@ -102,6 +128,8 @@ def solve(
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
     options = options or Options()
+    if isinstance(problem, RationalProblem):
+        return solve_rational(problem, options, start, solve)
     _check_problem(problem, options)
     if options.gap_kind == "width":
         raise ProblemError(

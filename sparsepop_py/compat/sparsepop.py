@@ -39,6 +39,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
@@ -87,9 +88,17 @@ def read_input(
     if callable(first):
         return (lambda: _made(first(), getattr(first, "__name__", "a function"))), param
     if Path(first).suffix.lower() == ".gms":
-        return (lambda: Input(read_gms(first), str(first), None)), param
+        return (lambda: Input(_polynomial(read_gms(first)), str(first), None)), param
     function, arguments = _function(str(first))
     return (lambda: _made(function(*arguments), str(first))), param
+
+
+def _polynomial(problem: Problem | RationalProblem) -> Problem:
+    if isinstance(problem, RationalProblem):
+        raise ProblemError(
+            "sparsePOP: found a problem with ratios, expected polynomials: use sparsepop_py.solve"
+        )
+    return problem
 
 
 def _of_structs(given: tuple[Any, ...], source: str | None) -> Input:
