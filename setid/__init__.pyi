@@ -178,6 +178,9 @@ from .simulation.simulate import (
     simulate,
     simulate_record,
 )
+from .study import (
+    Study,
+)
 from .verify import (
     verify,
 )
@@ -236,6 +239,7 @@ __all__ = [
     "StaticBand",
     "StaticMap",
     "StepBand",
+    "Study",
     "TransferFunction",
     "Verification",
     "Wiener",
