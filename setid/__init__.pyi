@@ -182,6 +182,9 @@ from .simulation.simulate import (
     simulate,
     simulate_record,
 )
+from .study import (
+    Study,
+)
 from .verify import (
     verify,
 )
@@ -241,6 +244,7 @@ __all__ = [
     "StaticBand",
     "StaticMap",
     "StepBand",
+    "Study",
     "TransferFunction",
     "Verification",
     "Wiener",

@@ -36,6 +36,9 @@ from .relaxation.sparsepop.relaxation import Switches
 from .result import Point, Result, Status
 from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
+from .study.problems import Study
+from .study.study import StudyStatus
+from .study.table import Table
 from .verified.certificate.certificate import Certificate, Verdict
 from .verified.certificate.linear_bound import LinearBound
 from .verified.certificate.rational_bound import RangeProof, RationalCertificate
@@ -71,7 +74,10 @@ __all__ = [
     "SparsePOPError",
     "SparsePOPOutput",
     "Status",
+    "Study",
+    "StudyStatus",
     "Switches",
+    "Table",
     "Verdict",
     "assemble",
     "find_cliques",
