@@ -157,6 +157,8 @@ def _add_problem_files(command: argparse.ArgumentParser) -> None:
 def _add_files(study: Study, arguments: argparse.Namespace) -> None:
     for path in arguments.files:
         problem = read(path)
+        if not isinstance(problem, Problem):
+            raise ProblemError(f"{path}: found ratios, expected polynomials in a study")
         for order in arguments.orders or [None]:
             options = Options(
                 order=order,

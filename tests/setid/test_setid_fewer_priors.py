@@ -37,6 +37,11 @@ def test_a_prior_never_widens(data: setid.IOData, cut_short: setid.Identificatio
         assert high <= free.intervals[name].outer[1]
 
 
+def test_the_evidence_is_kept_in_files(cut_short: setid.Identification) -> None:
+    again = setid.Identification.from_json(cut_short.to_json())
+    assert again.fewer_priors is not None and again.table() == cut_short.table()
+
+
 def test_an_empty_set_stays_empty_with_a_prior(data: setid.IOData) -> None:
     noise = setid.Noise(equation=1e-6)
     options = setid.Options(time_limit=1e-3, progress=False)
