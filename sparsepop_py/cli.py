@@ -27,6 +27,7 @@ from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.study.command import add_study
 from sparsepop_py.study.problems import Study
 from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verify_command import add_verify
 
 __all__ = [
     "EXIT_INPUT",
@@ -141,6 +142,7 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--dense", action="store_true", help="one clique of all variables")
         if run is _solve:
             _add_solve_options(command)
+    add_verify(commands)
     _add_problem_files(add_study(commands, Study))
     return parser
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -195,6 +195,11 @@ class Result:
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     moments: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.certificate is not None and self.certificate.problem is not self.problem:
+            about = replace(self.certificate, problem=self.problem)
+            object.__setattr__(self, "certificate", about)
 
     @property
     def gap(self) -> float:
