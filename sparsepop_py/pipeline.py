@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.exact_convex import falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
@@ -339,7 +340,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    status, notes = _status(state, lower)
+    status, notes, ray = _status(state, lower)
     points = _points(problem, best, state.candidates)
     return Result(
         problem=problem,
@@ -357,35 +358,47 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
         history=state.history,
         timings=context.stages.seconds,
         notes=notes,
+        ray=ray,
     )
 
 
-def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
+_Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
+
+
+def _status(state: SearchState, lower: float) -> _Status:
     context, bound = state.context, state.outcome
     notes = [*bound.model.notes, *state.notes]
     if context.deadline.stopped and not state.notes:
         notes.append(INTERRUPTED)
-    status = Status.BOUNDED
+    status, ray = Status.BOUNDED, None
     if lower == np.inf:
         status = Status.INFEASIBLE
     elif context.closed(lower):
         status = Status.OPTIMAL
     elif lower == -np.inf:
-        status, note = _unproved(context.problem, bound, context.best)
+        ray = _ray(context.problem, context.best)
+        status, note = _unproved(context.problem, bound, ray)
         notes += note
     elif context.deadline.over or state.notes:
         status = Status.LIMIT
-    return status, tuple(notes)
+    return status, tuple(notes), ray
+
+
+def _ray(problem: Problem, best: ProvedPoint | None) -> NDArray[np.float64] | None:
+    """Find a direction along which the objective provably falls without limit."""
+    if best is None:
+        return None
+    ray = falling_ray(problem, best)
+    direction = falling_direction(problem) if ray is None else None
+    return ray if direction is None else falling_ray(problem, best, direction)
 
 
 def _unproved(
-    problem: Problem, bound: CertifiedBound, best: ProvedPoint | None
+    problem: Problem, bound: CertifiedBound, ray: NDArray[np.float64] | None
 ) -> tuple[Status, list[str]]:
-    if best is not None:
-        ray = falling_ray(problem, best)
-        if ray is not None:
-            shown = ", ".join(f"{v:g}" for v in ray[:8]) + (", ..." if ray.size > 8 else "")
-            return Status.UNBOUNDED, [f"the objective falls along the ray ({shown}) from x"]
+    if ray is not None:
+        shown = ", ".join(f"{v:g}" for v in ray[:8]) + (", ..." if ray.size > 8 else "")
+        return Status.UNBOUNDED, [f"the objective falls along the ray ({shown}) from x"]
     box = bound.model.box
     unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
     if unbounded.size:

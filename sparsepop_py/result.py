@@ -167,6 +167,8 @@ class Result:
         CPU seconds of each stage.
     notes : tuple of str
         Sentences on what was changed or observed.
+    ray : (n,) float or None
+        With status ``UNBOUNDED`` the direction along which the objective falls from ``attained``.
 
     Examples
     --------
@@ -192,6 +194,7 @@ class Result:
     history: tuple[HistoryEntry, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    ray: NDArray[np.float64] | None = None
 
     @property
     def gap(self) -> float:

@@ -40,7 +40,7 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION, _OLDER = "sparsepop-py", 3, 2
+_FORMAT, _VERSION, _READ = "sparsepop-py", 4, (2, 3, 4)
 _DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
 
 
@@ -80,7 +80,7 @@ def to_json(value: Problem | Certificate | Result) -> str:
 
 
 def from_json(source: str) -> Any:
-    """Read the JSON text of :func:`to_json`, of this version or of version 2.
+    """Read the JSON text of :func:`to_json`, of this version or of versions 2 and 3.
 
     The certificate of a result of version 2 gets the fingerprint of today, if it had that of
     the result's problem. A certificate alone keeps its own: ``verify`` knows it.
@@ -114,14 +114,16 @@ def from_json(source: str) -> Any:
     if codecs.field_of(found, "format", "JSON") != _FORMAT:
         raise codecs.wrong("JSON.format", found["format"], repr(_FORMAT))
     version = codecs.field_of(found, "version", "JSON")
-    if type(version) is not int or version not in (_OLDER, _VERSION):
-        raise codecs.wrong("JSON.version", version, f"{_VERSION} or {_OLDER}")
+    if type(version) is not int or version not in _READ:
+        raise codecs.wrong("JSON.version", version, "one of " + ", ".join(map(str, _READ)))
     name = codecs.field_of(found, "is", "JSON")
     for known, codec in _KINDS.values():
         if name == known:
             content = codecs.field_of(found, name, "JSON")
-            if version == _OLDER:
+            if version == 2:
                 _upgrade(name, content)
+            if name == "result" and version < _VERSION:
+                codecs.fields_of(content, name).setdefault("ray", None)
             return codec.read(content, name)
     raise codecs.wrong("JSON.is", name, "one of " + ", ".join(n for n, _ in _KINDS.values()))
 
@@ -319,8 +321,9 @@ def _result(**parts: Any) -> Result:
     attained = math.inf
     point = None if result.attained is None else result.attained.recheck(result.problem)
     if point is not None:
-        falls = result.status is Status.UNBOUNDED and falling_ray(result.problem, point) is not None
-        attained = -math.inf if falls else point.value
+        ends = result.status is not Status.UNBOUNDED
+        ray = None if ends else falling_ray(result.problem, point, result.ray)
+        attained = point.value if ray is None else -math.inf
     near = math.isclose(result.upper_bound, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
     if result.upper_bound < attained and not near:
         raise ProblemError(
@@ -350,6 +353,10 @@ HISTORY_ENTRY = record(
     moments=whole,
     nodes=whole,
 )
+_RAY = Codec(
+    lambda ray: [number.write(v) for v in ray],
+    lambda found, place: np.array(sequence(number).read(found, place), float),
+)
 RESULT = record(
     _result,
     problem=PROBLEM,
@@ -365,6 +372,7 @@ RESULT = record(
     history=sequence(HISTORY_ENTRY),
     timings=codecs.mapping(number),
     notes=sequence(text),
+    ray=optional(_RAY),
 )
 
 _KINDS: dict[type, tuple[str, Codec]] = {
