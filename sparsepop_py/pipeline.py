@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.exact_convex import falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
@@ -449,7 +450,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    status, notes = _status(state, lower)
+    status, notes, ray = _status(state, lower)
     points = _points(problem, best, state.candidates)
     return Result(
         problem=problem,
@@ -468,6 +469,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
         timings=context.stages.seconds,
         notes=notes,
         moments=_moments(bound),
+        ray=ray,
     )
 
 
@@ -477,17 +479,20 @@ def _moments(bound: CertifiedBound) -> NDArray[np.float64] | None:
     return first_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
 
 
-def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
+_Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
+
+
+def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
     if deadline.stopped:
         notes.append(INTERRUPTED)
-    status = Status.BOUNDED
+    status, ray = Status.BOUNDED, None
     if lower == np.inf:
         status = Status.INFEASIBLE
     elif context.closed(lower):
         status = Status.OPTIMAL
-    elif lower == -np.inf and _falls(context):
+    elif lower == -np.inf and (ray := _ray(context)) is not None:
         status = Status.UNBOUNDED
     elif deadline.stopped:
         status = Status.INTERRUPTED
@@ -496,13 +501,23 @@ def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
     elif lower == -np.inf:
         status, note = _unproved(context.problem, bound)
         notes += note
-    return status, tuple(notes)
+    return status, tuple(notes), ray
 
 
 def _falls(context: SolveContext) -> bool:
-    """Check for a proved ray along which the objective falls without limit."""
+    """Check for a proved ray from the attained point, without a search for its direction."""
     problem, best = context.problem, context.best
     return best is not None and not _closed_box(problem) and falling_ray(problem, best) is not None
+
+
+def _ray(context: SolveContext) -> NDArray[np.float64] | None:
+    """Find a direction along which the objective provably falls without limit."""
+    problem, best = context.problem, context.best
+    if best is None or _closed_box(problem):
+        return None
+    ray = falling_ray(problem, best)
+    direction = falling_direction(problem) if ray is None else None
+    return ray if direction is None else falling_ray(problem, best, direction)
 
 
 def _unproved(problem: Problem, bound: CertifiedBound) -> tuple[Status, list[str]]:
