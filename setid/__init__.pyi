@@ -186,6 +186,9 @@ from .simulation.simulate import (
     simulate,
     simulate_record,
 )
+from .study import (
+    Study,
+)
 from .verify import (
     verify,
 )
@@ -246,6 +249,7 @@ __all__ = [
     "StaticBand",
     "StaticMap",
     "StepBand",
+    "Study",
     "TransferFunction",
     "Verification",
     "Wiener",

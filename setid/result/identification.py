@@ -87,6 +87,8 @@ class Identification(FeasibleSet):
         What proves that this normalisation excludes no consistent system.
     holdout : Holdout, optional
         What samples that were held out say of the noise bounds; not written to JSON.
+    fewer_priors : Identification, optional
+        The result without priors that have unknowns of their own, where these intervals use it.
 
     Examples
     --------
@@ -112,6 +114,7 @@ class Identification(FeasibleSet):
     reference: Identification | None = None
     nonzero: Nonzero | None = None
     holdout: Holdout | None = None
+    fewer_priors: Identification | None = None
 
     @property
     def status(self) -> IntervalStatus:
@@ -132,6 +135,7 @@ class Identification(FeasibleSet):
             unbounded=self.unbounded,
             reference=None if self.reference is None else self.reference.evidence,
             nonzero=self.nonzero,
+            fewer_priors=None if self.fewer_priors is None else self.fewer_priors.evidence,
         )
 
     # ---- texts --------------------------------------------------------------------------

@@ -19,9 +19,9 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.result.identification import Identification
 from setid.result.json_parts import read, write
-from sparsepop_py.io.json_ import PROVED_POINT
 from sparsepop_py.io.json_certificates import CERTIFICATES
 from sparsepop_py.io.json_codecs import array, optional
+from sparsepop_py.io.json_values import PROVED_POINT
 
 __all__ = ["from_json", "to_json"]
 
@@ -123,6 +123,7 @@ def _written(result: Identification) -> dict[str, Any]:
         "unbounded": write(result.unbounded, "unbounded"),
         "reference": None if result.reference is None else _written(result.reference),
         "nonzero": write(result.nonzero, "nonzero"),
+        "fewer_priors": None if result.fewer_priors is None else _written(result.fewer_priors),
         "active": dict(result.active),
         "samples": [list(pair) for pair in result.samples],
         "timings": dict(result.timings),
@@ -150,7 +151,10 @@ def _result(found: dict[str, Any]) -> Identification:
     model, noise = read(found["model"], "model"), read(found["noise"], "noise")
     formulation = formulate(data, model, noise, [read(p, "priors") for p in found["priors"]])
     box, bounds = read(found["box"], "box"), read(found["bounds"], "bounds")
-    reference = None if found["reference"] is None else _result(found["reference"])
+    reference, fewer = (
+        None if found.get(key) is None else _result(found[key])
+        for key in ("reference", "fewer_priors")
+    )
     problem = formulation.problem
     if problem.fingerprint != found["fingerprint"]:
         problem = problem_on_box(formulation, box)
@@ -173,6 +177,7 @@ def _result(found: dict[str, Any]) -> Identification:
         unbounded=read(found["unbounded"], "unbounded"),
         reference=reference,
         nonzero=read(found["nonzero"], "nonzero"),
+        fewer_priors=fewer,
     )
 
 
