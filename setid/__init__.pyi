@@ -1,6 +1,12 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
 from . import control, neural
+from .advise import (
+    Advice,
+    Excitation,
+    advise,
+    excitation,
+)
 from .bands.blocks import (
     SignalBand,
     StaticBand,
@@ -194,6 +200,7 @@ from .verify import (
 )
 
 __all__ = [
+    "Advice",
     "BestMember",
     "BlockStructured",
     "Box",
@@ -210,6 +217,7 @@ __all__ = [
     "Estimate",
     "EstimatedBound",
     "Evidence",
+    "Excitation",
     "FeasibleSet",
     "Formulation",
     "FrequencyBand",
@@ -255,6 +263,7 @@ __all__ = [
     "Wiener",
     "Witness",
     "ZeroIn",
+    "advise",
     "best",
     "central",
     "compare",
@@ -267,6 +276,7 @@ __all__ = [
     "estimate_delta",
     "estimate_noise_bound",
     "estimators",
+    "excitation",
     "feasible",
     "formulate",
     "frequency_band",

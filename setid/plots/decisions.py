@@ -11,11 +11,18 @@ from setid.plots.axes import ATTAINED, PROVED, ink, new_axes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from setid.advise import Advice, Excitation
     from setid.consistency import Consistency
     from setid.select import Selection
     from setid.sensitivity import Sensitivity
 
-__all__ = ["plot_consistency", "plot_selection", "plot_sensitivity"]
+__all__ = [
+    "plot_advice",
+    "plot_consistency",
+    "plot_excitation",
+    "plot_selection",
+    "plot_sensitivity",
+]
 
 _COLOUR = {"refuted": PROVED, "kept": ATTAINED}
 
@@ -68,6 +75,48 @@ def plot_sensitivity(found: Sensitivity, ax: Axes | None = None) -> Axes:
     axes.set_ylabel("outer width, relative")
     axes.grid(alpha=0.3)
     axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def plot_advice(found: Advice, ax: Axes | None = None) -> Axes:
+    """Draw a step response, and the transient that is to be sampled.
+
+    Parameters
+    ----------
+    found : Advice
+    ax : matplotlib Axes, optional
+    """
+    axes, data = new_axes(ax, (7.0, 3.2)), found.record
+    for name, values in zip(data.output_labels, data.y.T, strict=True):
+        axes.plot(data.time, values, lw=1, color=ink(), label=name)
+    if np.isfinite(found.settling_time):
+        begin = data.time[int(np.argmax(np.abs(np.diff(data.u, axis=0)).max(axis=1))) + 1]
+        end = begin + found.settling_time
+        axes.axvspan(begin, end, color=PROVED, alpha=0.2, lw=0, label="transient")
+    axes.set_xlabel(f"time [{data.time_unit}]" if data.time_unit else "time")
+    axes.legend(loc="best", fontsize="small")
+    return axes
+
+
+def plot_excitation(found: Excitation, ax: Axes | None = None) -> Axes:
+    """Draw expected widths of intervals relative to the parameters.
+
+    Parameters
+    ----------
+    found : Excitation
+    ax : matplotlib Axes, optional
+    """
+    axes = new_axes(ax, (7.0, 0.4 * len(found.names) + 1.2))
+    with np.errstate(divide="ignore"):
+        share = 50.0 * found.widths / np.abs(found.theta)
+    shown = np.where(np.isfinite(share), share, 0.0)
+    axes.barh(range(len(found.names)), shown, color=ATTAINED)
+    for place in np.flatnonzero(~np.isfinite(share)):
+        axes.text(0.0, float(place), "unbounded", va="center")
+    axes.axvline(30.0, color=ink(), lw=1)
+    axes.set_yticks(range(len(found.names)), found.names)
+    axes.invert_yaxis()
+    axes.set_xlabel("expected half width, % of the parameter")
     return axes
 
 
