@@ -175,6 +175,10 @@ from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
 )
+from .recursive import (
+    Recursive,
+    UpdateCost,
+)
 from .result.identification import (
     Identification,
 )
@@ -242,6 +246,7 @@ __all__ = [
     "PriorError",
     "Projection",
     "RateLimit",
+    "Recursive",
     "Regression",
     "Residuals",
     "Rows",
@@ -259,6 +264,7 @@ __all__ = [
     "StepBand",
     "Study",
     "TransferFunction",
+    "UpdateCost",
     "Verification",
     "Wiener",
     "Witness",
