@@ -96,6 +96,10 @@ from .feasible_set.projections import (
 from .feasible_set.start import (
     parameter_box,
 )
+from .fit import (
+    Fit,
+    fit,
+)
 from .formulation.assembly import (
     Rows,
 )
@@ -223,6 +227,7 @@ __all__ = [
     "Evidence",
     "Excitation",
     "FeasibleSet",
+    "Fit",
     "Formulation",
     "FrequencyBand",
     "Hammerstein",
@@ -284,6 +289,7 @@ __all__ = [
     "estimators",
     "excitation",
     "feasible",
+    "fit",
     "formulate",
     "frequency_band",
     "identify",

@@ -10,8 +10,9 @@ from setid.plots.axes import COLOUR, fill_between, ink, over_time
 
 if TYPE_CHECKING:
     from setid.bands.outputs import Comparison, OutputBand
+    from setid.fit import Fit
 
-__all__ = ["plot_comparison", "plot_output_band"]
+__all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 
 
 def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
@@ -40,6 +41,30 @@ def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
         axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
         axis.set_ylabel(data.output_labels[i])
     axes[0].legend(loc="best", ncols=4, fontsize="small")
+    return axes
+
+
+def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
+    """Draw readings and outputs of a fit, the fit of each output in its title.
+
+    Parameters
+    ----------
+    found : Fit
+    ax : array of matplotlib Axes, optional
+        One an output.
+
+    Returns
+    -------
+    (ny,) array of matplotlib Axes
+    """
+    data = found.data
+    axes, time = over_time(data, data.outputs, 2.4, ax)
+    for i, axis in enumerate(axes):
+        axis.plot(time, found.outputs[:, i], color=COLOUR["sampled"], lw=1, label="model")
+        axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
+        axis.set_ylabel(data.output_labels[i])
+        axis.set_title(f"fit {found.fit[i]:.1f} %")
+    axes[0].legend(loc="best", ncols=2, fontsize="small")
     return axes
 
 
