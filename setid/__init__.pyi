@@ -203,6 +203,9 @@ from .simulation.simulate import (
 from .study import (
     Study,
 )
+from .terms import (
+    sparse_terms,
+)
 from .verify import (
     verify,
 )
@@ -315,6 +318,7 @@ __all__ = [
     "simulate",
     "simulate_band",
     "simulate_record",
+    "sparse_terms",
     "static_band",
     "step_band",
     "to_continuous",

@@ -9,7 +9,7 @@ settled: a gap as wide as the attained interval tells nothing.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import sparsepop_py as sp
+from setid.consistency import consistency
 from setid.data.checks import entries_of, natural
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -30,6 +31,7 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
+from setid.terms import sparse_terms, without, without_idle
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +40,8 @@ __all__ = ["Selection", "SelectionStep", "select"]
 
 Family = Callable[[int, int], Structure]
 _LEAST = 1e-3  # seconds for a structure when the time is over
+_SECONDS = 30.0  # for a least noise level
+_GAIN = 0.7  # of the noise that another structure needs, for it to be worth while
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -85,6 +89,8 @@ class Selection:
         For each coefficient of the chosen structure whether it is ``"needed"`` (its interval
         excludes zero, proved), ``"idle"`` (zero lies between attained values) or ``"open"``,
         with the reason.
+    advice : str
+        Where intervals are wider than asked: whether a better sensor or another structure pays.
 
     Examples
     --------
@@ -99,6 +105,7 @@ class Selection:
     steps: tuple[SelectionStep, ...]
     chosen: SelectionStep | None
     coefficients: dict[str, str]
+    advice: str = ""
 
     @property
     def result(self) -> Identification | None:
@@ -112,6 +119,7 @@ class Selection:
         lines += [f"  {name}: {text}" for name, text in self.coefficients.items()]
         if self.chosen is None:
             lines.append("no structure with consistent parameters was found")
+        lines += [self.advice] if self.advice else []
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -147,6 +155,10 @@ def select(
     degrees: Iterable[int] = (1,),
     priors: Iterable[Prior | sp.Constraint] = (),
     options: Options | None = None,
+    *,
+    remove_idle: bool = False,
+    l1: bool = False,
+    width: float | None = None,
 ) -> Selection:
     """Find the simplest structure that the data do not refute.
 
@@ -164,6 +176,17 @@ def select(
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
         For each identification; ``time_limit`` is for all of them together.
+    remove_idle : bool
+        Leave out terms of which both signs are attained, and identify again, until all that are
+        left are needed or open.
+    l1 : bool
+        Leave out the terms that are zero where the sum of sizes is least, before anything is
+        identified: for dictionaries of many terms. That the others explain the record is
+        proved by the identification; where they do not, the whole structure is tried.
+    width : float, optional
+        Largest half width, relative, that is wanted. Where intervals are wider, ``advice`` says
+        whether a better sensor or a higher degree pays, from the least noise that explains the
+        record with this structure and with the next.
 
     Returns
     -------
@@ -197,10 +220,16 @@ def select(
         if until < inf:  # a structure that is soon refuted leaves its share to the others
             share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
             settings = replace(settings, time_limit=share)
-        step = _try(make, order, degree, (data, noise, known, settings))
+        step = _try(make, order, degree, (data, noise, known, settings), l1)
         steps.append(step)
         if step.decision == "kept":
-            return Selection(tuple(steps), step, _coefficients(step.result))
+            given = data, noise, known, settings
+            more = _without_idle(step, given) if remove_idle else []
+            last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
+            following = tried[place + 1] if place + 1 < len(tried) else (order, degree + 1)
+            advice = "" if width is None else _width(last, width, make, following, given)
+            steps += more
+            return Selection(tuple(steps), last, _coefficients(last.result), advice)
     return Selection(tuple(steps), None, {})
 
 
@@ -222,10 +251,64 @@ def _family(family: Any, data: IOData) -> Family:
     return family
 
 
-def _try(make: Family, order: int, degree: int, given: tuple[Any, ...]) -> SelectionStep:
+def _try(make: Family, order: int, degree: int, given: tuple[Any, ...], l1: bool) -> SelectionStep:
     data, noise, priors, options = given
-    result = identify(data, make(order, degree), noise, priors, options)
+    whole = make(order, degree)
+    names = sparse_terms(data, whole, noise) if l1 else ()
+    if names:  # fewer terms that explain the record: then all of them do
+        model, fixed = without(whole, names)
+        result = identify(data, model, noise, [*priors, *fixed], options)
+        decision, reason = _decision(result)
+        if decision == "kept":
+            text = f"without {len(names)} of {len(whole.parameters)} terms: {reason}"
+            return SelectionStep(order, degree, decision, text, result)
+    result = identify(data, whole, noise, priors, options)
     return SelectionStep(order, degree, *_decision(result), result)
+
+
+def _without_idle(step: SelectionStep, given: tuple[Any, ...]) -> list[SelectionStep]:
+    """Steps that leave idle terms out of a structure that was kept."""
+    data, noise, priors, options = given
+    fixed = step.result.formulation.priors[len(priors) :]
+    tried = without_idle(step.result, (data, noise, [*priors, *fixed], options))
+    return [_without_step(step, found.left_out, found.result) for found in tried]
+
+
+def _without_step(
+    step: SelectionStep, names: Sequence[str], result: Identification
+) -> SelectionStep:
+    decision, reason = _decision(result)
+    text = f"without {', '.join(names)}: {reason}"
+    return SelectionStep(step.order, step.degree, decision, text, result)
+
+
+def _width(
+    step: SelectionStep,
+    width: float,
+    make: Family,
+    following: tuple[int, int],
+    given: tuple[Any, ...],
+) -> str:
+    """Say whether noise or structure makes intervals wide."""
+    widest = max(_relative(item) for item in step.result.intervals.values())
+    if widest <= width:
+        return f"widest interval {100 * widest:.2g} % of its size: as narrow as asked"
+    data, noise, priors, options = given
+    limit = options if options.time_limit is not None else replace(options, time_limit=_SECONDS)
+    model = step.result.formulation.model
+    own = consistency(data, model, noise, priors, limit).scale
+    other = consistency(data, make(*following), noise, priors, limit).scale
+    shown = f"widest interval {100 * widest:.2g} % of its size, {100 * width:.2g} % asked"
+    if other[1] < _GAIN * own[0]:
+        return (
+            f"{shown}; order {following[0]}, degree {following[1]} explains the record with "
+            f"{other[1]:.2g} times the noise bounds instead of {own[0]:.2g}: a higher degree or "
+            "order pays, with lower bounds"
+        )
+    return (
+        f"{shown}; this structure needs {own[0]:.2g} times the noise bounds, order {following[0]}, "
+        f"degree {following[1]} at most {other[1]:.2g}: a better sensor or more excitation pays"
+    )
 
 
 def _decision(result: Identification) -> tuple[str, str]:
