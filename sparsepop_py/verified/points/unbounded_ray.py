@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import entries_hold
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
@@ -43,6 +44,7 @@ def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | N
         return None
     origin = [Fraction(v) for v in start.x.tolist()]
     for direction in _directions(problem, start.x):
+        check()
         if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
             return direction
     return None
