@@ -138,6 +138,10 @@ class Stages:
         self._known, self._reported = (-float("inf"), float("inf")), -float("inf")
         self._name, self._silent = "", True  # nothing was reported yet
 
+    def __reduce__(self) -> tuple[type[Stages], tuple[()]]:
+        """Begin anew in another process, unseen and unheard."""
+        return Stages, ()
+
     def of_objective(self, number: int) -> Stages:
         """Return stages of one of several objectives, which share line and callback."""
         made = Stages(False, self._on_progress)
