@@ -172,6 +172,17 @@ class Deadline:
         return min(wall, now + pace * (cpu - now_cpu))
 
     @property
+    def wall_end(self) -> float:
+        """Moment on the monotonic clock when wall time is over, inf without such a limit."""
+        return time.monotonic() if self.stopped else self._ends(0.0)[0]
+
+    @property
+    def cpu_left(self) -> float | None:
+        """Seconds of CPU time left, at least a millisecond; None without such a limit."""
+        cpu = self._ends(0.0)[1]
+        return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
+
+    @property
     def over(self) -> bool:
         """True if a limit has passed."""
         wall, cpu = self._ends(0.0)

@@ -251,7 +251,10 @@ class _Several:
         """Search for all objectives; return states and what verification found on the way."""
         first = self._box()
         if self.options.effort == "auto" and finite(first.box) and not is_empty(first.box):
-            return self._together(first)
+            try:
+                return self._together(first)
+            except EARLY as cause:  # before any search began
+                self.deadline.ended(cause)
         model = self._shared_model(first)
         states = [self._alone(number, model) for number in range(len(self.objectives))]
         return _with_widths(states, self.objectives, self.options), {}
