@@ -90,8 +90,8 @@ def from_pyomo(model: Any) -> Problem:
     >>> model.cost = pyo.Objective(expr=(model.x - 1) ** 2 + model.y)
     >>> model.above = pyo.Constraint(expr=model.x * model.y >= 1)
     >>> print(sp.from_pyomo(model))
-    min 1 - 2*x + x^2 + y
-      s.t. -1 + x*y >= 0
+    min 1 - 2*x + y + x^2
+      s.t. above: -1 + x*y >= 0
       0 <= x <= 2
     """
     return read_pyomo(model).problem
