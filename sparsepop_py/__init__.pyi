@@ -23,6 +23,7 @@ from .errors import (
 from .formats import read, write
 from .io.gams import read_gms, write_gms
 from .io.json_ import from_json, read_json, to_json, write_json
+from .io.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
@@ -82,6 +83,7 @@ __all__ = [
     "assemble",
     "find_cliques",
     "from_json",
+    "from_pyomo",
     "from_structs",
     "linear_bounds",
     "parse",

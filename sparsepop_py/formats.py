@@ -15,6 +15,9 @@ from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.files import as_path, read_text
 from sparsepop_py.io.gams import read_gms, write_gms
 from sparsepop_py.io.json_ import read_json, write_json
+from sparsepop_py.io.linear_files import read_linear
+from sparsepop_py.io.qplib import read_qplib
+from sparsepop_py.io.scip_ import read_by_scip
 from sparsepop_py.io.text import parse
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
@@ -57,6 +60,12 @@ FORMATS: Registry[Format] = Registry(
         ".json": Format(read_json, write_json),
         ".mat": Format(read_mat, write_mat),
         ".txt": Format(_read_text),
+        ".mps": Format(read_linear),
+        ".lp": Format(read_linear),
+        ".qplib": Format(read_qplib),
+        ".nl": Format(read_by_scip),
+        ".pip": Format(read_by_scip),
+        ".osil": Format(read_by_scip),
     },
     FormatError,
 )
@@ -69,7 +78,8 @@ def read(path: PathLike) -> Problem | RationalProblem:
     ----------
     path : str or PathLike
         ``.gms`` (GAMS scalar format), ``.json``, ``.mat`` (SparsePOP's structs), ``.txt`` (the
-        text that :func:`~sparsepop_py.parse` reads), or an ending that was registered.
+        text that :func:`~sparsepop_py.parse` reads), ``.mps``, ``.lp``, ``.qplib``, with the
+        extra ``scip`` also ``.nl``, ``.pip`` and ``.osil``, or an ending that was registered.
 
     Returns
     -------
@@ -80,6 +90,8 @@ def read(path: PathLike) -> Problem | RationalProblem:
     ------
     FormatError
         If the ending is unknown, the file cannot be read or holds no problem.
+    SolverNotFound
+        If the package that reads the format is not installed.
 
     Examples
     --------
@@ -103,7 +115,7 @@ def write(problem: Problem | RationalProblem, path: PathLike) -> None:
     ----------
     problem : Problem or RationalProblem
     path : str or PathLike
-        See :func:`read`; ``.txt`` is only read.
+        ``.gms``, ``.json`` or ``.mat``; the others of :func:`read` are only read.
 
     Raises
     ------
