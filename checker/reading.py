@@ -19,7 +19,7 @@ OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
     "Tightening": [("cutoff", "uses_cutoff")],
     "Sublevel": [("level", "cutoff")],
 }
-VERSIONS = {"sparsepop-py": (2, 3), "setid": (1,)}
+VERSIONS = {"sparsepop-py": (2, 3, 4), "setid": (1,)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 
@@ -104,6 +104,8 @@ def content(found: Any, place: str) -> tuple[str, Any]:
     if (name, version) == ("sparsepop-py", 2):
         modernise(found)
     name = text(item(found, "is", place), f"{place}.is")
+    if name.startswith("rational_") != (version == 4):
+        raise Malformed(f"{place}: {name!r:.40} in a file of version {version}")
     return name, item(found, name, place)
 
 

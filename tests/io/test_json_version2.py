@@ -111,10 +111,10 @@ def test_steps_that_were_left_out_have_new_names() -> None:
     assert sp.from_json(json.dumps(found)).options.skip == ("obbt_lp", "cutoff")
 
 
-@pytest.mark.parametrize("version", [0, 1, 4, 2.0, 3.0, "3", True, None, [3]])
+@pytest.mark.parametrize("version", [0, 1, 5, 2.0, 3.0, "3", True, None, [3]])
 def test_other_versions_are_refused(version: Any) -> None:
     found = content("circle.problem.json") | {"version": version}
-    with pytest.raises(sp.ProblemError, match=r"JSON.version: found .*, expected 3 or 2"):
+    with pytest.raises(sp.ProblemError, match=r"JSON.version: found .*, expected 2, 3 or 4"):
         sp.from_json(json.dumps(found))
 
 
