@@ -5,6 +5,7 @@ from .algebra.matrix_constraints import psd, second_order
 from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
 from .algebra.rational import Rational, RationalConstraint, ratio
 from .bounding.exact_linear import linear_bounds
+from .compat.intervals import sparsePOPintervals
 from .compat.mat import read_mat, write_mat
 from .compat.output import SparsePOPOutput
 from .compat.sparsepop import sparsePOP
@@ -35,6 +36,9 @@ from .relaxation.sparsepop.relaxation import Switches
 from .result import Point, Result, Status
 from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
+from .study.problems import Study
+from .study.study import StudyStatus
+from .study.table import Table
 from .verified.certificate.certificate import Certificate, Verdict
 from .verified.certificate.linear_bound import LinearBound
 from .verified.certificate.rational_bound import RangeProof, RationalCertificate
@@ -70,7 +74,10 @@ __all__ = [
     "SparsePOPError",
     "SparsePOPOutput",
     "Status",
+    "Study",
+    "StudyStatus",
     "Switches",
+    "Table",
     "Verdict",
     "assemble",
     "find_cliques",
@@ -92,6 +99,7 @@ __all__ = [
     "solve_conic",
     "solve_each",
     "sparsePOP",
+    "sparsePOPintervals",
     "to_json",
     "to_structs",
     "total",

@@ -1,4 +1,4 @@
-"""Command line: ``sparsepop solve FILE.gms`` and ``sparsepop info FILE.gms``."""
+"""Command line: ``sparsepop solve FILE.gms``, ``sparsepop info``, ``sparsepop study``."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ from sparsepop_py.relaxation.moment import relax
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solvers import solver_names
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.study.command import add_study
+from sparsepop_py.study.problems import Study
 from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verify_command import add_verify
 
 __all__ = [
     "EXIT_INPUT",
@@ -139,7 +142,36 @@ def _parser() -> argparse.ArgumentParser:
         command.add_argument("--dense", action="store_true", help="one clique of all variables")
         if run is _solve:
             _add_solve_options(command)
+    add_verify(commands)
+    _add_problem_files(add_study(commands, Study))
     return parser
+
+
+def _add_problem_files(command: argparse.ArgumentParser) -> None:
+    """Let a study take files x orders as its tasks before it runs."""
+    command.add_argument("files", metavar="FILE", nargs="*", help="problems to add before it runs")
+    command.add_argument("--orders", type=int, nargs="+", metavar="D", help="of each file")
+    command.add_argument("--auto", action="store_true", help="effort auto, without clocks")
+    command.add_argument("--time-limit", type=float, metavar="S", help="seconds for each problem")
+    command.set_defaults(prepare=_add_files)
+
+
+def _add_files(study: Study, arguments: argparse.Namespace) -> None:
+    for path in arguments.files:
+        problem = read(path)
+        if not isinstance(problem, Problem):
+            raise ProblemError(f"{path}: found ratios, expected polynomials in a study")
+        for order in arguments.orders or [None]:
+            options = Options(
+                order=order,
+                effort="auto" if arguments.auto else "presolve",
+                time_limit=arguments.time_limit,
+            )
+            tags: dict[str, str | int] = {"file": path}
+            if order is not None:
+                tags["order"] = order
+            name = path if order is None else f"{path} order {order}"
+            study.add(name, problem, options, tags=tags)
 
 
 def _add_solve_options(command: argparse.ArgumentParser) -> None:
@@ -230,7 +262,7 @@ def _text(path: str, result: AnyResult) -> str:
     sizes = repr(result.problem).partition(" ")[2][:-1]
     lines = [
         f"{path}: {sizes}, {'maximise' if maximise else 'minimise'}",
-        f"status        {result.status}: {result.status.message}",
+        f"status        {result.status}: {result.message}",
     ]
     if result.status is not Status.INFEASIBLE:
         lines += [
@@ -301,7 +333,7 @@ def _record(path: str, result: AnyResult) -> dict[str, Any]:
         "file": path,
         "sense": problem.sense,
         "status": str(result.status),
-        "message": result.status.message,
+        "message": result.message,
         "lower_bound": json_number(low),
         "upper_bound": json_number(high),
         "gap": json_number(result.gap),

@@ -52,7 +52,8 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     Raises
     ------
     SetidError
-        If the result rests on another one (``unidentifiable="report"``): write that.
+        If the result rests on another one, with a normalisation (``unidentifiable="report"``) or
+        with fewer priors: write that.
 
     Examples
     --------
@@ -67,6 +68,10 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     claims = result.evidence
     if claims.reference is not None:
         raise SetidError("result: found one that rests on its reference, expected result.reference")
+    if claims.fewer_priors is not None:
+        raise SetidError(
+            "result: found ends that are proved with fewer priors, expected result.fewer_priors"
+        )
     formulation = claims.formulation
     problem, layout = formulation.problem, formulation.layout
     scaled = in_units(claims.problem, formulation)

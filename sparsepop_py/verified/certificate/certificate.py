@@ -16,9 +16,11 @@ claim weak.) Without any cutoff, leaves that are all empty prove that nothing is
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -212,6 +214,8 @@ class Certificate:
         Largest cost of the remainder in one node, in units of the objective.
     assumptions : tuple of str
         Conditions of the conclusion; empty for problems given as numbers.
+    problem : Problem, optional
+        That of the result it belongs to, for :meth:`to_coq`; no check uses it.
 
     Examples
     --------
@@ -229,6 +233,7 @@ class Certificate:
     cutoff: float | None = None
     correction: float = 0.0
     assumptions: tuple[str, ...] = ()
+    problem: Problem | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.__dict__["assumptions"] = tuple(self.assumptions)
@@ -266,6 +271,29 @@ class Certificate:
             return Verdict(True, recomputed, _OLDER if old else "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
+
+    def to_coq(self, path: str | os.PathLike[str], problem: Problem | None = None) -> None:
+        """Write a Coq file that states the problem in rationals and proves the bound.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            Ends in ``.v``; ``coqc`` checks it with Coq 8.16 and its standard library.
+        problem : Problem, optional
+            That of the result it belongs to when left out.
+
+        Raises
+        ------
+        ProblemError
+            If the problem is missing or another one, or the certificate holds an argument that
+            the export does not cover; the message names it.
+        OutputError
+            If the file cannot be written.
+        """
+        about = self.problem if problem is None else problem
+        if about is None:
+            raise ProblemError("to_coq: found no problem, expected the one that was certified")
+        import_module("sparsepop_py.io.coq").write_coq(self, path, about)  # no part of a check
 
     def recompute(
         self, problem: Problem, known: dict[Any, Any] | None = None
