@@ -20,9 +20,14 @@ from .bands.residuals import (
 )
 from .bands.responses import (
     FrequencyBand,
-    StepBand,
     frequency_band,
+)
+from .bands.steps import (
+    StepBand,
     step_band,
+)
+from .bands.verdicts import (
+    BandReport,
 )
 from .consistency import (
     Consistency,
@@ -185,6 +190,7 @@ from .verify import (
 __all__ = [
     "BlockStructured",
     "Box",
+    "BandReport",
     "Central",
     "Comparison",
     "Consistency",

@@ -1,4 +1,4 @@
-"""Bands of frequency and step responses over the feasible parameter set.
+"""Bands of frequency responses over the feasible parameter set.
 
 Every band says what it is: *proved* bands contain the response of every consistent
 parameter vector; *sampled* ones are what members of the set reach, and may be too narrow.
@@ -7,30 +7,26 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import frozen, natural
-from setid.data.record import IOData
-from setid.errors import ModelError, SetidError
+from setid.bands.verdicts import Kind
+from setid.data.checks import frozen
+from setid.errors import SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import Proposer, cover_of
-from setid.models.equations import Structure
-from setid.proofs.enclosures import Nominal, enclose
 from setid.proofs.frequency_regions import frequency_regions, rounding_of
-from setid.simulation.responses import frequency_response, frequency_weights, grid, run, transfer_of
-from setid.simulation.simulate import simulate
+from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-__all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "nominal_outputs", "step_band"]
+__all__ = ["FrequencyBand", "frequency_band"]
 
-Kind = Literal["proved", "sampled"]
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -91,46 +87,6 @@ class FrequencyBand:
         from setid.plots.responses import plot_frequency_band
 
         return plot_frequency_band(self, kind)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StepBand:
-    """Response to a unit step from rest over the feasible parameter set.
-
-    Parameters
-    ----------
-    kind : {"proved", "sampled"}
-    output, input : int
-        Channels, from 1.
-    time : (N,) float
-    nominal : (N,) float
-    low, high : (N,) float
-
-    Examples
-    --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> setid.step_band(result, 3).time
-    array([0., 1., 2.])
-    """
-
-    kind: Kind
-    output: int
-    input: int
-    time: Reals
-    nominal: Reals
-    low: Reals
-    high: Reals
-
-    def plot(self) -> Axes:
-        """Draw it; returns the axes."""
-        from setid.plots.responses import plot_step_band
-
-        return plot_step_band(self)
-
-
-# ---- frequency --------------------------------------------------------------------------
 
 
 def frequency_band(
@@ -216,92 +172,3 @@ def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:
     turns = np.angle(responses * np.conj(responses[0]))
     magnitude = np.stack([gains.min(axis=0), gains.max(axis=0)], axis=1)
     return magnitude, np.stack([turns.min(axis=0), turns.max(axis=0)], axis=1), responses.T
-
-
-def nominal_outputs(model: Structure, theta: Reals, record: IOData, from_rest: bool) -> Nominal:
-    """Simulate what an enclosure is computed around.
-
-    Parameters
-    ----------
-    model : Structure
-    theta : (p,) float
-    record : IOData
-    from_rest : bool
-        All signals are zero before the record.
-    """
-    linear = bool(model.regression())  # enclosures refuse the others and say why
-    outputs = run(model, theta, record, from_rest) if linear else np.zeros(record.y.shape)
-    return Nominal(theta, outputs, Proposer)
-
-
-# ---- steps ------------------------------------------------------------------------------
-
-
-def step_band(
-    result: FeasibleSet,
-    length: int = 50,
-    kind: Kind = "proved",
-    output: int = 1,
-    input: int = 1,
-    samples: int = 100,
-    seed: int = 0,
-) -> StepBand:
-    """Band of the response to a unit step at one input, from rest, without noise.
-
-    Parameters
-    ----------
-    result : FeasibleSet
-    length : int
-        Number of samples.
-    kind : {"proved", "sampled"}
-        Proved bands are available for linear structures with one denominator an output;
-        they become infinite where nothing is proved.
-    output, input : int
-        Channels, from 1.
-    samples, seed : int
-        Mixtures of attained members, for sampled bands.
-
-    Returns
-    -------
-    StepBand
-
-    Raises
-    ------
-    SetidError
-        If the feasible set is empty, or nothing can be proved of this structure.
-
-    Examples
-    --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> band = setid.step_band(result, 3)
-    >>> bool(((band.low <= band.nominal) & (band.nominal <= band.high)).all())
-    True
-    """
-    data, model = result.formulation.data, result.formulation.model
-    count = natural(length, "length", SetidError, least=1)
-    channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
-    if channels[0] > model.outputs or channels[1] > model.inputs:
-        raise ModelError(
-            f"output, input: found {output}, {input}, expected at most "
-            f"{model.outputs}, {model.inputs}, counted from 1"
-        )
-    column, theta = output - 1, nominal(result)
-    u = np.zeros((count, model.inputs))
-    u[:, input - 1] = 1.0
-    centre = simulate(model, theta, u)[:, column]
-    if kind == "proved":
-        record = IOData(np.vstack([u, np.zeros_like(u[:1])]), np.zeros((count + 1, model.outputs)))
-        around = nominal_outputs(model, theta, record, True)
-        enclosure = enclose(model, around, cover_of(result), record, from_rest=True)[column]
-        low, high = enclosure.low[:count], enclosure.high[:count]
-    elif kind == "sampled":
-        thetas = np.vstack([theta, members(result, samples, seed)])
-        with np.errstate(over="ignore", invalid="ignore"):
-            found = np.array([simulate(model, t, u)[:, column] for t in thetas])
-        low, high = found.min(axis=0), found.max(axis=0)
-    else:
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
-    time = np.arange(count) * data.Ts
-    return StepBand(kind, output, input, frozen(time), frozen(centre), frozen(low), frozen(high))

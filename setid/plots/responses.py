@@ -9,12 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.errors import SetidError
-from setid.plots.axes import COLOUR, READING, fill_between, new_axes, require_matplotlib
+from setid.plots.axes import (
+    ATTAINED,
+    COLOUR,
+    READING,
+    clip,
+    far,
+    fill_between,
+    new_axes,
+    require_matplotlib,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.bands.responses import FrequencyBand, StepBand
+    from setid.bands.responses import FrequencyBand
+    from setid.bands.steps import StepBand
 
 __all__ = ["plot_frequency_band", "plot_step_band"]
 
@@ -120,7 +130,11 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     axes = new_axes(ax)
-    fill_between(axes, band.time, band.low, band.high, COLOUR[band.kind], band.kind)
+    fill_between(axes, band.time, *far(band.low, band.high), COLOUR[band.kind], band.kind)
+    attained = band.attained_low, band.attained_high
+    if band.kind == "proved" and np.any(np.isfinite(attained)):
+        fill_between(axes, band.time, *attained, ATTAINED, "attained", 0.5)
+    clip(axes, np.concatenate([band.nominal, *attained]), (band.low, band.high))
     axes.step(band.time, band.nominal, color=READING, lw=1, where="post", label="nominal")
     axes.set_xlabel("time")
     axes.set_ylabel(f"y{band.output} for a step in u{band.input}")
