@@ -230,7 +230,8 @@ class _Search:
             outputs = outputs_of(self.experiment, theta, self.force)
         if self.settle < count:
             impulse[self.settle :] = 0.0
-            outputs[2 * self.settle :] = outputs[2 * self.settle]
+            still = min(2 * self.settle, outputs.size - 1)
+            outputs[still:] = outputs[still]
         return Centre(theta, outputs, impulse)
 
     # ---- choices ------------------------------------------------------------------------

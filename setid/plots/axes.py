@@ -68,9 +68,11 @@ def fill_between(
     ax.fill_between(time, a, b, where=finite, color=colour, alpha=alpha, lw=0, label=label)
 
 
-def far(*ends: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def far(
+    low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Ends of a band, infinite ones moved far outside; for pictures that :func:`clip` it."""
-    return [np.clip(x, -_FAR, _FAR) for x in ends]
+    return np.clip(low, -_FAR, _FAR), np.clip(high, -_FAR, _FAR)
 
 
 _ROOM = 0.5  # of the range of what a picture follows, above and below it

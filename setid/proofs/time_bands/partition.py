@@ -159,7 +159,7 @@ class Partition:
         cell = self._cells[number]
         low, high = supports(self.polytope(number), self._directions, lambda _: source).T
         low, high = np.maximum(low, cell.tight[0]), np.minimum(high, cell.tight[1])
-        if np.any(low > high):
+        if np.any(np.maximum(low, cell.low) > np.minimum(high, cell.high)):
             del self._cells[number]
             return False
         self._cells[number] = replace(cell, tight=(low, high))
