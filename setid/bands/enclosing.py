@@ -15,6 +15,7 @@ from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
 from setid.feasible_points.members import members
 from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.principal import principal_cover
 from setid.feasible_set.supports import cover_of
 from setid.models.equations import Structure
 from setid.proofs.supports import Cover
@@ -26,6 +27,7 @@ __all__ = ["Accuracy", "Band", "band_of", "record_bands", "rows_of"]
 
 Reals = NDArray[np.float64]
 Bounds = tuple[Reals, Reals, Reals]
+_SHARE = 0.5  # of the time, for ranges along principal axes where the cover is not the set
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,14 +148,17 @@ def band_of(
 def _all_bands(
     result: FeasibleSet, tasks: list[Experiment], accuracy: Accuracy, settle: int | None = None
 ) -> list[Band]:
-    cover = cover_of(result)
+    begin, cover = time.monotonic(), cover_of(result)
     if not np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)):
         raise SetidError(
             "result: found an infinite interval, expected finite ones for proved bands; "
             "give priors such as Box or Stable"
         )
-    known = result.attained if cover.exact else _members(result, accuracy.samples)
-    until = time.monotonic() + accuracy.time_limit
+    known = result.attained
+    if not cover.exact:
+        cover, points = principal_cover(result, _SHARE * accuracy.time_limit)
+        known = np.concatenate([_members(result, accuracy.samples), points])
+    until = begin + accuracy.time_limit
     found = []
     for place, task in enumerate(tasks):
         now = time.monotonic()

@@ -24,9 +24,10 @@ class BandReport:
     Parameters
     ----------
     verdict : {"tight", "wide", "unstable", "unproved"}
-        ``"tight"``: within the tolerance of what points of the set attain. ``"wide"``: finite, but
-        the time was over. Where the band is infinite: ``"unstable"`` where a member is, and
-        ``"unproved"`` where the stability of a cell was not proved in the time given.
+        ``"tight"``: within the tolerance of what points of the cover attain (members, where the
+        cover is the feasible set). ``"wide"``: finite, but the time was over. Where the band is
+        infinite: ``"unstable"`` where a member is, and ``"unproved"`` where the stability of a
+        cell was not proved in the time given.
     cells : int
         Number of cells of the denominator's parameters that were looked at.
     left : int
