@@ -27,7 +27,7 @@ __all__ = ["Accuracy", "Band", "band_of", "record_bands", "rows_of"]
 
 Reals = NDArray[np.float64]
 Bounds = tuple[Reals, Reals, Reals]
-_SHARE = 0.5  # of the time, for ranges along principal axes where the cover is not the set
+_SHARE = 0.7  # of the time, for ranges along principal axes where the cover is not the set
 
 
 @dataclass(frozen=True, slots=True)

@@ -217,7 +217,7 @@ def simulate_band(
     samples: int = 30,
     seed: int = 0,
     tolerance: float = 0.1,
-    time_limit: float = 10.0,
+    time_limit: float = 20.0,
 ) -> OutputBand:
     """Outputs of the models for the inputs of a record.
 

@@ -101,7 +101,7 @@ def step_band(
     samples: int = 100,
     seed: int = 0,
     tolerance: float = 0.1,
-    time_limit: float = 10.0,
+    time_limit: float = 20.0,
     all_time: bool = False,
 ) -> StepBand:
     """Band of the response to a unit step at one input, from rest, without noise.
