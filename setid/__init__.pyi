@@ -20,9 +20,14 @@ from .bands.residuals import (
 )
 from .bands.responses import (
     FrequencyBand,
-    StepBand,
     frequency_band,
+)
+from .bands.steps import (
+    StepBand,
     step_band,
+)
+from .bands.verdicts import (
+    BandReport,
 )
 from .consistency import (
     Consistency,
@@ -193,6 +198,7 @@ __all__ = [
     "BestMember",
     "BlockStructured",
     "Box",
+    "BandReport",
     "Central",
     "Comparison",
     "Consistency",
