@@ -1,6 +1,12 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
 from . import control, neural
+from .advise import (
+    Advice,
+    Excitation,
+    advise,
+    excitation,
+)
 from .bands.blocks import (
     SignalBand,
     StaticBand,
@@ -182,6 +188,10 @@ from .select import (
     SelectionStep,
     select,
 )
+from .sensitivity import (
+    Sensitivity,
+    sensitivity,
+)
 from .simulation.simulate import (
     Simulated,
     simulate,
@@ -195,6 +205,7 @@ from .verify import (
 )
 
 __all__ = [
+    "Advice",
     "BestMember",
     "BlockStructured",
     "Box",
@@ -212,6 +223,7 @@ __all__ = [
     "Estimate",
     "EstimatedBound",
     "Evidence",
+    "Excitation",
     "FeasibleSet",
     "Formulation",
     "FrequencyBand",
@@ -241,6 +253,7 @@ __all__ = [
     "Rows",
     "Selection",
     "SelectionStep",
+    "Sensitivity",
     "SetidError",
     "SetidWarning",
     "Sign",
@@ -256,6 +269,7 @@ __all__ = [
     "Wiener",
     "Witness",
     "ZeroIn",
+    "advise",
     "best",
     "central",
     "compare",
@@ -268,6 +282,7 @@ __all__ = [
     "estimate_delta",
     "estimate_noise_bound",
     "estimators",
+    "excitation",
     "feasible",
     "formulate",
     "frequency_band",
@@ -289,6 +304,7 @@ __all__ = [
     "register_structure",
     "residuals",
     "select",
+    "sensitivity",
     "signal_band",
     "simulate",
     "simulate_band",
