@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
@@ -38,7 +39,7 @@ from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options
+from setid.options import Options, with_executor
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.free_parameters import free_parameters
@@ -73,6 +74,8 @@ def identify(
     noise: Noise,
     priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
     options: Options | None = None,
+    *,
+    executor: Executor | None = None,
 ) -> Identification:
     """Prove an uncertainty interval for each parameter.
 
@@ -85,6 +88,8 @@ def identify(
     noise : Noise
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as ``options.engine.executor`` does.
 
     Returns
     -------
@@ -116,6 +121,7 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    settings = with_executor(settings, executor)
     if isinstance(model, BlockStructured) and isinstance(data, IOData):
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
             return _reported(data, model, noise, priors, settings, set(affected))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import inf
 from time import monotonic
@@ -11,7 +12,7 @@ import sparsepop_py as sp
 from setid.data.checks import number
 from setid.errors import SetidError
 
-__all__ = ["Options"]
+__all__ = ["Options", "with_executor"]
 
 _LEAST = 1e-3  # seconds: what an engine without time is given, to say what is known already
 
@@ -106,3 +107,21 @@ class Options:
             solver=self.solver,
             time_limit=self.time_limit if left is None or left == inf else left,
         )
+
+
+def with_executor(options: Options, executor: Executor | None) -> Options:
+    """Have an executor process the nodes of branch and bound, if there is one.
+
+    Parameters
+    ----------
+    options : Options
+    executor : concurrent.futures.Executor or None
+
+    Returns
+    -------
+    Options
+    """
+    if executor is None:
+        return options
+    engine = options.engine or sp.Options(effort="auto")
+    return replace(options, engine=replace(engine, executor=executor))

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -194,6 +194,10 @@ class Options:
                 raise ProblemError(
                     f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
                 )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the executor behind, which belongs to this process, so that results pickle."""
+        return {**self.__dict__, "executor": None}
 
     def _wrong(self, name: str, expected: str) -> ProblemError:
         return ProblemError(f"Options.{name}: found {getattr(self, name)!r}, expected {expected}")

@@ -6,6 +6,7 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,8 +22,10 @@ from setid.feasible_set.supports import Proposer, cover_of
 from setid.models.equations import Structure
 from setid.proofs.enclosures import Nominal, enclose
 from setid.proofs.frequency_regions import frequency_regions, rounding_of
+from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_response, frequency_weights, grid, run, transfer_of
 from setid.simulation.simulate import simulate
+from sparsepop_py.executors.dispatch import map_in_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
 __all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "nominal_outputs", "step_band"]
 
 Kind = Literal["proved", "sampled"]
+_FREQUENCIES = 32  # of one task
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
@@ -141,6 +145,8 @@ def frequency_band(
     input: int = 1,
     samples: int = 100,
     seed: int = 0,
+    *,
+    executor: Executor | None = None,
 ) -> FrequencyBand:
     """Band of a frequency response, for Bode, Nyquist and Nichols plots.
 
@@ -155,6 +161,9 @@ def frequency_band(
         Channels, from 1.
     samples, seed : int
         Mixtures of attained members, for sampled bands.
+    executor : concurrent.futures.Executor, optional
+        Bounds proved bands, 32 frequencies a task; what is proved is the same with any number
+        of workers.
 
     Returns
     -------
@@ -190,7 +199,7 @@ def frequency_band(
     if kind == "proved":
         weights = frequency_weights(model, output, input, frequencies, data.Ts)
         rounding = rounding_of(model, output, input)
-        found = frequency_regions(cover_of(result), theta, weights, rounding, Proposer)
+        found = _proved((cover_of(result), theta, weights, rounding), executor)
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
@@ -208,6 +217,25 @@ def frequency_band(
         frozen(angle[:, None] + turn),
         frozen(regions),
     )
+
+
+def _proved(
+    given: tuple[Cover, Reals, tuple[Complexes, Complexes], float], executor: Executor | None
+) -> tuple[Reals, Reals, Complexes]:
+    """Bound gains, phases about the nominal one and regions, in parts if there is an executor."""
+    cover, theta, (a, b), rounding = given
+    if executor is None or not len(a):
+        return _regions_task(given)
+    parts = [slice(k, k + _FREQUENCIES) for k in range(0, len(a), _FREQUENCIES)]
+    tasks = [(cover, theta, (a[part], b[part]), rounding) for part in parts]
+    gains, turns, regions = zip(*map_in_order(executor, _regions_task, tasks), strict=True)
+    return np.concatenate(gains), np.concatenate(turns), np.concatenate(regions)
+
+
+def _regions_task(
+    given: tuple[Cover, Reals, tuple[Complexes, Complexes], float],
+) -> tuple[Reals, Reals, Complexes]:
+    return frequency_regions(*given, Proposer)
 
 
 def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:

@@ -344,6 +344,7 @@ def test_fingerprints_say_what_a_value_is() -> None:
         (lambda s: s.add("a", square(1), tags={"b": [1]}), r"tags\['b'\]: found \[1\]"),
         (lambda s: s.run(0), "workers: found 0"),
         (lambda s: s.run(2, ThreadPoolExecutor(1)), "found both"),
+        (lambda s: s.run(ahead=0), "ahead: found 0"),
         (lambda s: s.run(executor=print), "executor: found builtin"),
         (lambda s: s.export("table.xls"), r"found the ending '\.xls'"),
     ],
