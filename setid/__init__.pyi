@@ -55,6 +55,10 @@ from .export.python_control import (
     to_control,
 )
 from .feasible_points import estimators
+from .feasible_points.best import (
+    BestMember,
+    best,
+)
 from .feasible_points.centre import (
     Central,
     central,
@@ -186,6 +190,7 @@ from .verify import (
 )
 
 __all__ = [
+    "BestMember",
     "BlockStructured",
     "Box",
     "Central",
@@ -245,6 +250,7 @@ __all__ = [
     "Wiener",
     "Witness",
     "ZeroIn",
+    "best",
     "central",
     "compare",
     "consistency",

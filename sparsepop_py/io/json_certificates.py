@@ -31,7 +31,7 @@ from sparsepop_py.verified.certificate.steps import (
     Tightening,
 )
 
-__all__ = ["CERTIFICATE"]
+__all__ = ["CERTIFICATE", "CERTIFICATES"]
 
 _ENDS = Codec(
     lambda ends: [array.write(end) for end in ends],
@@ -206,3 +206,30 @@ def _read_certificate(found: Any, place: str) -> Certificate:
 
 
 CERTIFICATE = Codec(_write_certificate, _read_certificate)
+
+
+def _write_certificates(certificates: Any) -> dict[str, Any]:
+    """Several certificates, None among them, with one list for all that they quote."""
+    table = _Certificates()
+    for certificate in certificates:
+        if certificate is not None:
+            table.add(certificate)
+    numbers = [None if c is None else table.numbers[id(c)] for c in certificates]
+    return {"certificates": table.written, "numbers": numbers}
+
+
+def _read_certificates(found: Any, place: str) -> tuple[Certificate | None, ...]:
+    listed = codecs.field_of(found, "certificates", place)
+    numbers = sequence(optional(whole)).read(codecs.field_of(found, "numbers", place), place)
+    if not isinstance(listed, list):
+        raise codecs.wrong(place, listed, "a list of certificates")
+    table = _Certificates()
+    for k, entry in enumerate(listed):
+        table.take(entry, f"{place}[{k}]")
+    for number_ in numbers:
+        if number_ is not None and not 0 <= number_ < len(table.read_already):
+            raise codecs.wrong(place, number_, f"a number below {len(table.read_already)}")
+    return tuple(None if n is None else table.read_already[n] for n in numbers)
+
+
+CERTIFICATES = Codec(_write_certificates, _read_certificates)

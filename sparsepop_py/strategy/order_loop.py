@@ -29,6 +29,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
 )
 from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
+from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.options import Options
@@ -45,7 +46,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
-__all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
+__all__ = ["SearchState", "run_orders", "unstarted_state"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +73,13 @@ class SearchState:
     notes: tuple[str, ...] = ()
 
 
-INTERRUPTED = "interrupted: what is proved so far is kept"
-
-
 def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> SearchState:
-    """Return the state of a search interrupted before any relaxation was solved."""
+    """Return the state of a search that ended before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
     replay = Replay(context.problem, None)
     outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
-    return SearchState(context, outcome, candidates, (), (INTERRUPTED,))
+    return SearchState(context, outcome, candidates, ())
 
 
 def run_orders(
@@ -164,7 +162,8 @@ def _by_gram_matrices(
     while True:
         try:
             found = unconstrained_bound(context)
-        except KeyboardInterrupt:
+        except EARLY as cause:
+            context.deadline.ended(cause)
             return unstarted_state(context, candidates)
         if found is None:
             return None
@@ -218,12 +217,11 @@ def _run_orders(
 
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
-    notes: tuple[str, ...] = ()
     try:
         auto.run()
-    except KeyboardInterrupt:
-        notes = (INTERRUPTED,)
-    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
+    except EARLY as cause:
+        auto.context.deadline.ended(cause)
+    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
 
 
 def _orders(
@@ -244,10 +242,11 @@ def _orders(
             step, bound, candidates = _rounds(
                 replace(context, options=options), candidates, shared, more_starts
             )
-        except KeyboardInterrupt:
+        except EARLY as cause:
+            context.deadline.ended(cause)
             if outcome is None:
                 return unstarted_state(context, candidates)
-            return SearchState(context, outcome, candidates, tuple(history), (INTERRUPTED,))
+            return SearchState(context, outcome, candidates, tuple(history))
         if outcome is not None and bound.relaxation is None:
             break  # this order would be too large
         outcome = better(outcome, bound)
@@ -305,13 +304,14 @@ def _rounds(
     for _ in range(1 if shared else STRATEGY.order_rounds):
         try:
             bound = bound_order(context, shared)
-        except KeyboardInterrupt:
+        except EARLY as cause:
             if outcome is None:
                 raise
-            context.deadline.stop()
+            context.deadline.ended(cause)
             break
         outcome = better(outcome, bound)
         proved, old = lower_bound(outcome.certificate), context.best
+        context.report(proved)
         if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
             break  # reading further minimisers out of the moments would take the longest
         context, more = update_incumbent(context, _candidates_from_moments(bound), proved)
