@@ -61,7 +61,7 @@ $(VENV)/.with-%: pyproject.toml
 $(LOWEST)/.ready: pyproject.toml tests/lowest.txt
 	"$(PYTHON)" -m venv $(LOWEST)
 	$(LOWEST)/bin/python -m pip --disable-pip-version-check install --quiet \
-	  -c tests/lowest.txt --editable '.[plot]' pytest pytest-xdist hypothesis python-flint
+	  -c tests/lowest.txt --editable '.[plot,cvxpy,sympy]' pytest pytest-xdist hypothesis python-flint
 	@touch $@
 
 clean:
