@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -41,7 +42,7 @@ from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options
+from setid.options import Options, with_executor
 from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
@@ -88,6 +89,7 @@ def identify(
     *,
     holdout: IOData | float | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> Identification:
     """Prove an uncertainty interval for each parameter.
 
@@ -108,6 +110,8 @@ def identify(
         Called with the name of a parameter, its proved and its attained interval so far, when they
         change and at the next stage after two seconds; ends are infinite where there is none.
         Where it raises ``KeyboardInterrupt``, what is proved is returned.
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as ``options.engine.executor`` does.
 
     Returns
     -------
@@ -139,6 +143,7 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    settings = with_executor(settings, executor)
     if holdout is not None:
         return _held_out((data, model, noise, priors), settings, holdout, on_progress)
     if isinstance(model, BlockStructured) and isinstance(data, IOData):

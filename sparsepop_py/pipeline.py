@@ -9,6 +9,7 @@ One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import chain, tee
 from typing import Any, overload
@@ -27,6 +28,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError
+from sparsepop_py.executors.dispatch import map_in_order
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import (
     first_incumbent,
@@ -69,6 +71,7 @@ def solve(
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> Result: ...
 
 
@@ -79,6 +82,7 @@ def solve(
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> RationalResult: ...
 
 
@@ -89,6 +93,7 @@ def solve(
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> Result | RationalResult:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
@@ -103,6 +108,8 @@ def solve(
         Called with 0, the proved and the attained value: when they change, and at the next stage
         after two seconds. Where it raises ``KeyboardInterrupt``, what is proved is returned.
         Not called for a problem with ratios.
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as ``options.executor`` does.
 
     Returns
     -------
@@ -128,7 +135,7 @@ def solve(
     >>> result.status, abs(result.lower_bound - 0.25) < 1e-6
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
-    options = options or Options()
+    options = _with_executor(options or Options(), executor)
     if isinstance(problem, RationalProblem):
         return solve_rational(problem, options, start, solve)
     _check_problem(problem, options)
@@ -159,6 +166,7 @@ def solve_each(
     points: Sequence[ProvedPoint] = (),
     branch_on: Sequence[int] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> list[Result]:
     """Solve for several objectives over one feasible set, sharing box and relaxations.
 
@@ -186,6 +194,10 @@ def solve_each(
     on_progress : callable, optional
         Called with an objective's number, its proved and its attained value so far, as by
         :func:`solve`.
+    executor : concurrent.futures.Executor, optional
+        With effort ``"auto"``: processes the nodes of branch and bound, as ``options.executor``
+        does. With other efforts, unless gaps are widths: solves each objective as a task of its
+        own, as :func:`solve` does; bounds then do not depend on the number of workers.
 
     Returns
     -------
@@ -208,13 +220,16 @@ def solve_each(
     >>> low.relaxation is high.relaxation
     True
     """
-    options = options or Options()
+    options = _with_executor(options or Options(), executor)
     if branch_on is not None:
         options = replace(options, branch_on=tuple(branch_on))
     objectives = list(objectives)
     _check(problem, objectives, options)
     if not objectives:
         return []
+    if executor is not None and options.effort != "auto" and options.gap_kind != "width":
+        tasks = [(problem.with_objective(each), options, start) for each in objectives]
+        return _solve_apart(tasks, executor, on_progress)
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     several = _Several(
         problem,
@@ -232,6 +247,28 @@ def solve_each(
         return [_result(state, known) for state in states]
     finally:
         several.stages.close()
+
+
+def _solve_apart(
+    tasks: list[tuple[Problem, Options, NDArray[Any] | None]],
+    executor: Executor,
+    on_progress: OnProgress | None,
+) -> list[Result]:
+    """Solve problems as tasks of their own."""
+    results = map_in_order(executor, _solve_task, tasks)
+    for number, each in enumerate(results if on_progress is not None else ()):
+        on_progress(number, each.lower_bound, each.upper_bound)  # type: ignore[misc]
+    return results
+
+
+def _solve_task(task: tuple[Problem, Options, NDArray[Any] | None]) -> Result:
+    """Solve a problem in a worker; relaxation and solution stay there, nothing rests on them."""
+    problem, options, start = task
+    return replace(solve(problem, options, start=start), relaxation=None, solution=None)
+
+
+def _with_executor(options: Options, executor: Executor | None) -> Options:
+    return options if executor is None else replace(options, executor=executor)
 
 
 @dataclass(frozen=True, eq=False)
