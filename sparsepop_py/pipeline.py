@@ -49,6 +49,8 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 __all__ = ["solve", "solve_each"]
 
+_LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
+
 
 @one_thread
 def solve(
@@ -367,7 +369,7 @@ _Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
 
 def _status(state: SearchState, lower: float) -> _Status:
     context, bound = state.context, state.outcome
-    notes = [*bound.model.notes, *state.notes]
+    notes = [*bound.model.notes, *state.notes, *_lost_by_the_proof(context, bound, lower)]
     if context.deadline.stopped and not state.notes:
         notes.append(INTERRUPTED)
     status, ray = Status.BOUNDED, None
@@ -382,6 +384,29 @@ def _status(state: SearchState, lower: float) -> _Status:
     elif context.deadline.over or state.notes:
         status = Status.LIMIT
     return status, tuple(notes), ray
+
+
+def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: float) -> list[str]:
+    """Say that the proof and not the relaxation lost the value, and where."""
+    solution, value, box = bound.solution, bound.value, bound.model.box
+    single = context.options.effort != "auto"  # else the last relaxation may be of one node
+    if not single or solution is None or solution.status not in ("solved", "almost"):
+        return []
+    if context.closed(lower) or not value - lower > _LOST * (1.0 + abs(value)):
+        return []
+    reach = np.maximum(np.abs(box.lo), np.abs(box.hi))
+    open_ = np.flatnonzero(np.isinf(reach))
+    where = f"no finite bounds are known for {_listed(context.problem, open_)}"
+    if not open_.size:
+        widest = context.problem.names[int(np.argmax(reach))]
+        where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
+
+
+def _listed(problem: Problem, variables: NDArray[Any]) -> str:
+    """Names of variables, the first eight."""
+    names = ", ".join(problem.names[v] for v in variables[:8])
+    return names + (f" and {variables.size - 8} more" if variables.size > 8 else "")
 
 
 def _ray(problem: Problem, best: ProvedPoint | None) -> NDArray[np.float64] | None:
@@ -402,9 +427,7 @@ def _unproved(
     box = bound.model.box
     unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
     if unbounded.size:
-        names = ", ".join(problem.names[v] for v in unbounded[:8])
-        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
-        return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
+        return Status.UNPROVED, [f"no finite bounds are known for {_listed(problem, unbounded)}"]
     return Status.FAILED, []
 
 
