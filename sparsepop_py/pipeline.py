@@ -61,6 +61,7 @@ __all__ = ["INTERRUPTED", "solve", "solve_each"]
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
 _UNVERIFIED = "time ended before the bound was verified: that of the bounds given is claimed"
+_LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
 
@@ -525,6 +526,7 @@ _Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
 def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
+    notes += _lost_by_the_proof(context, bound, lower)
     if deadline.stopped:
         notes.append(INTERRUPTED)
     status, ray = Status.BOUNDED, None
@@ -550,6 +552,29 @@ def _falls(context: SolveContext) -> bool:
     return best is not None and not _closed_box(problem) and falling_ray(problem, best) is not None
 
 
+def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: float) -> list[str]:
+    """Say that the proof and not the relaxation lost the value, and where."""
+    solution, value, box = bound.solution, bound.value, bound.model.box
+    single = context.options.effort != "auto"  # else the last relaxation may be of one node
+    if not single or solution is None or solution.status not in ("solved", "almost"):
+        return []
+    if context.closed(lower) or not value - lower > _LOST * (1.0 + abs(value)):
+        return []
+    reach = np.maximum(np.abs(box.lo), np.abs(box.hi))
+    open_ = np.flatnonzero(np.isinf(reach))
+    where = f"no finite bounds are known for {_listed(context.problem, open_)}"
+    if not open_.size:
+        widest = context.problem.names[int(np.argmax(reach))]
+        where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
+
+
+def _listed(problem: Problem, variables: NDArray[Any]) -> str:
+    """Names of variables, the first eight."""
+    names = ", ".join(problem.names[v] for v in variables[:8])
+    return names + (f" and {variables.size - 8} more" if variables.size > 8 else "")
+
+
 def _ray(context: SolveContext) -> NDArray[np.float64] | None:
     """Find a direction along which the objective provably falls without limit."""
     problem, best = context.problem, context.best
@@ -564,9 +589,7 @@ def _unproved(problem: Problem, bound: CertifiedBound) -> tuple[Status, list[str
     box = bound.model.box
     unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
     if unbounded.size:
-        names = ", ".join(problem.names[v] for v in unbounded[:8])
-        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
-        return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
+        return Status.UNPROVED, [f"no finite bounds are known for {_listed(problem, unbounded)}"]
     return Status.FAILED, []
 
 
