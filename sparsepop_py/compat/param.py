@@ -168,6 +168,7 @@ def check_error_bounds(values: Mapping[str, Any]) -> None:
 
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
+_SEARCH = 0.3  # CPU seconds without POPsolver, for points whose values tighten boxes
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
@@ -292,6 +293,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
         chordal="min-degree",  # as the original, whose sizes are published
         effort="presolve" if tighten else "plain",
         refine="ipopt" if local == "ipopt" else "scipy",
+        search_limit=None if local else _SEARCH,
         solver=solver,
         progress=level[0] > 0,
         accuracy=values.get("SDPsolverEpsilon"),
