@@ -19,7 +19,7 @@ OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
     "Tightening": [("cutoff", "uses_cutoff")],
     "Sublevel": [("level", "cutoff")],
 }
-VERSIONS = {"sparsepop-py": (2, 3), "setid": (1,)}
+VERSIONS = {"sparsepop-py": (2, 3, 4), "setid": (1,)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 
@@ -145,6 +145,15 @@ def finite(found: Any, place: str) -> float:
     if isinstance(found, str) or not isfinite(value := number(found, place)):
         raise Malformed(f"{place}: not a finite number")
     return value
+
+
+def rational(found: Any, place: str) -> Fraction:
+    """A fraction as a text, such as "-3/7"."""
+    try:
+        above, _, below = text(found, place).partition("/")
+        return Fraction(int(above), int(below or "1"))
+    except (ValueError, ZeroDivisionError):
+        raise Malformed(f"{place}: {found!r:.40} is no fraction") from None
 
 
 def of_type(kind: type) -> Callable[[Any, str], Any]:

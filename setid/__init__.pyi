@@ -55,6 +55,10 @@ from .export.python_control import (
     to_control,
 )
 from .feasible_points import estimators
+from .feasible_points.best import (
+    BestMember,
+    best,
+)
 from .feasible_points.centre import (
     Central,
     central,
@@ -178,11 +182,15 @@ from .simulation.simulate import (
     simulate,
     simulate_record,
 )
+from .study import (
+    Study,
+)
 from .verify import (
     verify,
 )
 
 __all__ = [
+    "BestMember",
     "BlockStructured",
     "Box",
     "Central",
@@ -236,11 +244,13 @@ __all__ = [
     "StaticBand",
     "StaticMap",
     "StepBand",
+    "Study",
     "TransferFunction",
     "Verification",
     "Wiener",
     "Witness",
     "ZeroIn",
+    "best",
     "central",
     "compare",
     "consistency",

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen
+from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import SetidError
@@ -69,6 +69,7 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _NO_BOX = "time ended in the search for a box from the data: give more time"
+_SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 
@@ -138,7 +139,7 @@ def identify(
         "delta", lambda: with_estimate(data, model, noise, priors, task.until)
     )
     formulation = task.timed("formulate", lambda: formulate(data, model, noise, given))
-    return _with_remark(_settle(formulation, task))
+    return _with_remark(_intersected(formulation, task))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,6 +198,55 @@ def _settle(formulation: Formulation, task: _Task) -> Identification:
     if direct is not None:
         return _on_box(direct, task, (_DIRECT,))
     return _on_box(formulation, task, ())
+
+
+def _intersected(formulation: Formulation, task: _Task) -> Identification:
+    """Settle all intervals; what stays open is also bounded without priors that add unknowns.
+
+    Such a prior makes a larger problem, whose bounds can be weaker when time runs out. What
+    is proved without it holds with it.
+    """
+    kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
+    if len(kept) == len(formulation.priors):
+        return _settle(formulation, task)
+    first = replace(task, deadline=task.deadline.part(_SHARE))
+    found = _settle(formulation, first)
+    if not any(_is_open(item) for item in found.intervals.values()):
+        return found
+    fewer = formulate(formulation.data, formulation.model, formulation.noise, kept)
+    return _intersect(found, _settle(fewer, task), task.settings.tol)
+
+
+def _is_open(item: ParameterInterval) -> bool:
+    return item.status is IntervalStatus.PARTIAL
+
+
+def _intersect(found: Identification, other: Identification, tol: float) -> Identification:
+    """A result whose intervals are also within those of a result with fewer priors."""
+    if other.empty:
+        items = {
+            name: replace(
+                item,
+                outer=(inf, -inf),
+                inner=None,
+                witnesses=(None, None),
+                status=IntervalStatus.EMPTY,
+            )
+            for name, item in found.intervals.items()
+        }
+        return replace(found, intervals=FrozenMapping(items), fewer_priors=other)
+    items = {}
+    for name, item in found.intervals.items():
+        low, high = other.intervals[name].outer
+        within = replace(item, outer=(max(low, item.outer[0]), min(high, item.outer[1])))
+        closed = _is_open(item) and (within.gap <= tol * (1.0 + 1e-9))
+        items[name] = replace(within, status=IntervalStatus.CERTIFIED) if closed else within
+    if all(items[name].outer == item.outer for name, item in found.intervals.items()):
+        return found
+    note = "some ends are proved without the priors that add unknowns, in less time"
+    return replace(
+        found, intervals=FrozenMapping(items), fewer_priors=other, notes=(*found.notes, note)
+    )
 
 
 def _with_remark(found: Identification) -> Identification:

@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, tee
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.exact_convex import falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
@@ -27,11 +28,18 @@ from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.local_search.feasibility import prove_feasible
-from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
+from sparsepop_py.local_search.incumbents import (
+    first_incumbent,
+    first_moments,
+    random_starts,
+)
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.progress import OnProgress, Stages
+from sparsepop_py.rational.result import RationalResult
+from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.strategy.multi_objective import (
@@ -54,19 +62,39 @@ _UNVERIFIED = "time ended before the bound was verified: that of the bounds give
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
 
-@one_thread
+@overload
 def solve(
     problem: Problem,
     options: Options | None = None,
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
-) -> Result:
+) -> Result: ...
+
+
+@overload
+def solve(
+    problem: RationalProblem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+) -> RationalResult: ...
+
+
+@one_thread
+def solve(
+    problem: Problem | RationalProblem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+) -> Result | RationalResult:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or RationalProblem
     options : Options, optional
         Defaults: relaxation of least order, with presolve.
     start : (n,) array_like, optional
@@ -74,10 +102,11 @@ def solve(
     on_progress : callable, optional
         Called with 0, the proved and the attained value: when they change, and at the next stage
         after two seconds. Where it raises ``KeyboardInterrupt``, what is proved is returned.
+        Not called for a problem with ratios.
 
     Returns
     -------
-    Result
+    Result or RationalResult
         ``lower_bound`` is proved (``result.certificate.verify(problem)`` re-checks it),
         ``upper_bound`` is attained by a point whose existence is proved.
 
@@ -85,6 +114,8 @@ def solve(
     ------
     ProblemError
         If an argument is malformed.
+    DenominatorError
+        If the sign of a denominator is not proved.
     SolverNotFound
         If the chosen solver is not installed.
 
@@ -98,6 +129,8 @@ def solve(
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
     options = options or Options()
+    if isinstance(problem, RationalProblem):
+        return solve_rational(problem, options, start, solve)
     _check_problem(problem, options)
     if options.gap_kind == "width":
         raise ProblemError(
@@ -420,7 +453,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    status, notes = _status(state, lower)
+    status, notes, ray = _status(state, lower)
     points = _points(problem, best, state.candidates)
     return Result(
         problem=problem,
@@ -438,20 +471,31 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
         history=state.history,
         timings=context.stages.seconds,
         notes=notes,
+        moments=_moments(bound),
+        ray=ray,
     )
 
 
-def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
+def _moments(bound: CertifiedBound) -> NDArray[np.float64] | None:
+    if bound.relaxation is None or bound.model.scaled is None:
+        return None
+    return first_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
+
+
+_Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
+
+
+def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
     if deadline.stopped:
         notes.append(INTERRUPTED)
-    status = Status.BOUNDED
+    status, ray = Status.BOUNDED, None
     if lower == np.inf:
         status = Status.INFEASIBLE
     elif context.closed(lower):
         status = Status.OPTIMAL
-    elif lower == -np.inf and _falls(context):
+    elif lower == -np.inf and (ray := _ray(context)) is not None:
         status = Status.UNBOUNDED
     elif deadline.stopped:
         status = Status.INTERRUPTED
@@ -460,13 +504,23 @@ def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
     elif lower == -np.inf:
         status, note = _unproved(context.problem, bound)
         notes += note
-    return status, tuple(notes)
+    return status, tuple(notes), ray
 
 
 def _falls(context: SolveContext) -> bool:
-    """Check for a proved ray along which the objective falls without limit."""
+    """Check for a proved ray from the attained point, without a search for its direction."""
     problem, best = context.problem, context.best
     return best is not None and not _closed_box(problem) and falling_ray(problem, best) is not None
+
+
+def _ray(context: SolveContext) -> NDArray[np.float64] | None:
+    """Find a direction along which the objective provably falls without limit."""
+    problem, best = context.problem, context.best
+    if best is None or _closed_box(problem):
+        return None
+    ray = falling_ray(problem, best)
+    direction = falling_direction(problem) if ray is None else None
+    return ray if direction is None else falling_ray(problem, best, direction)
 
 
 def _unproved(problem: Problem, bound: CertifiedBound) -> tuple[Status, list[str]]:

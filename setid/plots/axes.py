@@ -46,7 +46,7 @@ def over_time(data: IOData, count: int, height: float) -> tuple[NDArray[Any], ND
     axes = np.asarray(grid[:, 0])
     for axis in axes:
         axis.grid(alpha=0.3)
-    axes[-1].set_xlabel("time")
+    axes[-1].set_xlabel(f"time [{data.time_unit}]" if data.time_unit else "time")
     return axes, np.asarray((np.arange(data.samples) + data.record) * data.Ts, np.float64)
 
 

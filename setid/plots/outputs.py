@@ -36,7 +36,7 @@ def plot_output_band(band: OutputBand) -> NDArray[Any]:
         )
         ax.plot(time, band.nominal[:, i], color=colour, lw=1, label="nominal")
         ax.plot(time, data.y[:, i], ".", color=READING, ms=3, label="reading")
-        ax.set_ylabel(f"y{i + 1}")
+        ax.set_ylabel(data.output_labels[i])
     axes[0].legend(loc="best", ncols=4, fontsize="small")
     return axes
 
