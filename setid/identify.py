@@ -263,8 +263,7 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
     kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
     if len(kept) == len(formulation.priors):
         return _settle(formulation, task)
-    left = task.until - time.monotonic()
-    first = task if left == inf else replace(task, deadline=Deadline(max(_SHARE * left, 1e-3)))
+    first = replace(task, deadline=task.deadline.part(_SHARE))
     found = _settle(formulation, first)
     closed = not any(_is_open(item) for item in found.intervals.values())
     if closed or first.deadline.stopped:

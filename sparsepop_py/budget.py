@@ -171,6 +171,12 @@ class Deadline:
         pace = float(np.clip((now - self._begin) / used, 1.0, _MOST_PACE))
         return min(wall, now + pace * (cpu - now_cpu))
 
+    def part(self, share: float) -> Deadline:
+        """Return a deadline after a share of the time that is left, without limits of work."""
+        wall, cpu = self._ends(0.0)
+        left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
+        return Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
+
     @property
     def wall_end(self) -> float:
         """Moment on the monotonic clock when wall time is over, inf without such a limit."""

@@ -133,6 +133,7 @@ class Stages:
     def __init__(self, show: bool = False, on_progress: OnProgress | None = None) -> None:
         self.seconds: dict[str, float] = {}
         self.notes: list[str] = []
+        self.searched = 0.0  # CPU seconds, or work, of local searches so far
         self._line, self._on_progress = Line(show), on_progress
         self._number: int | None = None
         self._known, self._reported = (-float("inf"), float("inf")), -float("inf")
