@@ -25,6 +25,7 @@ from .io.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
+from .orders import compare_orders
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
 from .relaxation.assemble import assemble
@@ -63,6 +64,7 @@ __all__ = [
     "Switches",
     "Verdict",
     "assemble",
+    "compare_orders",
     "find_cliques",
     "from_json",
     "from_pyomo",
