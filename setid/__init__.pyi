@@ -20,9 +20,14 @@ from .bands.residuals import (
 )
 from .bands.responses import (
     FrequencyBand,
-    StepBand,
     frequency_band,
+)
+from .bands.steps import (
+    StepBand,
     step_band,
+)
+from .bands.verdicts import (
+    BandReport,
 )
 from .consistency import (
     Consistency,
@@ -55,6 +60,10 @@ from .export.python_control import (
     to_control,
 )
 from .feasible_points import estimators
+from .feasible_points.best import (
+    BestMember,
+    best,
+)
 from .feasible_points.centre import (
     Central,
     central,
@@ -178,13 +187,18 @@ from .simulation.simulate import (
     simulate,
     simulate_record,
 )
+from .study import (
+    Study,
+)
 from .verify import (
     verify,
 )
 
 __all__ = [
+    "BestMember",
     "BlockStructured",
     "Box",
+    "BandReport",
     "Central",
     "Comparison",
     "Consistency",
@@ -236,11 +250,13 @@ __all__ = [
     "StaticBand",
     "StaticMap",
     "StepBand",
+    "Study",
     "TransferFunction",
     "Verification",
     "Wiener",
     "Witness",
     "ZeroIn",
+    "best",
     "central",
     "compare",
     "consistency",

@@ -26,6 +26,7 @@ from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
+from setid.study import Study
 from sparsepop_py.cli import (
     EXIT_INPUT,
     EXIT_MISSING,
@@ -38,6 +39,7 @@ from sparsepop_py.cli import (
     run_commands,
     version,
 )
+from sparsepop_py.study.command import add_study
 
 __all__ = [
     "EXIT_EMPTY",
@@ -126,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(
                 "--verify", action="store_true", help="check every claim again, without any solver"
             )
+    add_study(commands, Study)
     return parser
 
 

@@ -25,6 +25,7 @@ from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
 from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
+from setid.html import listing, section, table
 from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.models.continuous import without_delta
@@ -119,6 +120,14 @@ class Consistency(NoiseScale):
             lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
         lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)
+        return section(
+            _MEANING[self.explains],
+            table(["", "proved", "attained"], [["factor on the noise bounds", low, high]]),
+            listing("taken for granted", self.assumptions),
+        )
 
     def __repr__(self) -> str:
         low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)

@@ -22,6 +22,7 @@ from setid.data.checks import entries_of, natural
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, SetidError
+from setid.html import listing, section, table
 from setid.identify import identify
 from setid.models.equations import Structure
 from setid.models.registry import family_of
@@ -109,6 +110,14 @@ class Selection:
         if self.chosen is None:
             lines.append("no structure with consistent parameters was found")
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        rows = [(s.order, s.degree, s.decision, s.reason) for s in self.steps]
+        return section(
+            repr(self)[1:-1],
+            table(["order", "degree", "decision", "reason"], rows),
+            listing("coefficients", (f"{n}: {text}" for n, text in self.coefficients.items())),
+        )
 
     def __repr__(self) -> str:
         if self.chosen is None:

@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""Command line: ``sparsepop solve FILE``, ``sparsepop orders FILE``, ``sparsepop info FILE``."""
+"""Command line: ``sparsepop solve FILE``, ``orders``, ``info``, ``study`` and ``verify``."""
 
 from __future__ import annotations
 
@@ -23,11 +23,16 @@ from sparsepop_py.options import Options
 from sparsepop_py.orders import compare_orders
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
+from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.relaxation.moment import relax
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solvers import solver_names
 from sparsepop_py.sparsity.correlative import find_cliques
+from sparsepop_py.study.command import add_study
+from sparsepop_py.study.problems import Study
 from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verify_command import add_verify
 
 __all__ = [
     "EXIT_INPUT",
@@ -57,6 +62,7 @@ _CODES = """exit codes:
   2  the input is wrong (the message is on standard error)
   3  software is missing (the message says what to install)
 """
+AnyResult = Result | RationalResult
 _PROVED = (Status.OPTIMAL, Status.INFEASIBLE, Status.UNBOUNDED)
 
 
@@ -172,6 +178,8 @@ def _parser() -> argparse.ArgumentParser:
             _add_solve_options(command)
         elif run is _orders:
             _add_orders_options(command)
+    add_verify(commands)
+    _add_problem_files(add_study(commands, Study))
     return parser
 
 
@@ -190,6 +198,33 @@ def _add_orders_options(command: argparse.ArgumentParser) -> None:
         "--both", action="store_true", help="cliques of the problem, and one of all variables"
     )
     _add_outputs(command)
+
+
+def _add_problem_files(command: argparse.ArgumentParser) -> None:
+    """Let a study take files x orders as its tasks before it runs."""
+    command.add_argument("files", metavar="FILE", nargs="*", help="problems to add before it runs")
+    command.add_argument("--orders", type=int, nargs="+", metavar="D", help="of each file")
+    command.add_argument("--auto", action="store_true", help="effort auto, without clocks")
+    command.add_argument("--time-limit", type=float, metavar="S", help="seconds for each problem")
+    command.set_defaults(prepare=_add_files)
+
+
+def _add_files(study: Study, arguments: argparse.Namespace) -> None:
+    for path in arguments.files:
+        problem = read(path)
+        if not isinstance(problem, Problem):
+            raise ProblemError(f"{path}: found ratios, expected polynomials in a study")
+        for order in arguments.orders or [None]:
+            options = Options(
+                order=order,
+                effort="auto" if arguments.auto else "presolve",
+                time_limit=arguments.time_limit,
+            )
+            tags: dict[str, str | int] = {"file": path}
+            if order is not None:
+                tags["order"] = order
+            name = path if order is None else f"{path} order {order}"
+            study.add(name, problem, options, tags=tags)
 
 
 def _add_solve_options(command: argparse.ArgumentParser) -> None:
@@ -302,7 +337,7 @@ def check_picture(path: str) -> None:
         raise ProblemError(f"--plot: found {path!r}, expected a file that ends in one of {endings}")
 
 
-def _problem(arguments: argparse.Namespace) -> Problem:
+def _problem(arguments: argparse.Namespace) -> Problem | RationalProblem:
     """Read the file that was named, or standard input."""
     if arguments.file is None and getattr(arguments, "json", None) not in (None, "-"):
         arguments.file, arguments.json = arguments.json, "-"  # solve --json FILE
@@ -318,6 +353,8 @@ def _problem(arguments: argparse.Namespace) -> Problem:
 def _solve(arguments: argparse.Namespace) -> int:
     problem = _problem(arguments)
     check_outputs(arguments)
+    if arguments.plot and isinstance(problem, RationalProblem):
+        raise ProblemError("--plot: found a problem with ratios, expected a polynomial one")
     options = Options(
         order=arguments.order,
         effort="plain" if arguments.plain else "auto" if arguments.auto else "presolve",
@@ -329,24 +366,25 @@ def _solve(arguments: argparse.Namespace) -> int:
     result = solve(problem, options)
     record = _record(arguments.file, result) if arguments.json else None
     print_or_write(arguments.json, record, _text(arguments.file, result))
-    if arguments.plot:
+    if arguments.plot and isinstance(result, Result):
         plots.save_plot(result, arguments.plot)
     return EXIT_PROVED if result.status in _PROVED else EXIT_OPEN
 
 
-def _interval(result: Result) -> tuple[float, float]:
+def _interval(result: AnyResult) -> tuple[float, float]:
     """Return the interval of the optimal value, in the sense of the file."""
     low, high = result.lower_bound, result.upper_bound
     return (-high, -low) if result.problem.sense == "max" else (low, high)
 
 
-def _text(path: str, result: Result) -> str:
+def _text(path: str, result: AnyResult) -> str:
     maximise = result.problem.sense == "max"
     low, high = _interval(result)
     words = ("attained", "proved") if maximise else ("proved", "attained")
+    sizes = repr(result.problem).partition(" ")[2][:-1]
     lines = [
-        f"{path}: {repr(result.problem)[10:-1]}, {'maximise' if maximise else 'minimise'}",
-        f"status        {result.status}: {result.status.message}",
+        f"{path}: {sizes}, {'maximise' if maximise else 'minimise'}",
+        f"status        {result.status}: {result.message}",
     ]
     if result.status is not Status.INFEASIBLE:
         lines += [
@@ -366,7 +404,7 @@ def _how(value: float, word: str) -> str:
     return word if math.isfinite(value) else f"nothing {word}"
 
 
-def _point(result: Result) -> list[str]:
+def _point(result: AnyResult) -> list[str]:
     if result.x is None:
         return []
     pairs = zip(result.problem.names, result.x.tolist(), strict=True)
@@ -390,10 +428,16 @@ def json_number(value: float) -> float | str | None:
     return value if math.isfinite(value) else str(value)
 
 
-def _record(path: str, result: Result) -> dict[str, Any]:
+def _verify(result: AnyResult) -> bool:
+    if isinstance(result, RationalResult):
+        return result.certificate.verify(result.problem).ok
+    return result.certificate is not None and result.certificate.verify(result.problem).ok
+
+
+def _record(path: str, result: AnyResult) -> dict[str, Any]:
     problem, relaxation = result.problem, result.relaxation
     low, high = _interval(result)
-    verified = result.certificate is not None and bool(result.certificate.verify(problem).ok)
+    verified = _verify(result)
     sizes: dict[str, Any] = {
         "variables": problem.dimension,
         "constraints": len(problem.constraints),
@@ -411,7 +455,7 @@ def _record(path: str, result: Result) -> dict[str, Any]:
         "file": path,
         "sense": problem.sense,
         "status": str(result.status),
-        "message": result.status.message,
+        "message": result.message,
         "lower_bound": json_number(low),
         "upper_bound": json_number(high),
         "gap": json_number(result.gap),
@@ -432,6 +476,8 @@ def _record(path: str, result: Result) -> dict[str, Any]:
 def _orders(arguments: argparse.Namespace) -> int:
     problem = _problem(arguments)
     check_outputs(arguments)
+    if isinstance(problem, RationalProblem):
+        raise ProblemError(f"{arguments.file}: found ratios, expected polynomials in orders")
     cliques = ("sparse", "dense") if arguments.both else ("dense",) if arguments.dense else ()
     compared = compare_orders(
         problem,
@@ -457,6 +503,11 @@ def _orders(arguments: argparse.Namespace) -> int:
 
 def _info(arguments: argparse.Namespace) -> int:
     problem = _problem(arguments)
+    if isinstance(problem, RationalProblem):
+        print(f"{arguments.file}: {repr(problem)[1:-1]}")
+        for denominator in problem.denominators:
+            print(f"denominator   {denominator}")
+        return EXIT_PROVED
     options = Options(order=arguments.order, sparse=not arguments.dense)
     cliques = find_cliques(problem, sparse=options.sparse)
     print(f"{arguments.file}: {repr(problem)[10:-1]}")

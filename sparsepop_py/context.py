@@ -53,6 +53,15 @@ class SolveContext:
     below: bool = False
     aim: float | None = None
 
+    def report(self, lower: float) -> None:
+        """Report a proved lower bound, with the attained value, to whoever watches."""
+        self.stages.bounds(lower, self.upper)
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences for the user that stages left on the way."""
+        return self.stages.notes
+
     @property
     def upper(self) -> float:
         """The attained value of the incumbent, +inf without one."""

@@ -23,6 +23,7 @@ from sparsepop_py.io.qplib import read_qplib
 from sparsepop_py.io.scip_ import read_by_scip
 from sparsepop_py.io.text import parse
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.registry import Registry
 
 __all__ = ["FORMATS", "Format", "read", "read_stream", "write"]
@@ -44,10 +45,10 @@ class Format:
     """
 
     read: Callable[[Any], Any]
-    write: Callable[[Problem, Any], None] | None = None
+    write: Callable[[Any, Any], None] | None = None
 
 
-def _read_text(path: PathLike) -> Problem:
+def _read_text(path: PathLike) -> Problem | RationalProblem:
     text = read_text(path)
     try:
         return parse(text)
@@ -73,7 +74,7 @@ FORMATS: Registry[Format] = Registry(
 )
 
 
-def read(path: PathLike) -> Problem:
+def read(path: PathLike) -> Problem | RationalProblem:
     """Read a problem from a file, in the format of its ending.
 
     Parameters
@@ -85,7 +86,7 @@ def read(path: PathLike) -> Problem:
 
     Returns
     -------
-    Problem
+    Problem or RationalProblem
         Of a file that holds a result, the problem in it.
 
     Raises
@@ -103,13 +104,14 @@ def read(path: PathLike) -> Problem:
     1
     """
     found = _format(path).read(path)
-    problem = found if isinstance(found, Problem) else getattr(found, "problem", None)
-    if not isinstance(problem, Problem):
+    kinds = (Problem, RationalProblem)
+    problem = found if isinstance(found, kinds) else getattr(found, "problem", None)
+    if not isinstance(problem, kinds):
         raise FormatError(f"{path}: found a {type(found).__name__}, expected a problem")
     return problem
 
 
-def read_stream(data: bytes, ending: str | None = None) -> Problem:
+def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalProblem:
     """Read a problem from the bytes of a file whose name is not known.
 
     Parameters
@@ -154,12 +156,12 @@ def _guessed(data: bytes) -> str:
     return ".gms" if gams and b".." in data else ".txt"
 
 
-def write(problem: Problem, path: PathLike) -> None:
+def write(problem: Problem | RationalProblem, path: PathLike) -> None:
     """Write a problem to a file, in the format of its ending.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or RationalProblem
     path : str or PathLike
         ``.gms``, ``.json`` or ``.mat``; the others of :func:`read` are only read.
 
@@ -178,7 +180,7 @@ def write(problem: Problem, path: PathLike) -> None:
     >>> sp.read("disc.gms").degree
     2
     """
-    if not isinstance(problem, Problem):
+    if not isinstance(problem, (Problem, RationalProblem)):
         raise ProblemError(f"write: found {type(problem).__name__}, expected a Problem")
     found = _format(path)
     if found.write is None:

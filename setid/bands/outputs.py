@@ -7,23 +7,26 @@ priors are falsified. *Sampled* bands are what members of the set reach.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.responses import Kind, nominal_outputs
-from setid.data.checks import frozen
+from setid.bands.enclosing import Accuracy, record_bands
+from setid.bands.verdicts import BandReport, Kind
+from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, SetidError
+from setid.errors import DataError, ModelError, SetidError
+from setid.feasible_points.best import best, fit, predicted, simulated, started
+from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
-from setid.proofs.enclosures import enclose
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -50,6 +53,10 @@ class OutputBand:
         Range of the models' outputs.
     reading_low, reading_high : (N, ny) float
         Where readings lie if the assumptions hold: noise and equation error included.
+    attained_low, attained_high : (N, ny) float or None
+        What members reach, up to rounding, beside a proved simulation; NaN where none is known.
+    reports : tuple of BandReport
+        Of a proved simulation, one an output.
 
     Examples
     --------
@@ -69,6 +76,23 @@ class OutputBand:
     high: Reals
     reading_low: Reals
     reading_high: Reals
+    attained_low: Reals | None = None
+    attained_high: Reals | None = None
+    reports: tuple[BandReport, ...] = ()
+
+    @property
+    def silent(self) -> NDArray[np.bool_]:
+        """Where the band says nothing, shape (N, ny).
+
+        There it is infinite, or holds every reading that the record has of that output: none of
+        them would lie outside.
+        """
+        with np.errstate(invalid="ignore"):
+            least = np.nanmin(self.data.y, axis=0, initial=np.inf)
+            most = np.nanmax(self.data.y, axis=0, initial=-np.inf)
+            holds_all = (self.reading_low <= least) & (self.reading_high >= most)
+        unknown = np.isinf(self.reading_low) | np.isinf(self.reading_high)
+        return np.asarray(holds_all | unknown, np.bool_)
 
     @property
     def outside(self) -> NDArray[np.int64]:
@@ -95,10 +119,16 @@ class Comparison:
     ----------
     names : tuple of str
     theta : (p,) float
-        The nominal model.
+        The nominal model: the member that is best for the mode on the identification record,
+        where one is known.
     fit : (ny,) float
         100 (1 - |y - yhat| / |y - mean y|), in per cent; 100 is perfect.
     band : OutputBand
+    fits : mapping of str to (ny,) float
+        The same of ``"best member"``, ``"centre"`` and ``"least squares"``, as far as they
+        exist; least squares is that of the identification record, whatever the noise bounds.
+    advice : str
+        For what an equation-error set is meant, where it is simulated; else empty.
 
     Examples
     --------
@@ -106,70 +136,59 @@ class Comparison:
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> setid.compare(result).theta.round(3)
-    array([-0.434,  2.013])
+    array([-0.49 ,  2.011])
     """
 
     names: tuple[str, ...]
     theta: Reals
     fit: Reals
     band: OutputBand
+    fits: Mapping[str, Reals] = field(default_factory=dict)
+    advice: str = ""
 
     def summary(self) -> str:
         """A few lines for people."""
         band, finite = self.band, np.isfinite(self.band.high - self.band.low)
-        shown = ", ".join(f"{value:.1f} %" for value in self.fit)
-        lines = [f"fit of the nominal model ({band.mode})  {shown}"]
+        lines = [f"fit of the nominal model ({band.mode})  {_per_cent(self.fit)}"]
+        lines += [f"fit of {name}  {_per_cent(values)}" for name, values in self.fits.items()]
         if np.any(finite):
             width = float(np.mean((band.high - band.low)[finite]))
             lines.append(f"mean width of the {band.kind} band of models  {width:.4g}")
         else:
             lines.append(f"the {band.kind} band of models is infinite: nothing is proved")
+        many = len(band.reports) > 1
+        for place, report in enumerate(band.reports, 1):
+            lines.append(f"y{place}: {report.text}" if many else report.text)
+        lines += self._silence()
         outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
         lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
         if outside and band.kind == "proved":
-            sample, output = band.outside[0] + 1
+            sample, output = band.outside[0]
             lines.append(
-                f"the assumptions are falsified for this record, first by y{output} at sample "
+                "the assumptions are falsified for this record, first by "
+                f"{band.data.output_names[output]} at sample "
                 f"{sample}: larger noise bounds, a higher order or another structure is needed"
             )
+        lines += [self.advice] if self.advice else []
         return "\n".join(lines)
+
+    def _silence(self) -> list[str]:
+        """A line for samples at which the band is no test."""
+        band = self.band
+        tested = ~np.isnan(band.data.y) & ~np.isnan(band.reading_low)
+        silent, count = int(np.sum(band.silent & tested)), int(np.sum(tested))
+        if not silent:
+            return []
+        return [
+            f"the band says nothing at {silent} of {count} samples: it is infinite there, or every "
+            "reading of the record would lie in it"
+        ]
 
     def plot(self) -> NDArray[Any]:
         """Draw the band with the fit in the title; returns the axes."""
         from setid.plots.outputs import plot_comparison
 
         return plot_comparison(self)
-
-
-def fit(measured: Reals, modelled: Reals) -> Reals:
-    """100 (1 - |e| / |y - mean y|) for each output, over samples where both are there.
-
-    Parameters
-    ----------
-    measured, modelled : (N, ny) float
-
-    Returns
-    -------
-    (ny,) float
-        -inf where the modelled output is not finite or the readings never change.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from setid.bands.outputs import fit
-    >>> fit(np.array([[0.0], [1.0], [2.0]]), np.array([[0.0], [1.0], [1.0]])).round(2)
-    array([29.29])
-    """
-    found = np.full(measured.shape[1], -np.inf)
-    for i, (y, v) in enumerate(zip(measured.T, modelled.T, strict=True)):
-        known = ~np.isnan(y) & ~np.isnan(v)
-        if not np.any(known):
-            continue
-        size = float(np.linalg.norm(y[known] - y[known].mean()))
-        error = float(np.linalg.norm(y[known] - v[known]))
-        if size > 0 and np.isfinite(error):
-            found[i] = 100.0 * (1.0 - error / size)
-    return found
 
 
 def simulate_band(
@@ -179,6 +198,8 @@ def simulate_band(
     noise: Noise | None = None,
     samples: int = 30,
     seed: int = 0,
+    tolerance: float = 0.1,
+    time_limit: float = 20.0,
 ) -> OutputBand:
     """Outputs of the models for the inputs of a record.
 
@@ -195,6 +216,11 @@ def simulate_band(
         Of this record; that of the identification when left out.
     samples, seed : int
         Mixtures of attained members, for sampled bands.
+    tolerance : float
+        Share of the attained width by which a proved band of models may reach beyond it on each
+        side.
+    time_limit : float
+        Seconds in which that is tried.
 
     Returns
     -------
@@ -215,19 +241,24 @@ def simulate_band(
     ('proved', True)
     """
     record, bounds = _record(result, data, noise)
-    model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
-    eta = bounds[0]
+    model, theta, eta = result.formulation.model, nominal(result), bounds[0]
     if kind in (None, "proved"):
         try:
-            rest = model.initial == "zero"
-            around = nominal_outputs(model, theta, record, rest)
-            found = enclose(model, around, cover, record, bounds, rest)
-            fields = ("nominal", "low", "high", "driven_low", "driven_high")
-            columns = [np.stack([getattr(e, f) for e in found], axis=1) for f in fields]
-            return _band("proved", "simulation", record, columns, eta)
+            accuracy = Accuracy(tolerance, time_limit, samples)
+            bands = record_bands(result, record, bounds, model.initial == "zero", accuracy)
         except SetidError:
             if kind == "proved":
                 raise
+        else:
+            ranges = [np.stack(x, axis=1) for x in zip(*[b.ranges[:4] for b in bands], strict=True)]
+            attained = [
+                np.stack(x, axis=1) for x in zip(*[(b.low, b.high) for b in bands], strict=True)
+            ]
+            columns = [run(model, theta, record), *ranges]
+            band = _band("proved", "simulation", record, columns, eta)
+            low, high = (frozen(x) for x in attained)
+            reports = tuple(b.report for b in bands)
+            return replace(band, attained_low=low, attained_high=high, reports=reports)
     if kind not in (None, "sampled"):
         raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
     thetas = np.vstack([theta, members(result, samples, seed)])
@@ -288,7 +319,8 @@ def predict(
     found = [np.full(record.y.shape, np.nan) for _ in columns]
     for target, values in zip(found, columns, strict=True):
         target[place] = values
-    return OutputBand("proved", "prediction", record, *(frozen(x) for x in found))
+    middle, a, b, c, d = (frozen(x) for x in found)
+    return OutputBand("proved", "prediction", record, middle, a, b, c, d)
 
 
 def compare(
@@ -324,7 +356,7 @@ def compare(
     >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> found = setid.compare(result)
     >>> found.fit.round(1), len(found.band.outside)
-    (array([90.4]), 0)
+    (array([92.2]), 0)
     """
     if mode == "simulation":
         band = simulate_band(result, validation, kind, noise)
@@ -332,12 +364,56 @@ def compare(
         band = predict(result, validation, noise)
     else:
         raise SetidError(f"mode: found {mode!r}, expected 'simulation' or 'prediction'")
-    model, data = result.formulation.model, band.data
-    started = np.zeros(data.samples, bool)
-    if mode == "simulation" and model.initial == "free" and model.regression():
-        started = np.arange(data.samples) - data.first < max(e.lag for e in model.regression())
-    modelled = np.where(started[:, None], np.nan, band.nominal)
-    return Comparison(result.formulation.parameters, nominal(result), fit(data.y, modelled), band)
+    candidates = _candidates(result, mode)
+    model, outputs_of = result.formulation.model, simulated if mode == "simulation" else predicted
+    outputs = {name: outputs_of(model, t, band.data) for name, t in candidates.items()}
+    fits = {name: frozen(fit(band.data.y, values)) for name, values in outputs.items()}
+    chosen = next(iter(candidates))
+    if chosen == "best member":
+        begun = started(model, band.data)[:, None] & (mode == "simulation")
+        band = replace(band, nominal=frozen(np.where(begun, band.nominal, outputs[chosen])))
+    return Comparison(
+        names=result.formulation.parameters,
+        theta=frozen(candidates[chosen].copy()),
+        fit=fits[chosen],
+        band=band,
+        fits=FrozenMapping(fits),
+        advice=_ONE_STEP if mode == "simulation" and _equation_errors_alone(result) else "",
+    )
+
+
+_ONE_STEP = (
+    "the noise bounds are those of equation errors: they limit one-step errors, so that the set is "
+    "meant for prediction; for simulation take result.best('simulation'), or bounds of the "
+    "sensors (output=, input=)"
+)
+
+
+def _per_cent(values: Reals) -> str:
+    return ", ".join(f"{value:.1f} %" for value in values)
+
+
+def _candidates(result: FeasibleSet, mode: Mode) -> dict[str, Reals]:
+    """Parameter vectors whose fits are compared, the nominal one first."""
+    found: dict[str, Reals] = {}
+    try:
+        found["best member"] = best(result, mode).theta
+    except (ModelError, SetidError):  # no member is known, or readings to start from are missing
+        pass
+    found["centre"] = nominal(result) if result.middle is None else result.middle
+    try:
+        found["least squares"] = least_squares(
+            result.formulation.data, result.formulation.model
+        ).theta
+    except (ModelError, DataError):
+        pass
+    return found
+
+
+def _equation_errors_alone(result: FeasibleSet) -> bool:
+    """Tell whether noise acts within the equations and on no sensor."""
+    eta, xi, e = result.formulation.noise.bounds(result.formulation.data)
+    return bool(np.any(e > 0) and not np.any(eta > 0) and not np.any(xi > 0))
 
 
 def _record(
@@ -356,6 +432,7 @@ def _record(
 
 
 def _band(kind: Kind, mode: Mode, record: IOData, columns: list[Reals], eta: Reals) -> OutputBand:
-    nominal_, low, high, driven_low, driven_high = columns
-    reading = np.nextafter(driven_low - eta, -np.inf), np.nextafter(driven_high + eta, np.inf)
-    return OutputBand(kind, mode, record, *(frozen(x) for x in (nominal_, low, high, *reading)))
+    middle, low, high, driven_low, driven_high = (frozen(x) for x in columns)
+    least = frozen(np.nextafter(driven_low - eta, -np.inf))
+    most = frozen(np.nextafter(driven_high + eta, np.inf))
+    return OutputBand(kind, mode, record, middle, low, high, least, most)

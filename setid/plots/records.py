@@ -32,13 +32,13 @@ def plot_record(data: IOData) -> NDArray[Any]:
     SolverNotFound
         If matplotlib is missing; the message says how to install it.
     """
-    channels = [(f"y{i + 1}", column) for i, column in enumerate(data.y.T)]
-    channels += [(f"u{i + 1}", column) for i, column in enumerate(data.u.T)]
+    names = (*data.output_labels, *data.input_labels)
+    channels = list(zip(names, [*data.y.T, *data.u.T], strict=True))
     axes, time = over_time(data, len(channels), 1.6)
-    for axis, (name, values) in zip(axes, channels, strict=True):
+    for place, (axis, (name, values)) in enumerate(zip(axes, channels, strict=True)):
         for record in range(data.records):
             part = data.record == record
-            style = "steps-post" if name.startswith("u") else "default"
+            style = "steps-post" if place >= data.outputs else "default"
             axis.plot(time[part], values[part], drawstyle=style, color=f"C{record}", lw=1)
         axis.set_ylabel(name)
     return axes

@@ -9,9 +9,9 @@ duality makes of them, every rounding error included.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,20 @@ import sparsepop_py as sp
 from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 
-__all__ = ["Cover", "Multipliers", "box_ranges", "cover", "supports"]
+__all__ = [
+    "Cover",
+    "HalfSpaces",
+    "Multipliers",
+    "Proposal",
+    "box_ranges",
+    "cover",
+    "safe_maxima",
+    "supports",
+]
 
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
+_TINY = 1e-300  # more than all products that underflow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,11 +78,49 @@ class Cover:
         return np.nextafter(ends, np.inf)
 
 
+class HalfSpaces(Protocol):
+    """A box and rows ``matrix @ x <= right``: a :class:`Cover`, or a polytope of another room."""
+
+    @property
+    def lower(self) -> Reals:
+        """Lower ends (p,)."""
+
+    @property
+    def upper(self) -> Reals:
+        """Upper ends (p,)."""
+
+    @property
+    def matrix(self) -> Reals:
+        """Rows (m, p)."""
+
+    @property
+    def right(self) -> Reals:
+        """Right sides (m,)."""
+
+
+class Proposal(NamedTuple):
+    """Multipliers for some of the directions that were asked.
+
+    Parameters
+    ----------
+    places : (k,) int
+        Which directions.
+    rows : (r,) int
+        Rows of the half spaces that are used.
+    weights : (k, r) float
+        Their multipliers; negative ones and those that are not finite are left out.
+    """
+
+    places: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    weights: Reals
+
+
 class Multipliers(Protocol):
     """Whatever proposes multipliers of the rows of a cover; nothing is asked of their quality."""
 
-    def multipliers(self, direction: Reals) -> Reals:
-        """Multipliers (m,) for the largest value of direction'theta."""
+    def multipliers(self, directions: Reals) -> Iterable[Proposal]:
+        """Multipliers for the largest values of directions (K, p) times theta."""
         ...
 
 
@@ -128,12 +176,13 @@ def supports(
     usable = np.all(np.isfinite(cover.lower) & np.isfinite(cover.upper)) and cover.right.size
     if not usable:
         return ranges
-    source = proposer(cover)
-    for k, direction in enumerate(wanted):
-        if np.any(direction) and ranges[k, 1] > ranges[k, 0]:
-            high = _safe_maximum(cover, direction, source.multipliers(direction))
-            low = -_safe_maximum(cover, -direction, source.multipliers(-direction))
-            ranges[k] = max(ranges[k, 0], low), min(ranges[k, 1], high)
+    wide = np.flatnonzero(np.any(wanted != 0.0, axis=1) & (ranges[:, 1] > ranges[:, 0]))
+    both = np.concatenate([wanted[wide], -wanted[wide]])
+    most = np.full(len(both), np.inf)
+    for places, rows, weights in proposer(cover).multipliers(both):
+        most[places] = np.fmin(most[places], safe_maxima(cover, both[places], rows, weights))
+    ranges[wide, 0] = np.maximum(ranges[wide, 0], -most[wide.size :])
+    ranges[wide, 1] = np.minimum(ranges[wide, 1], most[: wide.size])
     return ranges
 
 
@@ -216,14 +265,38 @@ def _binding(matrix: Reals, right: Reals, lower: Reals, upper: Reals) -> tuple[R
 # ---- bounds -----------------------------------------------------------------------------
 
 
-def _safe_maximum(cover: Cover, direction: Reals, multipliers: Reals) -> float:
-    """Upper bound of direction'theta from any multipliers, rounding included; NaN says nothing."""
-    used = (multipliers > 0) & np.isfinite(multipliers)
-    weight, matrix, right = multipliers[used], cover.matrix[used], cover.right[used]
-    unit = 4 * (weight.size + direction.size + 4) * _EPS
-    rest = direction - weight @ matrix
-    doubt = unit * (np.abs(direction) + weight @ np.abs(matrix))
-    over_box = np.maximum(rest * cover.lower, rest * cover.upper)
-    size = cover.magnitude
-    slack = unit * (weight @ np.abs(right) + np.abs(rest) @ size) + doubt @ size
-    return float((weight @ right + over_box.sum() + slack) * 1.0 + unit * np.abs(slack))
+def safe_maxima(
+    spaces: HalfSpaces, directions: Reals, rows: NDArray[np.int64], weights: Reals
+) -> Reals:
+    """Bound linear functions from above by any multipliers, rounding included.
+
+    Parameters
+    ----------
+    spaces : HalfSpaces
+        With a finite box.
+    directions : (K, p) float
+    rows : (r,) int
+        Rows that are used.
+    weights : (K, r) float
+        Multipliers; negative ones and those that are not finite are left out.
+
+    Returns
+    -------
+    (K,) float
+        Upper bounds of directions times x; NaN says nothing. One below 0 for the direction 0
+        proves that there is no point.
+
+    References
+    ----------
+    A. Neumaier, O. Shcherbina, "Safe bounds in linear and mixed-integer linear
+    programming", Mathematical Programming 99 (2004) 283-296, section 2.
+    """
+    use = np.where((weights > 0) & np.isfinite(weights), weights, 0.0)
+    matrix, right = spaces.matrix[rows], spaces.right[rows]
+    size = np.maximum(np.abs(spaces.lower), np.abs(spaces.upper))
+    unit = 4 * (rows.size + size.size + 8) * _EPS
+    rest = directions - use @ matrix
+    over_box = np.maximum(rest * spaces.lower, rest * spaces.upper).sum(axis=1)
+    doubt = np.abs(directions) + use @ np.abs(matrix)
+    slack = unit * (use @ np.abs(right) + (np.abs(rest) + doubt) @ size) + _TINY
+    return np.asarray(use @ right + over_box + slack, np.float64)

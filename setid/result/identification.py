@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from setid.bands.outputs import Comparison, Mode, OutputBand
     from setid.bands.responses import Kind
     from setid.export.python_control import ControlModels
+    from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
 
@@ -78,6 +79,8 @@ class Identification(FeasibleSet):
         For a structure without a normalisation: the result with the one that was used.
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
+    fewer_priors : Identification, optional
+        The result without priors that have unknowns of their own, where these intervals use it.
 
     Examples
     --------
@@ -102,6 +105,7 @@ class Identification(FeasibleSet):
     unbounded: Unbounded | None = None
     reference: Identification | None = None
     nonzero: Nonzero | None = None
+    fewer_priors: Identification | None = None
 
     @property
     def status(self) -> IntervalStatus:
@@ -122,6 +126,7 @@ class Identification(FeasibleSet):
             unbounded=self.unbounded,
             reference=None if self.reference is None else self.reference.evidence,
             nonzero=self.nonzero,
+            fewer_priors=None if self.fewer_priors is None else self.fewer_priors.evidence,
         )
 
     # ---- texts --------------------------------------------------------------------------
@@ -137,6 +142,11 @@ class Identification(FeasibleSet):
         from setid.result.reports import Remarks, summary
 
         return summary(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+
+    def _repr_html_(self) -> str:
+        from setid.result.reports import Remarks, html
+
+        return html(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
 
     def binding(self) -> tuple[tuple[int, int, int], ...]:
         """Samples whose noise is at its bound where ends of intervals are attained.
@@ -165,6 +175,69 @@ class Identification(FeasibleSet):
         """
         return verify(self.evidence, data)
 
+    # ---- files and tables ---------------------------------------------------------------
+
+    def to_json(self) -> str:
+        """Write the result with its evidence as JSON text.
+
+        Returns
+        -------
+        str
+            What :meth:`from_json` reads.
+
+        Raises
+        ------
+        SetidError
+            If structure, noise or priors hold functions, which have no text.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> setid.Identification.from_json(result.to_json()).intervals["a1"]
+        a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+        """
+        from setid.result.json_ import to_json
+
+        return to_json(self)
+
+    @classmethod
+    def from_json(cls, text: str) -> Identification:
+        """Read a result and verify every claim of it; no solver is run.
+
+        Parameters
+        ----------
+        text : str
+            As :meth:`to_json` makes it.
+
+        Raises
+        ------
+        SetidError
+            If the text is no result, or a claim in it does not follow from the record in it.
+        """
+        from setid.result.json_ import from_json
+
+        return from_json(text)
+
+    def to_frame(self) -> Any:
+        """Intervals as a pandas DataFrame, one row a parameter.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns ``outer_low``, ``outer_high`` (proved), ``inner_low``, ``inner_high``
+            (attained, NaN where none is), ``width``, ``centre``, ``status``.
+
+        Raises
+        ------
+        SolverNotFound
+            If pandas is missing; the message says how to install it.
+        """
+        from setid.result.frames import to_frame
+
+        return to_frame(self)
+
     # ---- estimates ----------------------------------------------------------------------
 
     @property
@@ -192,6 +265,17 @@ class Identification(FeasibleSet):
         from setid.feasible_points.members import feasible
 
         return feasible(self)
+
+    def best(self, goal: Goal = "simulation") -> BestMember:
+        """A member that simulates or predicts the record best; see :func:`setid.best`.
+
+        Parameters
+        ----------
+        goal : {"simulation", "prediction"}
+        """
+        from setid.feasible_points.best import best
+
+        return best(self, goal)
 
     @property
     def projection(self) -> NDArray[np.float64]:
@@ -306,7 +390,7 @@ class Identification(FeasibleSet):
         output, input : int
             Channels, from 1.
         """
-        from setid.bands.responses import step_band
+        from setid.bands.steps import step_band
 
         return step_band(self, length, kind, output, input).plot()
 

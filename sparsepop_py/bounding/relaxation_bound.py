@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.budget import EARLY
 from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.context import SolveContext
 from sparsepop_py.options import Options
@@ -461,10 +462,10 @@ def _prove(context: SolveContext, model: Model) -> CertifiedBound:
             for relaxation in model.relaxations:
                 try:
                     box_bound = bound_box(context, model.box, model.scaled, relaxation, box_bound)
-                except KeyboardInterrupt:
+                except EARLY as cause:
                     if box_bound.solution is None:
                         raise
-                    context.deadline.stop()  # what is proved so far is kept
+                    context.deadline.ended(cause)  # what is proved so far is kept
                     break
                 used = relaxation
                 if context.closed(box_bound.proved.bound) or context.deadline.over:

@@ -39,6 +39,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
@@ -87,9 +88,17 @@ def read_input(
     if callable(first):
         return (lambda: _made(first(), getattr(first, "__name__", "a function"))), param
     if Path(first).suffix.lower() == ".gms":
-        return (lambda: Input(read_gms(first), str(first), None)), param
+        return (lambda: Input(_polynomial(read_gms(first)), str(first), None)), param
     function, arguments = _function(str(first))
     return (lambda: _made(function(*arguments), str(first))), param
+
+
+def _polynomial(problem: Problem | RationalProblem) -> Problem:
+    if isinstance(problem, RationalProblem):
+        raise ProblemError(
+            "sparsePOP: found a problem with ratios, expected polynomials: use sparsepop_py.solve"
+        )
+    return problem
 
 
 def _of_structs(given: tuple[Any, ...], source: str | None) -> Input:
@@ -358,7 +367,10 @@ def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint
     """
     options = result.options
     context = SolveContext(
-        problem, options, Stages(False), Deadline(options.time_limit, options.work_limit)
+        problem,
+        options,
+        Stages(False),
+        Deadline(options.time_limit, options.work_limit, options.cpu_limit),
     )
     best, _ = search_incumbent(problem, [] if result.x is None else [result.x], context)
     context = replace(context, best=best)

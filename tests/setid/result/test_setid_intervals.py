@@ -50,7 +50,10 @@ def test_the_progress_line_counts_settled_ends() -> None:
     assert progress.settled == 0
     progress.report(1, -1.0001, -1.0)
     assert progress.settled == 2
-    assert progress.line(1) == "[############............] 2/4 ends, a1 high: gap 5e-05"
+    assert (
+        progress.line(1)
+        == "[############............] 2/4 ends, a1 in [-1, 1.0001], high: gap 5e-05"
+    )
     progress.close()
 
 

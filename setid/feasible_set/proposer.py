@@ -1,0 +1,155 @@
+"""Multipliers for many directions over one polytope, from simplex bases that are kept.
+
+A basis that is optimal for one direction is optimal for every direction for which its multipliers
+are not negative. So few of many programs are solved, each from the basis of the one before, and all
+directions of a basis are served by one product of matrices. Nothing proved rests on any of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from setid.proofs.supports import HalfSpaces, Proposal
+from sparsepop_py.lp.highs import LinearModel
+
+__all__ = ["Proposer"]
+
+Reals = NDArray[np.float64]
+Rows = NDArray[np.int64]
+_LARGEST_CONDITION = 1e12  # of bases that are kept
+_KEPT = 400  # bases
+_NEAR = 1e-8  # of the box: how far beyond a row the vertex of a basis may lie
+_TINY = 1e-300
+_PRESOLVED = {"presolve": "on"}
+
+
+class Proposer:
+    """Source of multipliers for the rows of one polytope, by linear programs.
+
+    The polytope is taken in coordinates in which its box is [-1, 1] and its rows have norm 1.
+
+    Parameters
+    ----------
+    spaces : HalfSpaces
+        With a finite box.
+    seeds : sequence of (p,) int
+        Bases to begin with, such as those of a polytope with the same rows and other right sides;
+        see :attr:`bases`. Those whose vertex lies outside are left out.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from setid.feasible_set.proposer import Proposer
+    >>> from setid.proofs.supports import Cover
+    >>> ends, rows = (np.zeros(2), np.ones(2)), (np.array([[1.0, 1.0]]), np.ones(1))
+    >>> triangle = Cover(("x", "y"), *ends, *rows, True)
+    >>> [found] = Proposer(triangle).multipliers(np.array([[2.0, 1.0]]))
+    >>> found.rows.tolist(), found.weights.tolist()
+    ([0], [[1.0]])
+    """
+
+    def __init__(self, spaces: HalfSpaces, seeds: Sequence[Rows] = ()) -> None:
+        self._unit = np.maximum(spaces.upper / 2 - spaces.lower / 2, _TINY)
+        self._middle = np.asarray(spaces.lower / 2 + spaces.upper / 2, np.float64)
+        scaled = spaces.matrix * self._unit
+        self._norm = np.maximum(np.abs(scaled).max(axis=1, initial=0.0), _TINY)
+        self._table = scaled / self._norm[:, None]
+        self._room = (spaces.right - spaces.matrix @ self._middle) / self._norm
+        p = self._unit.size
+        eye = np.eye(p)
+        self._sides = np.concatenate([self._table, eye, -eye])
+        self._ends = np.concatenate([self._room, np.ones(2 * p)])
+        self._program: LinearModel | None = None
+        self._inverses: list[Reals] = []
+        self.bases: list[Rows] = []
+        """Rows of each basis: m rows, then p upper and p lower sides of the box."""
+        self.contradictory = False
+        """Whether a program has said that no point satisfies all rows."""
+        for rows in seeds:
+            self._keep(rows, check=True)
+
+    @property
+    def points(self) -> Reals:
+        """Vertices (M, p) on which the bases rest, in doubles."""
+        found = [inv @ self._ends[b] for b, inv in zip(self.bases, self._inverses, strict=True)]
+        return self._middle + self._unit * np.reshape(found, (-1, self._unit.size))
+
+    def multipliers(self, directions: Reals) -> Iterator[Proposal]:
+        """Multipliers for the largest values of directions (K, p) times x."""
+        goals = directions * self._unit
+        sizes = np.abs(goals).max(axis=1, initial=0.0)
+        open_ = (sizes > 0.0) & np.isfinite(sizes)
+        goals = goals / np.where(open_, sizes, 1.0)[:, None]
+        for place in range(len(self.bases)):
+            yield from self._served(place, goals, sizes, open_)
+        while np.any(open_) and self._norm.size and not self.contradictory:
+            first = int(np.flatnonzero(open_)[0])
+            if self._solved(goals[first]):
+                yield from self._served(len(self.bases) - 1, goals, sizes, open_, first)
+            open_[first] = False
+
+    def contradiction(self) -> Reals | None:
+        """Multipliers (m,) that a program proposes as proof that there is no point.
+
+        They are prices of the least t with matrix x - t <= right, in units of the box.
+        """
+        m, p = self._table.shape
+        table = sps.csr_array(np.column_stack([self._table, -np.ones(m)]))
+        ends = np.append(np.full(p, -1.0), 0.0), np.append(np.ones(p), np.inf)
+        model = LinearModel(table, (np.full(m, -np.inf), self._room), ends, _PRESOLVED)
+        found = model.solve(np.append(np.zeros(p), 1.0))
+        if found.status != "solved":
+            return None
+        return np.asarray(np.maximum(-found.dual, 0.0) / self._norm, np.float64)
+
+    # ---- bases --------------------------------------------------------------------------
+
+    def _served(
+        self, place: int, goals: Reals, sizes: Reals, open_: NDArray[np.bool_], sure: int = -1
+    ) -> Iterator[Proposal]:
+        """Multipliers for all open directions for which a basis is optimal."""
+        todo = np.flatnonzero(open_)
+        weights = goals[todo] @ self._inverses[place]
+        fits = weights.min(axis=1, initial=0.0) >= -1e-11 * np.abs(weights).max(axis=1, initial=0.0)
+        fits |= todo == sure
+        todo, weights = todo[fits], weights[fits]
+        if todo.size:
+            open_[todo] = False
+            rows = self.bases[place]
+            mine = rows < self._norm.size  # the box takes what its sides leave
+            norm = self._norm[rows[mine]]
+            yield Proposal(todo, rows[mine], weights[:, mine] * sizes[todo][:, None] / norm)
+
+    def _solved(self, goal: Reals) -> bool:
+        """Solve for one direction; whether that added a basis."""
+        if self._program is None:
+            m, p = self._table.shape
+            sides = np.full(p, -1.0), np.full(p, 1.0)
+            below = np.full(m, -np.inf), self._room
+            self._program = LinearModel(sps.csr_array(self._table), below, sides)
+        found = self._program.solve(-goal)
+        if found.status != "solved":
+            self.contradictory = found.status == "infeasible"
+            return False
+        rows, columns = self._program.active()
+        m, p = self._table.shape
+        upper = found.x[columns] > 0.0
+        return self._keep(np.concatenate([rows, m + columns + np.where(upper, 0, p)]))
+
+    def _keep(self, rows: Rows, check: bool = False) -> bool:
+        """Add a basis; False where it is none or its vertex is to be looked at and is outside."""
+        block = self._sides[rows]
+        if rows.size != self._unit.size or not np.linalg.cond(block) < _LARGEST_CONDITION:
+            return False
+        inverse = np.linalg.inv(block)
+        if check and np.any(self._sides @ (inverse @ self._ends[rows]) > self._ends + _NEAR):
+            return False
+        if len(self.bases) >= _KEPT:
+            del self.bases[0], self._inverses[0]
+        self.bases.append(rows)
+        self._inverses.append(inverse)
+        return True
