@@ -27,6 +27,7 @@ from .io.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
+from .orders import compare_orders
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
 from .problem.rational_problem import RationalProblem
@@ -81,6 +82,7 @@ __all__ = [
     "Table",
     "Verdict",
     "assemble",
+    "compare_orders",
     "find_cliques",
     "from_json",
     "from_pyomo",

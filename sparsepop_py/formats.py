@@ -6,8 +6,11 @@ To add a format, write a file with a :class:`Format` and enter it in ``FORMATS``
 from __future__ import annotations
 
 import os
+import re
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from sparsepop_py.compat.mat import read_mat, write_mat
@@ -23,7 +26,7 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.registry import Registry
 
-__all__ = ["FORMATS", "Format", "read", "write"]
+__all__ = ["FORMATS", "Format", "read", "read_stream", "write"]
 
 PathLike = str | os.PathLike[str]
 
@@ -106,6 +109,51 @@ def read(path: PathLike) -> Problem | RationalProblem:
     if not isinstance(problem, kinds):
         raise FormatError(f"{path}: found a {type(found).__name__}, expected a problem")
     return problem
+
+
+def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalProblem:
+    """Read a problem from the bytes of a file whose name is not known.
+
+    Parameters
+    ----------
+    data : bytes
+    ending : str, optional
+        Such as ``.gms``; found from the content when left out: ``.json``, ``.mat``, ``.gms`` or
+        ``.txt``.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    FormatError
+        As :func:`read`; messages say ``<stdin>`` in place of the path.
+
+    Examples
+    --------
+    >>> print(read_stream(b"min x1^2; s.t. x1 >= 1"))
+    min x1^2
+      s.t. -1 + x1 >= 0
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"input{ending or _guessed(data)}")
+        path.write_bytes(data)
+        try:
+            return read(path)
+        except FormatError as error:
+            raise FormatError(str(error).replace(str(path), "<stdin>")) from None
+
+
+def _guessed(data: bytes) -> str:
+    """Guess the ending of a file from its content."""
+    start = data[:400].lstrip(b"\xef\xbb\xbf \t\r\n")
+    if start.startswith(b"{"):
+        return ".json"
+    if start.startswith((b"MATLAB", b"\x89HDF")) or b"\x00" in start:
+        return ".mat"
+    gams = re.search(rb"^\s*([a-z]+\s+)?(variables?|equations?|binaries)\b", data, re.I | re.M)
+    return ".gms" if gams and b".." in data else ".txt"
 
 
 def write(problem: Problem | RationalProblem, path: PathLike) -> None:

@@ -17,6 +17,7 @@ from sparsepop_py.algebra.polynomial import Constraint, Polynomial, total, varia
 from sparsepop_py.errors import ProblemError, SolverNotFound
 from sparsepop_py.io.integers import problem_with_integers
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 
 __all__ = ["PyomoModel", "from_pyomo", "read_pyomo", "require_pyomo"]
 
@@ -44,31 +45,31 @@ class PyomoModel:
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or RationalProblem
         With further variables, after those of the model, for the bits of integers.
     variables : tuple of pyomo VarData
         Those that are not fixed and occur in an active constraint or the objective, in the order
         in which the model declares them; variable i of ``problem`` is ``variables[i]``.
     """
 
-    problem: Problem
+    problem: Problem | RationalProblem
     variables: tuple[Any, ...]
 
 
-def from_pyomo(model: Any) -> Problem:
+def from_pyomo(model: Any) -> Problem | RationalProblem:
     """Convert a concrete Pyomo model to a problem.
 
     Parameters
     ----------
     model : pyomo.environ.ConcreteModel or Block
         Active objective (at most one; none asks for a feasible point) and active constraints,
-        polynomial in the variables. Fixed variables and parameters stand for their values.
-        Binary variables b add ``b^2 - b == 0``. Integers with two bounds are lower bound plus a
+        polynomials in the variables or ratios of them. Fixed variables and parameters stand for
+        their values. Binary variables b add ``b^2 - b == 0``. Integers with two bounds are lower bound plus a
         sum of bits, which are further variables.
 
     Returns
     -------
-    Problem
+    Problem or RationalProblem
         In the variables that occur, by their Pyomo names, as the model declares them. A
         maximisation is stored negated, with ``sense="max"``.
 
@@ -114,8 +115,22 @@ def read_pyomo(model: Any) -> PyomoModel:
     high = [_bound(variable, variable.ub, math.inf) for variable in used]
     whole = [v for v, variable in enumerate(used) if variable.is_integer()]
     names = [variable.name for variable in used]
-    problem = problem_with_integers(cost, constraints, (low, high), names, whole, sense)
-    return PyomoModel(problem, tuple(used))
+    if all(isinstance(item, (Polynomial, Constraint)) for item in (cost, *constraints)):
+        problem = problem_with_integers(cost, constraints, (low, high), names, whole, sense)
+        return PyomoModel(problem, tuple(used))
+    binaries = list(_binaries(used, x, whole))
+    rational = RationalProblem(cost, [*constraints, *binaries], low, high, names, sense)
+    return PyomoModel(rational, tuple(used))
+
+
+def _binaries(used: list[Any], x: tuple[Polynomial, ...], whole: list[int]) -> Iterator[Constraint]:
+    """Write that variables of a model with ratios are binary."""
+    for v in whole:
+        if not used[v].is_binary() and (used[v].lb, used[v].ub) != (0, 1):
+            raise ProblemError(
+                f"{used[v].name}: found an integer variable beside ratios, expected binary ones"
+            )
+        yield _named(x[v] ** 2 - x[v] == 0, f"binary {used[v].name}")
 
 
 # ---- components -------------------------------------------------------------------------

@@ -104,6 +104,24 @@ def test_integers() -> None:
     assert (model.a.value, model.b.value, model.k.value) == (1.0, 1.0, 1.0)
 
 
+def test_ratios() -> None:
+    """x / (1 + x^2) on [-3, 3] is least, -1/2, at -1; y >= 1 / (2 + x) there is y >= 1."""
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(-1.5, 3)), pyo.Var(bounds=(0, 5))
+    model.b = pyo.Var(domain=pyo.Binary)
+    model.cost = pyo.Objective(expr=model.x / (1 + model.x**2) + 0.0 * model.b)
+    model.above = pyo.Constraint(expr=(2 + model.x) ** -1 <= model.y)
+    assert isinstance(sp.from_pyomo(model), sp.RationalProblem)
+    results = pyo.SolverFactory("sparsepop").solve(model, timelimit=30)
+    assert results.problem.lower_bound <= -0.5 <= results.problem.upper_bound
+    assert results.problem.lower_bound == pytest.approx(-0.5, abs=1e-4)
+    assert model.x.value == pytest.approx(-1, abs=1e-2)
+    assert model.y.value * (2 + model.x.value) >= 1 - 1e-9
+    model.worse = pyo.Constraint(expr=1 / model.x <= 4)
+    with pytest.raises(sp.ProblemError, match="x"):
+        pyo.SolverFactory("sparsepop").solve(model, timelimit=30)
+
+
 def test_infeasible_unbounded_and_open_models() -> None:
     Condition = pyo.TerminationCondition
     model = small()
