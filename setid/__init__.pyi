@@ -144,6 +144,7 @@ from .priors import (
     DCGain,
     Known,
     MinimumPhase,
+    Physical,
     PoleIn,
     Sign,
     Stable,
@@ -168,6 +169,10 @@ from .proofs.normalisation import (
 from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
+)
+from .reparametrise import (
+    Reparametrisation,
+    reparametrise,
 )
 from .result.identification import (
     Identification,
@@ -225,12 +230,14 @@ __all__ = [
     "OutputBand",
     "ParameterBox",
     "ParameterInterval",
+    "Physical",
     "PoleIn",
     "PolynomialNARX",
     "PriorError",
     "Projection",
     "RateLimit",
     "Regression",
+    "Reparametrisation",
     "Residuals",
     "Rows",
     "Selection",
@@ -281,6 +288,7 @@ __all__ = [
     "recursive_least_squares",
     "register_prior",
     "register_structure",
+    "reparametrise",
     "residuals",
     "select",
     "signal_band",
