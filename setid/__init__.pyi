@@ -155,6 +155,7 @@ from .priors import (
     DCGain,
     Known,
     MinimumPhase,
+    Physical,
     PoleIn,
     Sign,
     Stable,
@@ -179,6 +180,10 @@ from .proofs.normalisation import (
 from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
+)
+from .reparametrise import (
+    Reparametrisation,
+    reparametrise,
 )
 from .result.identification import (
     Identification,
@@ -243,12 +248,14 @@ __all__ = [
     "OutputBand",
     "ParameterBox",
     "ParameterInterval",
+    "Physical",
     "PoleIn",
     "PolynomialNARX",
     "PriorError",
     "Projection",
     "RateLimit",
     "Regression",
+    "Reparametrisation",
     "Residuals",
     "Rows",
     "Selection",
@@ -302,6 +309,7 @@ __all__ = [
     "recursive_least_squares",
     "register_prior",
     "register_structure",
+    "reparametrise",
     "residuals",
     "select",
     "sensitivity",
