@@ -181,9 +181,15 @@ from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
 )
+<<<<<<< HEAD
 from .reparametrise import (
     Reparametrisation,
     reparametrise,
+=======
+from .recursive import (
+    Recursive,
+    UpdateCost,
+>>>>>>> serve
 )
 from .result.identification import (
     Identification,
@@ -254,6 +260,7 @@ __all__ = [
     "PriorError",
     "Projection",
     "RateLimit",
+    "Recursive",
     "Regression",
     "Reparametrisation",
     "Residuals",
@@ -272,6 +279,7 @@ __all__ = [
     "StepBand",
     "Study",
     "TransferFunction",
+    "UpdateCost",
     "Verification",
     "Wiener",
     "Witness",

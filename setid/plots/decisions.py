@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from setid.plots.axes import ATTAINED, PROVED, ink, new_axes
 
@@ -20,10 +22,12 @@ __all__ = [
     "plot_advice",
     "plot_consistency",
     "plot_excitation",
+    "plot_recursive",
     "plot_selection",
     "plot_sensitivity",
 ]
 
+_CYCLE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"]  # Okabe and Ito
 _COLOUR = {"refuted": PROVED, "kept": ATTAINED}
 
 
@@ -63,9 +67,8 @@ def plot_sensitivity(found: Sensitivity, ax: Axes | None = None) -> Axes:
     with np.errstate(invalid="ignore", divide="ignore"):
         size = np.maximum(np.abs(low), np.abs(high)).max(axis=0)
         width = np.where(low <= high, high - low, np.nan) / size
-    colours = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"]
     for i, name in enumerate(found.names):
-        colour = colours[i % len(colours)]
+        colour = _CYCLE[i % len(_CYCLE)]
         axes.plot(found.factors[order], width[:, i], "o-", ms=4, color=colour, label=name)
         proved, attained = found.lost.get(name, (np.inf, np.inf))
         end = attained if np.isfinite(attained) else proved
@@ -117,6 +120,38 @@ def plot_excitation(found: Excitation, ax: Axes | None = None) -> Axes:
     axes.set_yticks(range(len(found.names)), found.names)
     axes.invert_yaxis()
     axes.set_xlabel("expected half width, % of the parameter")
+    return axes
+
+
+def plot_recursive(
+    names: Sequence[str],
+    trace: Sequence[tuple[int, NDArray[np.float64]]],
+    inconsistent_at: int | None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw proved intervals over the samples at which they changed.
+
+    Parameters
+    ----------
+    names : sequence of str
+    trace : sequence of (sample, (2, p) float)
+    inconsistent_at : int or None
+    ax : matplotlib Axes, optional
+    """
+    axes = new_axes(ax, (8.0, 4.0))
+    for i, name in enumerate(names):
+        found = [(k, *box[:, i]) for k, box in trace if np.all(np.isfinite(box[:, i]))]
+        if found:
+            k, low, high = np.array(found).T
+            colour = _CYCLE[i % len(_CYCLE)]
+            axes.fill_between(k, low, high, step="post", color=colour, alpha=0.4, label=name)
+    if inconsistent_at is not None:
+        axes.axvline(inconsistent_at, color=ink(), lw=1, label="proved inconsistent")
+    axes.set_xlabel("sample")
+    axes.set_ylabel("parameters (proved)")
+    axes.grid(alpha=0.3)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best", fontsize="small")
     return axes
 
 
