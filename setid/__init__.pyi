@@ -181,15 +181,13 @@ from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
 )
-<<<<<<< HEAD
-from .reparametrise import (
-    Reparametrisation,
-    reparametrise,
-=======
 from .recursive import (
     Recursive,
     UpdateCost,
->>>>>>> serve
+)
+from .reparametrise import (
+    Reparametrisation,
+    reparametrise,
 )
 from .result.identification import (
     Identification,
