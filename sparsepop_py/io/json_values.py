@@ -1,4 +1,4 @@
-"""Problems and results as JSON: what each field is, and what is proved again on reading."""
+"""Problems and results as JSON: their fields, and what reading proves again."""
 
 from __future__ import annotations
 
