@@ -56,7 +56,7 @@ def spent() -> float:
 
 
 class LimitReached(Exception):
-    """Raised in the middle of a computation when time is over; callers keep what is proved."""
+    """Interrupt a computation when time is over; callers keep what is proved."""
 
 
 EARLY = (KeyboardInterrupt, LimitReached)  # what ends a search early, with its results kept

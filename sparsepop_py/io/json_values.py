@@ -151,7 +151,7 @@ def _status(found: Any, place: str) -> Status:
 
 
 def check_bounds(lower: float, upper: float, proved: float, attained: float) -> None:
-    """Raise if the bounds that a text states are better than what is proved and attained.
+    """Raise if stated bounds are better than what is proved and attained.
 
     Parameters
     ----------
