@@ -169,11 +169,19 @@ def _local_search(name: str, value: Any) -> Any:
     """Check a switch or the name of a local search."""
     if isinstance(value, str) and value in _LOCAL_SEARCH:
         return value
-    return check_one_of(name, value, tuple(_LOCAL_SEARCH))
+    return check_one_of(name, value, tuple(_LOCAL_SEARCH)[1:])
 
 
+_UNASKED = 1.0  # CPU seconds of local search where neither POPsolver nor localSearch asks for it
 _EFFORTS = ("plain", "presolve", "auto")
-_LOCAL_SEARCH = {0: "none", 1: "scipy", "scipy": "scipy", "ipopt": "ipopt", "none": "none"}
+_LOCAL_SEARCH = {
+    "": "scipy",
+    0: "none",
+    1: "scipy",
+    "scipy": "scipy",
+    "ipopt": "ipopt",
+    "none": "none",
+}
 
 CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "multiCliquesFactor": _factor,
@@ -329,6 +337,9 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
         gap=values.get("gap", 1e-6),
         time_limit=values.get("timeLimit", "") or None,
         refine=_refine(values, local),
+        search_limit=None
+        if local or values.get("localSearch", "") != "" or effort == "auto"
+        else _UNASKED,
         solver=solver,
         progress=level[0] > 0,
         accuracy=values.get("SDPsolverEpsilon"),
@@ -355,7 +366,7 @@ def _effort_and_tighten(values: dict[str, Any], says: list[str]) -> tuple[Any, i
 
 def _refine(values: Mapping[str, Any], local: str) -> Any:
     """Choose the local search: ``localSearch`` where it was given, else as ``POPsolver`` says."""
-    chosen = _LOCAL_SEARCH[values.get("localSearch", 1)]
+    chosen = _LOCAL_SEARCH[values.get("localSearch", "")]
     return "ipopt" if local == "ipopt" and chosen == "scipy" else chosen
 
 

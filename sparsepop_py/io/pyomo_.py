@@ -64,8 +64,8 @@ def from_pyomo(model: Any) -> Problem | RationalProblem:
     model : pyomo.environ.ConcreteModel or Block
         Active objective (at most one; none asks for a feasible point) and active constraints,
         polynomials in the variables or ratios of them. Fixed variables and parameters stand for
-        their values. Binary variables b add ``b^2 - b == 0``. Integers with two bounds are lower bound plus a
-        sum of bits, which are further variables.
+        their values. Binary variables b add ``b^2 - b == 0``. Integers with two bounds are lower
+        bound plus a sum of bits, which are further variables.
 
     Returns
     -------

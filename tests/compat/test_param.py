@@ -46,7 +46,8 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 @pytest.mark.parametrize("nothing", [None, {}, [], np.zeros((0, 0)), SimpleNamespace()])
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
-    assert parameters == Parameters(options=Options(order=1, chordal="min-degree", progress=True))
+    options = Options(order=1, chordal="min-degree", progress=True, search_limit=1.0)
+    assert parameters == Parameters(options=options)
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
 
@@ -362,6 +363,23 @@ def test_effort_overrules_tighten_and_says_so() -> None:
 )
 def test_local_search_by_number_and_name(given: Any, refine: str) -> None:
     assert read_parameters({"localSearch": given}).options.refine == refine
+
+
+@pytest.mark.parametrize(
+    ("given", "seconds"),
+    [
+        ({}, 1.0),
+        ({"localSearch": ""}, 1.0),
+        ({"localSearch": 1}, None),
+        ({"POPsolver": "active-set"}, None),
+        ({"effort": "auto"}, None),
+        ({"effort": "plain"}, 1.0),
+    ],
+)
+def test_a_search_that_nobody_asked_for_has_a_second(
+    given: dict[str, Any], seconds: float | None
+) -> None:
+    assert read_parameters(given).options.search_limit == seconds
 
 
 def test_a_local_solver_does_not_switch_the_search_on() -> None:
