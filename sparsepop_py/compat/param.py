@@ -30,6 +30,7 @@ __all__ = [
     "check_one_of",
     "check_order",
     "read_parameters",
+    "stated_fields",
     "wrong",
 ]
 
@@ -388,6 +389,11 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
         narrow=values.get("sparseSW", 1) > 1,
         perturbation=values.get("perturbation", 0.0),
     )
+
+
+def stated_fields(param: Any) -> list[str]:
+    """List the fields of a ``param`` struct that hold a value."""
+    return [name for name, value in _items(param).items() if _plain(value) not in (None, "")]
 
 
 # ---- containers -------------------------------------------------------------------------
