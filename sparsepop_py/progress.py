@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Line", "OnProgress", "Stages"]
@@ -151,7 +152,14 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time the body of a with statement for the stage of that name."""
+        """Time the body of a with statement for the stage of that name.
+
+        Raises
+        ------
+        LimitReached
+            If the limits kept in this thread have passed.
+        """
+        check()
         self._name = name
         self._draw()
         if not self._silent and time.monotonic() - self._reported > _REPORTED:
