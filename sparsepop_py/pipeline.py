@@ -389,7 +389,7 @@ def _solve_one(
     except EARLY as cause:
         context.deadline.ended(cause)
         state = unstarted_state(context, candidates)
-    state.context.report(lower_bound(state.outcome.certificate))
+    state.context.report_last(lower_bound(state.outcome.certificate))
     return state
 
 
