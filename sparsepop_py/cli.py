@@ -190,6 +190,7 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
         help=", ".join(solver_names()),
     )
     command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
+    command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
     command.add_argument("--json", action="store_true", help="print one JSON object")
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
 
@@ -237,6 +238,7 @@ def _solve(arguments: argparse.Namespace) -> int:
         sparse=not arguments.dense,
         solver=arguments.solver,
         time_limit=arguments.time_limit,
+        cpu_limit=arguments.cpu_limit,
         progress=True,
     )
     result = solve(problem, options)
