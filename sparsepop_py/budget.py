@@ -171,6 +171,23 @@ class Deadline:
         pace = float(np.clip((now - self._begin) / used, 1.0, _MOST_PACE))
         return min(wall, now + pace * (cpu - now_cpu))
 
+    def part(self, share: float) -> Deadline:
+        """Return a deadline after a share of the time that is left, without limits of work."""
+        wall, cpu = self._ends(0.0)
+        left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
+        return Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
+
+    @property
+    def wall_end(self) -> float:
+        """Moment on the monotonic clock when wall time is over, inf without such a limit."""
+        return time.monotonic() if self.stopped else self._ends(0.0)[0]
+
+    @property
+    def cpu_left(self) -> float | None:
+        """Seconds of CPU time left, at least a millisecond; None without such a limit."""
+        cpu = self._ends(0.0)[1]
+        return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
+
     @property
     def over(self) -> bool:
         """True if a limit has passed."""

@@ -15,6 +15,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from sparsepop_py.verified.arithmetic.display import rounded
+
 __all__ = ["Line", "OnProgress", "Stages"]
 
 OnProgress = Callable[[int, float, float], None]
@@ -131,10 +133,15 @@ class Stages:
     def __init__(self, show: bool = False, on_progress: OnProgress | None = None) -> None:
         self.seconds: dict[str, float] = {}
         self.notes: list[str] = []
+        self.searched = 0.0  # CPU seconds, or work, of local searches so far
         self._line, self._on_progress = Line(show), on_progress
         self._number: int | None = None
         self._known, self._reported = (-float("inf"), float("inf")), -float("inf")
         self._name, self._silent = "", True  # nothing was reported yet
+
+    def __reduce__(self) -> tuple[type[Stages], tuple[()]]:
+        """Begin anew in another process, unseen and unheard."""
+        return Stages, ()
 
     def of_objective(self, number: int) -> Stages:
         """Return stages of one of several objectives, which share line and callback."""
@@ -185,8 +192,9 @@ class Stages:
 
     def _draw(self) -> None:
         where = "" if self._number is None else f"objective {self._number}: "
-        low, high = self._known
-        self._line.draw(f"{where}{low:.8g} <= minimum <= {high:.8g}  {self._name} ...")
+        low = rounded(self._known[0], False, 8, scientific=False)
+        high = rounded(self._known[1], True, 8, scientific=False)
+        self._line.draw(f"{where}{low} <= minimum <= {high}  {self._name} ...")
 
     def _report(self) -> None:
         self._reported, self._silent = time.monotonic(), False

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
-from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -169,6 +167,8 @@ class Result:
     moments : (n,) float or None
         Moments of degree one of the last relaxation, in the units of the variables: its guess at
         a minimiser, mostly not feasible. Not stored in files.
+    ray : (n,) float or None
+        With status ``UNBOUNDED`` the direction along which the objective falls from ``attained``.
 
     Examples
     --------
@@ -195,6 +195,7 @@ class Result:
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     moments: NDArray[np.float64] | None = None
+    ray: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         if self.certificate is not None and self.certificate.problem is not self.problem:
@@ -208,13 +209,6 @@ class Result:
             return 0.0
         gap = self.upper_bound - self.lower_bound
         return max(0.0, gap) if np.isfinite(gap) else np.inf
-
-    @cached_property
-    def ray(self) -> NDArray[np.float64] | None:
-        """Direction from ``x`` along which the objective provably falls, (n,); else None."""
-        if self.status is not Status.UNBOUNDED or self.attained is None:
-            return None
-        return falling_ray(self.problem, self.attained)
 
     @property
     def message(self) -> str:

@@ -374,7 +374,8 @@ FIELDS: tuple[Field, ...] = (
         "refine",
         "Local refinement from the SDP's point by a MATLAB solver.",
         "Fills `xVectL` to `scaledErrorL` with a point that provably exists. `'ipopt'` chooses "
-        "IPOPT, any other name SciPy.",
+        "IPOPT, any other name SciPy. Without it (and without `effort = 'auto'`) local searches "
+        "take 0.3 CPU seconds at most, for points whose values tighten the proof.",
         "test_sparsepop_face.py::test_refined_point_only_when_asked_for",
     ),
     Field(

@@ -46,7 +46,9 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 @pytest.mark.parametrize("nothing", [None, {}, [], np.zeros((0, 0)), SimpleNamespace()])
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
-    assert parameters == Parameters(options=Options(order=1, chordal="min-degree", progress=True))
+    assert parameters == Parameters(
+        options=Options(order=1, chordal="min-degree", search_limit=0.3, progress=True)
+    )
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
 
