@@ -77,6 +77,7 @@ def identify(
     options: Options | None = None,
     *,
     executor: Executor | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
 ) -> Identification:
     """Prove an uncertainty interval for each parameter.
 
@@ -91,6 +92,9 @@ def identify(
     options : Options, optional
     executor : concurrent.futures.Executor, optional
         Processes the nodes of branch and bound, as ``options.engine.executor`` does.
+    on_progress : callable, optional
+        Called with the number of settled ends of intervals and of all ends, when the engine
+        proves or attains something.
 
     Returns
     -------
@@ -127,7 +131,7 @@ def identify(
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
             return _reported(data, model, noise, priors, settings, set(affected))
         refuse(model)
-    task = _Task(settings, settings.deadline(), {})
+    task = _Task(settings, settings.deadline(), {}, on_progress)
     model, noise, given = task.timed(
         "delta", lambda: with_estimate(data, model, noise, priors, task.until)
     )
@@ -142,6 +146,7 @@ class _Task:
     settings: Options
     until: float
     timings: dict[str, float]
+    on_progress: Callable[[int, int], None] | None = None
 
     def timed(self, stage: str, work: Callable[[], Any]) -> Any:
         """Add the CPU seconds of some work to its stage."""
@@ -393,7 +398,7 @@ def _solve(
 ) -> tuple[sp.Result, ...]:
     """Bound and attain all ends over one feasible set, in units."""
     settings = task.settings
-    progress = Progress(formulation.parameters, settings.tol, settings.progress)
+    progress = Progress(formulation.parameters, settings.tol, settings.progress, task.on_progress)
     start = first_point(formulation, problem)
     points: list[sp.ProvedPoint] = []
     branch_on = None

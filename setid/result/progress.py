@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from sparsepop_py.progress import Line
 
@@ -22,10 +22,18 @@ class Progress:
         Gap that counts as closed, as a fraction of the attained width.
     show : bool
         Draw the line; ignored unless standard error is a terminal.
+    listener : callable, optional
+        Called with the number of settled ends and of all ends after each report.
     """
 
-    def __init__(self, names: Sequence[str], tol: float, show: bool) -> None:
-        self._names, self._tol = list(names), tol
+    def __init__(
+        self,
+        names: Sequence[str],
+        tol: float,
+        show: bool,
+        listener: Callable[[int, int], None] | None = None,
+    ) -> None:
+        self._names, self._tol, self._listener = list(names), tol, listener
         self._ends = [(float("-inf"), float("inf"))] * (2 * len(self._names))
         self._shown = Line(show)
 
@@ -33,6 +41,8 @@ class Progress:
         """Note what is proved and attained of one objective."""
         self._ends[index] = (lower_bound, upper_bound)
         self._shown.draw(self.line(index))
+        if self._listener is not None:
+            self._listener(self.settled, len(self._ends))
 
     @property
     def settled(self) -> int:
