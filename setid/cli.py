@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import webbrowser
 from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
@@ -26,6 +27,7 @@ from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
+from setid.serve.server import serve
 from setid.study import Study
 from sparsepop_py.cli import (
     EXIT_INPUT,
@@ -130,7 +132,28 @@ def _parser() -> argparse.ArgumentParser:
                 "--verify", action="store_true", help="check every claim again, without any solver"
             )
     add_study(commands, Study)
+    _add_serve(commands)
     return parser
+
+
+def _add_serve(commands: Any) -> None:
+    text = "open a page for identification in the browser, on this machine alone"
+    command = commands.add_parser("serve", help=text, description=f"{text[0].upper()}{text[1:]}.")
+    command.set_defaults(run=_serve)
+    command.add_argument("--port", type=int, default=8321, help="0 takes any that is free (8321)")
+    command.add_argument("--no-browser", action="store_true", help="print the address alone")
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    def announce(address: str) -> None:
+        print(f"setid serves {address} (Ctrl-C ends it)", flush=True)
+        if not arguments.no_browser:
+            webbrowser.open(address)
+
+    if not 0 <= arguments.port < 2**16:
+        raise SetidError(f"--port: found {arguments.port}, expected a number from 0 to 65535")
+    serve(arguments.port, announce)
+    return EXIT_PROVED
 
 
 def _add_data(command: argparse.ArgumentParser) -> None:
