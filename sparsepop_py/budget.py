@@ -1,4 +1,4 @@
-"""Limit a solve by wall time, by CPU time, or by work that a fixed model counts.
+"""Limit a solve by wall time, CPU time, or work that a model counts.
 
 A stage that ends by itself asks :attr:`Deadline.over`. Long loops deep below, which are given no
 deadline, call :func:`check`: it raises :class:`LimitReached` when the limits that

@@ -1,4 +1,4 @@
-"""What a solve is doing: CPU seconds by stage, bounds so far, a changing line, a log.
+"""Progress of a solve: CPU seconds by stage, bounds, a changing line, a log.
 
 The line is drawn in a terminal or a notebook only, by tqdm where that is installed. A thread
 draws it anew each second, so that it moves while a solver runs. The log goes to the logger of the

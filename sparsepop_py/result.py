@@ -339,7 +339,7 @@ _OPEN = (Status.BOUNDED, Status.UNPROVED, Status.FAILED)
 
 
 def _line(result: Result) -> str:
-    """Write a falling ray as x + s d with the names of the variables that move."""
+    """Write a falling ray with the names of the variables that move."""
     assert result.ray is not None
     moving = np.flatnonzero(result.ray).tolist()
     steps = [f"{result.problem.names[v]} by {result.ray[v]:+g}" for v in moving[:8]]
