@@ -1,4 +1,4 @@
-"""Limit a solve by wall time, CPU time, or work that a model counts.
+"""Limit a solve by wall time, CPU time, or counted work.
 
 A stage that ends by itself asks :attr:`Deadline.over`. Long loops deep below, which are given no
 deadline, call :func:`check`: it raises :class:`LimitReached` when the limits that
@@ -56,7 +56,7 @@ def spent() -> float:
 
 
 class LimitReached(Exception):
-    """Raised in the middle of a computation when time is over; callers keep what is proved."""
+    """Interrupt a computation when time is over; callers keep what is proved."""
 
 
 EARLY = (KeyboardInterrupt, LimitReached)  # what ends a search early, with its results kept

@@ -360,7 +360,7 @@ def _limits(options: Options) -> str:
 
 
 def _advice(result: Result) -> list[str]:
-    """List what to try after a run that left the gap open: nothing that it had already."""
+    """List what to try after a run that left the gap open."""
     options, found = result.options, []
     if options.effort == "plain" and options.switches is None:
         found.append("effort 'presolve'")

@@ -38,6 +38,8 @@ __all__ = ["find_box", "finite", "rounding_slack", "shrinks"]
 
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this do not help
+_SWEEPS = 60  # of one step of propagation
+_CHAINED = 50  # such steps, one after the other
 _LARGEST_BLOCK = 60  # of a sublevel identity at a raised order, which must stay cheap
 _SLACK_OF_START = 2.0**-36  # of the first widths, which tell the size of numbers in the rows
 _SHARE = 2.0**-20  # of the widths now: more would weaken bounds
@@ -113,21 +115,32 @@ def find_box(
     if cutoff is None and incumbent is not None:
         cutoff = incumbent.value
     replay = Replay(problem, cutoff)
-    box, step = tighten(replay, box)
-    steps: list[Step] = [step]
+    box, steps = _propagated(replay, box)
     if "inverse" not in options.skip and not finite(box) and not is_empty(box):
         inverse = left_inverse(problem, box)
         if inverse is not None:
-            box, step = tighten(replay, inverse.shrink(problem, box))
-            steps += [inverse, step]
+            box, more = _propagated(replay, inverse.shrink(problem, box))
+            steps += [inverse, *more]
     if incumbent is not None and not done and not finite(box) and not is_empty(box):
         found = _sublevel(problem, incumbent, box, options)
         if found is not None:
             steps.append(found)
-            box = sublevel_box(problem, cutoff, found, box)
-            box, step = tighten(replay, box)
-            steps.append(step)
+            box, more = _propagated(replay, sublevel_box(problem, cutoff, found, box))
+            steps += more
     return BoxProof(tuple(steps)), box
+
+
+def _propagated(replay: Replay, box: Interval) -> tuple[Interval, list[Step]]:
+    """Propagate; as long as sweeps bound further variables, as along a chain, go on."""
+    steps: list[Step] = []
+    for _ in range(_CHAINED):
+        missing = np.count_nonzero(np.isinf(box.lo)) + np.count_nonzero(np.isinf(box.hi))
+        box, step = tighten(replay, box, _SWEEPS)
+        steps.append(step)
+        left = np.count_nonzero(np.isinf(box.lo)) + np.count_nonzero(np.isinf(box.hi))
+        if step.sweeps < _SWEEPS or left in (0, missing) or is_empty(box):
+            break
+    return box, steps
 
 
 def _cliques(scaled: Scaled, options: Options) -> Cliques:

@@ -296,6 +296,7 @@ def _orders(
     """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
     history: list[HistoryEntry] = []
+    own = shared is None
     for order in _order_numbers(context):
         start = time.process_time()
         options = replace(_timed(context), order=order)
@@ -322,7 +323,35 @@ def _orders(
                 break  # no order proves anything
         shared = None
     assert outcome is not None
+    if own and context.options.effort != "auto":
+        outcome = _by_lower_orders(context, outcome)
     return SearchState(context, outcome, candidates, tuple(history))
+
+
+def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
+    """Take a lower order's certificate where an order proves nothing.
+
+    Multipliers of a lower order are multipliers of the higher one. Without bounds on the variables
+    the higher one may have no optimal ones of its own, and a solver finds none that prove
+    anything. The output of the solver stays that of the order that was asked for.
+    """
+    options, problem = context.options, context.problem
+    least, asked = least_order(problem), options.order or 1
+    if lower_bound(outcome.certificate) > -np.inf or outcome.relaxation is None or asked <= least:
+        return outcome
+    if context.best is not None and falling_ray(problem, context.best) is not None:
+        return outcome  # no order proves anything
+    for order in range(asked - 1, least - 1, -1):
+        if context.deadline.over:
+            break
+        switches = options.switches and replace(options.switches, order=order)
+        lower = replace(_timed(context), order=order, switches=switches)
+        bound = bound_order(replace(context, options=lower), None)
+        if lower_bound(bound.certificate) > -np.inf:
+            note = f"order {asked} proves nothing by itself: the bound is that of order {order}"
+            model = replace(outcome.model, notes=(*outcome.model.notes, note))
+            return replace(outcome, certificate=bound.certificate, model=model)
+    return outcome
 
 
 def _timed(context: SolveContext) -> Options:

@@ -8,7 +8,8 @@ from identification_cases import PLANT
 from identified_cases import empty, first_order, identified, result_of, second_order
 
 import setid
-from setid.bands.responses import frequency_band, step_band
+from setid.bands.responses import frequency_band
+from setid.bands.steps import step_band
 from setid.feasible_points.members import members
 from setid.simulation.responses import frequency_response, grid
 

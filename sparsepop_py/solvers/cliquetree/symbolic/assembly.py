@@ -86,9 +86,9 @@ class Assembly:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StackProduct:
-    """The two sparse factors of one assembly.
+    """Two sparse factors of one assembly, the second for ranges of columns.
 
-    The second one is kept for ranges of columns of Z. Large blocks are taken in ranges: their products take less memory, and the clock is looked at
+    Large blocks are taken in ranges: their products take less memory, and the clock is looked at
     in between.
     """
 
