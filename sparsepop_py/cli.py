@@ -498,7 +498,12 @@ def _orders(arguments: argparse.Namespace) -> int:
         arguments.orders,
         arguments.effort,
         cliques or ("sparse",),
-        Options(solver=arguments.solver, time_limit=arguments.time_limit, progress=True),
+        Options(
+            solver=arguments.solver,
+            time_limit=arguments.time_limit,
+            cpu_limit=arguments.cpu_limit,
+            progress=True,
+        ),
     )
     rows = [
         {key: json_number(v) if isinstance(v, float) else v for key, v in row.items()}
