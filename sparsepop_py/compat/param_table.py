@@ -146,8 +146,7 @@ _OWN = tuple(
             *("localSearch", "", "refine"),
             "0: no local search, so that no point is proved except those that the relaxation gives "
             "away. 1: as long as it takes. `'scipy'`, `'ipopt'` or `'none'`: by name. Without it, "
-            "without `POPsolver` and with another effort than `'auto'`, local searches get 1 second "
-            "of CPU time.",
+            "without `POPsolver` and with another effort than `'auto'`, searches get 1 CPU second.",
             "test_local_search_by_number_and_name",
         ),
         (
