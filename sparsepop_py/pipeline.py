@@ -60,7 +60,7 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 __all__ = ["INTERRUPTED", "solve", "solve_each"]
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
-_UNVERIFIED = "time ended before the bound was verified: that of the bounds given is claimed"
+_UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
 _LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
@@ -427,7 +427,7 @@ def _solve_one(
     except EARLY as cause:
         context.deadline.ended(cause)
         state = unstarted_state(context, candidates)
-    state.context.report(lower_bound(state.outcome.certificate))
+    state.context.report_last(lower_bound(state.outcome.certificate))
     return state
 
 
@@ -453,7 +453,8 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
     """Lower the claims of a state, also those on the way, to what verification confirms.
 
     An interrupt here asks for the result, which this is the last step to; a second one ends it.
-    Where time ends before the verification does, the bound of the box alone is claimed.
+    Where time ends before the verification of a tree does, the best bound without the tree is
+    claimed.
     """
     context, outcome = state.context, state.outcome
     problem, certificate = context.problem, outcome.certificate
@@ -467,9 +468,10 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
             context.deadline.stop()
             settled = certificate.settled(problem, known)
         except LimitReached:
-            outcome = replace(unstarted_state(context, []).outcome, relaxation=outcome.relaxation)
-            settled = outcome.certificate
-            state = replace(state, notes=(*state.notes, _UNVERIFIED))
+            simpler = outcome.simpler or certificate  # of one node, which takes little time
+            settled = simpler.settled(problem, known)
+            if outcome.simpler is not None:
+                state = replace(state, notes=(*state.notes, _UNVERIFIED))
     if settled is certificate:
         return state
     most = lower_bound(settled)

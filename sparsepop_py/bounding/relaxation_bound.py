@@ -102,6 +102,8 @@ class CertifiedBound:
     solution : ConicSolution or None
     value : float
         The solver's value in units of the objective: no bound.
+    simpler : Certificate or None
+        Of a weaker bound that is verified in less time, where the certificate is a tree.
     """
 
     model: Model
@@ -109,6 +111,7 @@ class CertifiedBound:
     relaxation: Relaxation | None = None
     solution: ConicSolution | None = None
     value: float = np.nan
+    simpler: Certificate | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +169,8 @@ def bound_box(
     shares = (0.0,) if boxed else BOUNDING.margins if switches is None else (0.0, *BOUNDING.margins)
     first: BoxBound | None = None
     for share in shares:
+        if context.deadline.late:
+            break
         with context.stages.stage("assemble"):
             minimised = scaled_objective
             if share:
@@ -187,7 +192,7 @@ def bound_box(
     nothing = outcome.proved.bound == -np.inf
     if first is not None and (switches is not None or nothing):  # the others are for the proof
         return replace(outcome, solution=first.solution, value=first.value)
-    if context.options.effort != "auto":
+    if context.options.effort != "auto" or context.deadline.late:
         return outcome
     with context.stages.stage("certify"):
         return short_if(context.enough(outcome.proved.bound), replay, box, outcome)
@@ -310,6 +315,8 @@ def _certified(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> Bo
         return outcome
     loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
     scale = max(1.0, abs(attempt.size * attempt.solution.primal))
+    if context.deadline.late:
+        return outcome
     if loss > 1e-9 * scale and not context.closed(outcome.proved.bound):
         outcome = stronger(
             outcome, attempt.box_bound(repaired(attempt.program, attempt.solution.z))
@@ -530,4 +537,4 @@ def better(old: CertifiedBound | None, new: CertifiedBound) -> CertifiedBound:
     """Return the larger certified bound, with the newest solver output."""
     if old is None or lower_bound(new.certificate) >= lower_bound(old.certificate):
         return new
-    return replace(new, certificate=old.certificate)
+    return replace(new, certificate=old.certificate, simpler=old.simpler)

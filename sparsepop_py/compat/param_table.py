@@ -143,9 +143,11 @@ _OWN = tuple(
             "test_effort_limits_and_gap_reach_the_options",
         ),
         (
-            *("localSearch", 1, "refine"),
+            *("localSearch", "", "refine"),
             "0: no local search, so that no point is proved except those that the relaxation gives "
-            "away. `'scipy'`, `'ipopt'` or `'none'`: by name.",
+            "away. 1: as long as it takes. `'scipy'`, `'ipopt'` or `'none'`: by name. Without it, "
+            "without `POPsolver` and with another effort than `'auto'`, local searches get 0.3 "
+            "seconds of CPU time.",
             "test_local_search_by_number_and_name",
         ),
         (

@@ -71,3 +71,15 @@ def test_a_loss_of_the_proof_is_said_with_names_of_variables():
         (said,) = [note for note in result.notes if "the proof loses the rest" in note]
         assert "value is -1.41421" in said and said.endswith("known for x1, x2")
         assert result.solver_value == pytest.approx(-(2**0.5), abs=1e-6)
+
+
+def test_products_of_shifted_quartics_get_a_box():
+    """Coefficients over six decades: far out the leading form outweighs the others."""
+    x, y = sp.variables(2)
+    first = (x - 3) ** 4 + 100 * (y + 2) ** 4 + 1
+    second = (x + 30) ** 4 + (y - 20) ** 4 + 5
+    problem = sp.Problem(first * second)
+    result = sp.solve(problem)
+    near = 33.0**4 + 22.0**4 + 5.0  # at (3, -2), where the first factor is 1
+    assert 0.8 * near <= result.lower_bound <= result.upper_bound <= near
+    assert result.certificate.verify(problem).ok

@@ -366,6 +366,23 @@ def test_local_search_by_number_and_name(given: Any, refine: str) -> None:
     assert read_parameters({"localSearch": given}).options.refine == refine
 
 
+@pytest.mark.parametrize(
+    ("given", "seconds"),
+    [
+        ({}, 0.3),
+        ({"localSearch": ""}, 0.3),
+        ({"localSearch": 1}, None),
+        ({"POPsolver": "active-set"}, None),
+        ({"effort": "auto"}, None),
+        ({"effort": "plain"}, 0.3),
+    ],
+)
+def test_a_search_that_nobody_asked_for_is_short(
+    given: dict[str, Any], seconds: float | None
+) -> None:
+    assert read_parameters(given).options.search_limit == seconds
+
+
 def test_a_local_solver_does_not_switch_the_search_on() -> None:
     given = {"localSearch": 0, "POPsolver": "ipopt"}
     assert read_parameters(given).options.refine == "none"
