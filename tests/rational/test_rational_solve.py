@@ -181,3 +181,20 @@ def test_many_ratios_in_a_chain():
     result = closed(problem, -(n - 1.0), sp.Options(effort="auto"))
     # each denominator is 1 plus squares: an exact sum of squares proves it without any box
     assert all(proof.below.bound == 1.0 for proof in result.certificate.ranges)
+
+
+def test_falling_ratios_are_unbounded():
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(x + 1 / (1 + y**2), [y <= 1, y >= -1])  # x is free
+    result = sp.solve(problem)
+    assert result.status is sp.Status.UNBOUNDED and result.upper_bound == -math.inf
+    assert sp.from_json(sp.to_json(result)).status is sp.Status.UNBOUNDED
+
+
+def test_a_short_limit_keeps_what_is_proved():
+    x = sp.variables(6)
+    terms = [(x[i] * x[i - 1] - x[i], 2 + x[i] ** 2 + x[i - 1] ** 2) for i in range(6)]
+    problem = sp.RationalProblem(sp.Rational.of(0 * x[0], terms), lower=-2, upper=2)
+    result = sp.solve(problem, sp.Options(effort="auto", time_limit=0.2))
+    assert result.lower_bound <= result.upper_bound
+    assert result.certificate.verify(problem).ok or result.lower_bound == -math.inf
