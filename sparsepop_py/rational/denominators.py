@@ -181,6 +181,7 @@ def _by_relaxations(
         f"hold, only {low:.12g} <= q <= {high:.12g}"
         + (f"; it is not positive at {seen[0]} and not negative at {seen[1]}" if seen else "")
         + "; expected bounds or constraints that keep it away from zero"
+        + (", or a longer time limit" if not seen and options.time_limit is not None else "")
     )
 
 
