@@ -67,10 +67,12 @@ class BandReport:
         if self.verdict == "tight":
             return f"proved width at most {self.ratio:.3g} times the attained one ({size})"
         if self.verdict == "wide":
-            return (
-                f"time is over at a proved width of up to {self.ratio:.3g} times the attained one "
-                f"({size}); a larger time_limit narrows it"
+            text = (
+                f"time is over at a proved width of up to {self.ratio:.3g} times the attained one"
             )
+            if self.pole_radius > 1.0:
+                text += f"; a member is unstable, with a pole of radius {self.pole_radius:.6g}"
+            return f"{text} ({size}); a larger time_limit narrows it"
         if self.verdict == "unstable":
             return (
                 f"the band is infinite: a member is unstable, with a pole of radius "
