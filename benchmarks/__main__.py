@@ -12,6 +12,7 @@ import sparsepop_py as sp
 
 from .errors import BenchmarkError
 from .families import REGISTRY
+from .limits import CASES, limits_table, measure_limits
 from .measure import Setting
 from .orders import compare, order_table
 from .pictures import draw_orders, draw_report
@@ -131,6 +132,17 @@ def _times(chosen: argparse.Namespace) -> None:
         print(line, flush=True)
 
 
+def _limits(chosen: argparse.Namespace) -> None:
+    if chosen.list:
+        print("\n".join(CASES))
+        return
+    found = []
+    for each in measure_limits(chosen.names, chosen.limits, chosen.busy):
+        print(f"{each.case}: {each.wall:.1f} s of {each.limit:g} s, {each.status}", flush=True)
+        found.append(each)
+    print(f"\n{limits_table(found)}")
+
+
 def _walks(chosen: argparse.Namespace) -> None:
     print(walks())
 
@@ -159,6 +171,7 @@ def _parser() -> argparse.ArgumentParser:
     _times_parser(
         commands.add_parser("sparsepop_times", help="times beside those SparsePOP published")
     )
+    _limits_parser(commands.add_parser("limits", help="wall time over time limits, under load"))
     walking = commands.add_parser("walks", help="folders, imports, traces and words of the code")
     walking.set_defaults(act=_walks)
     return parser
@@ -173,6 +186,15 @@ def _times_parser(parser: argparse.ArgumentParser) -> None:
         "--repeat", type=int, default=2, help="the least of them, default %(default)s"
     )
     parser.set_defaults(act=_times)
+
+
+def _limits_parser(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("--list", action="store_true", help="name the cases and do nothing else")
+    add("--names", nargs="+", default=[], help="only cases whose name contains one of these")
+    add("--limits", nargs="+", type=float, default=[5.0, 20.0], help="seconds, default 5 20")
+    add("--busy", type=int, default=4, help="busy processes beside it, default %(default)s")
+    parser.set_defaults(act=_limits)
 
 
 def _sizes_parser(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,12 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
 from . import control, neural
+from .advise import (
+    Advice,
+    Excitation,
+    advise,
+    excitation,
+)
 from .bands.blocks import (
     SignalBand,
     StaticBand,
@@ -60,6 +66,10 @@ from .export.python_control import (
     to_control,
 )
 from .feasible_points import estimators
+from .feasible_points.best import (
+    BestMember,
+    best,
+)
 from .feasible_points.centre import (
     Central,
     central,
@@ -145,6 +155,7 @@ from .priors import (
     DCGain,
     Known,
     MinimumPhase,
+    Physical,
     PoleIn,
     Sign,
     Stable,
@@ -170,6 +181,14 @@ from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
 )
+from .recursive import (
+    Recursive,
+    UpdateCost,
+)
+from .reparametrise import (
+    Reparametrisation,
+    reparametrise,
+)
 from .result.identification import (
     Identification,
 )
@@ -178,16 +197,25 @@ from .select import (
     SelectionStep,
     select,
 )
+from .sensitivity import (
+    Sensitivity,
+    sensitivity,
+)
 from .simulation.simulate import (
     Simulated,
     simulate,
     simulate_record,
+)
+from .study import (
+    Study,
 )
 from .verify import (
     verify,
 )
 
 __all__ = [
+    "Advice",
+    "BestMember",
     "BlockStructured",
     "Box",
     "BandReport",
@@ -204,6 +232,7 @@ __all__ = [
     "Estimate",
     "EstimatedBound",
     "Evidence",
+    "Excitation",
     "FeasibleSet",
     "Formulation",
     "FrequencyBand",
@@ -223,16 +252,20 @@ __all__ = [
     "OutputBand",
     "ParameterBox",
     "ParameterInterval",
+    "Physical",
     "PoleIn",
     "PolynomialNARX",
     "PriorError",
     "Projection",
     "RateLimit",
+    "Recursive",
     "Regression",
+    "Reparametrisation",
     "Residuals",
     "Rows",
     "Selection",
     "SelectionStep",
+    "Sensitivity",
     "SetidError",
     "SetidWarning",
     "Sign",
@@ -242,11 +275,15 @@ __all__ = [
     "StaticBand",
     "StaticMap",
     "StepBand",
+    "Study",
     "TransferFunction",
+    "UpdateCost",
     "Verification",
     "Wiener",
     "Witness",
     "ZeroIn",
+    "advise",
+    "best",
     "central",
     "compare",
     "consistency",
@@ -258,6 +295,7 @@ __all__ = [
     "estimate_delta",
     "estimate_noise_bound",
     "estimators",
+    "excitation",
     "feasible",
     "formulate",
     "frequency_band",
@@ -277,8 +315,10 @@ __all__ = [
     "recursive_least_squares",
     "register_prior",
     "register_structure",
+    "reparametrise",
     "residuals",
     "select",
+    "sensitivity",
     "signal_band",
     "simulate",
     "simulate_band",

@@ -3,13 +3,16 @@
 from . import problems
 from .algebra.matrix_constraints import psd, second_order
 from .algebra.polynomial import Constraint, Kind, Polynomial, total, variables
+from .algebra.rational import Rational, RationalConstraint, ratio
 from .bounding.exact_linear import linear_bounds
+from .compat.intervals import sparsePOPintervals
 from .compat.mat import read_mat, write_mat
 from .compat.output import SparsePOPOutput
 from .compat.sparsepop import sparsePOP
 from .compat.structs import from_structs, to_structs
 from .conic.program import ConicProgram, ConicSolution
 from .errors import (
+    DenominatorError,
     FormatError,
     OutputError,
     ParameterWarning,
@@ -20,19 +23,27 @@ from .errors import (
 from .formats import read, write
 from .io.gams import read_gms, write_gms
 from .io.json_ import from_json, read_json, to_json, write_json
+from .io.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
+from .orders import compare_orders
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
+from .problem.rational_problem import RationalProblem
+from .rational.result import RationalResult
 from .relaxation.assemble import assemble
 from .relaxation.moment import Relaxation, relax
 from .relaxation.sparsepop.relaxation import Switches
 from .result import Point, Result, Status
 from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
+from .study.problems import Study
+from .study.study import StudyStatus
+from .study.table import Table
 from .verified.certificate.certificate import Certificate, Verdict
 from .verified.certificate.linear_bound import LinearBound
+from .verified.certificate.rational_bound import RangeProof, RationalCertificate
 from .verified.points.feasible_point import ProvedPoint
 
 __all__ = [
@@ -41,6 +52,7 @@ __all__ = [
     "ConicProgram",
     "ConicSolution",
     "Constraint",
+    "DenominatorError",
     "FormatError",
     "OutputError",
     "Kind",
@@ -52,22 +64,34 @@ __all__ = [
     "Problem",
     "ProblemError",
     "ProvedPoint",
+    "RangeProof",
+    "Rational",
+    "RationalCertificate",
+    "RationalConstraint",
+    "RationalProblem",
+    "RationalResult",
     "Relaxation",
     "Result",
     "SolverNotFound",
     "SparsePOPError",
     "SparsePOPOutput",
     "Status",
+    "Study",
+    "StudyStatus",
     "Switches",
+    "Table",
     "Verdict",
     "assemble",
+    "compare_orders",
     "find_cliques",
     "from_json",
+    "from_pyomo",
     "from_structs",
     "linear_bounds",
     "parse",
     "problems",
     "psd",
+    "ratio",
     "read",
     "read_gms",
     "read_json",
@@ -79,6 +103,7 @@ __all__ = [
     "solve_conic",
     "solve_each",
     "sparsePOP",
+    "sparsePOPintervals",
     "to_json",
     "to_structs",
     "total",

@@ -1,4 +1,9 @@
-"""Limit a solve by wall time, or by work that a fixed model counts.
+"""Limit a solve by wall time, CPU time, or counted work.
+
+A stage that ends by itself asks :attr:`Deadline.over`. Long loops deep below, which are given no
+deadline, call :func:`check`: it raises :class:`LimitReached` when the limits that
+:meth:`Deadline.kept` keeps in this thread have passed by a grace. That grace is for the proof of
+what a solver found when its time ended. Whoever keeps a deadline also catches the exception.
 
 Clocks differ from run to run, and the adaptive search learns from them. Under a work limit every
 decision rests on work instead: solvers, linear programs, local searches and nodes each report
@@ -13,10 +18,16 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
-__all__ = ["Deadline", "spend", "spent"]
+__all__ = ["EARLY", "Deadline", "LimitReached", "check", "spend", "spent"]
+
+_GRACE = 0.2  # of a limit: proofs under way when it passes may take so much longer
+_MOST_PACE = 100.0  # wall seconds to a CPU second on the busiest machine that is thought of
 
 
 class _Meter(threading.local):
@@ -44,16 +55,60 @@ def spent() -> float:
     return _METER.total
 
 
+class LimitReached(Exception):
+    """Interrupt a computation when time is over; callers keep what is proved."""
+
+
+EARLY = (KeyboardInterrupt, LimitReached)  # what ends a search early, with its results kept
+
+
+class _Kept(threading.local):
+    """Ends that :func:`check` holds in this thread: wall clock and CPU clock."""
+
+    wall = np.inf
+    cpu = np.inf
+
+
+_KEPT = _Kept()
+
+
+def check() -> None:
+    """Raise ``LimitReached`` if the limits kept in this thread have passed.
+
+    Without :meth:`Deadline.kept` nothing happens. It costs less than a microsecond.
+
+    Raises
+    ------
+    LimitReached
+
+    Examples
+    --------
+    >>> from sparsepop_py.budget import Deadline, check
+    >>> with Deadline(1e-9).kept():
+    ...     check()
+    Traceback (most recent call last):
+    ...
+    sparsepop_py.budget.LimitReached
+    """
+    if time.monotonic() >= _KEPT.wall or (_KEPT.cpu < np.inf and time.process_time() >= _KEPT.cpu):
+        raise LimitReached
+
+
 class Deadline:
-    """Deadline of a solve: after some wall time, or after some work. Mutable.
+    """Deadline of a solve: after some wall time, CPU time or work. Mutable.
+
+    Pickled, it goes on in another process with what is left: CPU time and work are those of each
+    process by itself.
 
     Parameters
     ----------
     limit : float or None
         Seconds of wall time from now; None for no limit.
     work_limit : float or None
-        Units of work from now. With it nothing is decided by a clock, unless ``limit`` is given
-        too.
+        Units of work from now. With it nothing is decided by a clock, unless ``limit`` or
+        ``cpu_limit`` is given too.
+    cpu_limit : float or None
+        Seconds of CPU time of this process from now.
 
     Examples
     --------
@@ -66,14 +121,24 @@ class Deadline:
     True
     """
 
-    def __init__(self, limit: float | None = None, work_limit: float | None = None) -> None:
-        self._end = None if limit is None else time.monotonic() + limit
+    def __init__(
+        self,
+        limit: float | None = None,
+        work_limit: float | None = None,
+        cpu_limit: float | None = None,
+    ) -> None:
+        self._begin, self._begin_cpu = time.monotonic(), time.process_time()
+        self._limit, self._cpu_limit = limit, cpu_limit
         self._last = None if work_limit is None else spent() + work_limit
         self.stopped = False
 
     def stop(self) -> None:
         """End now: the user interrupted."""
-        self._end, self.stopped = time.monotonic(), True
+        self.stopped = True
+
+    def ended(self, cause: BaseException) -> None:
+        """Note what ended the work early: an interrupt by the user ends all of it."""
+        self.stopped |= isinstance(cause, KeyboardInterrupt)
 
     @property
     def counts_work(self) -> bool:
@@ -86,16 +151,96 @@ class Deadline:
 
     @property
     def left(self) -> float | None:
-        """Seconds of wall time left, None without such a limit."""
-        return None if self._end is None else max(1e-3, self._end - time.monotonic())
+        """Seconds of wall time left, at least a millisecond; None without a limit in time.
+
+        Of a limit of CPU time, the wall time that it is expected to last on this machine now.
+        """
+        end = self.end
+        return None if end == np.inf else max(1e-3, end - time.monotonic())
 
     @property
     def end(self) -> float:
         """Moment on the monotonic clock when time is over, inf without a limit."""
-        return np.inf if self._end is None else self._end
+        if self.stopped:
+            return time.monotonic()
+        wall, cpu = self._ends(0.0)
+        if cpu == np.inf:
+            return wall
+        return min(wall, time.monotonic() + self.pace * (cpu - time.process_time()))
+
+    @property
+    def pace(self) -> float:
+        """Wall seconds to a CPU second so far, at least 1."""
+        used = max(1e-2, time.process_time() - self._begin_cpu)
+        return float(np.clip((time.monotonic() - self._begin) / used, 1.0, _MOST_PACE))
+
+    @property
+    def expected(self) -> float | None:
+        """CPU seconds that are expected to be left; None without a limit in time."""
+        left = self.left
+        return None if left is None else left / self.pace
+
+    @property
+    def late(self) -> bool:
+        """True if a limit in time has passed, whatever work was done."""
+        return time.monotonic() >= self.end
+
+    def part(self, share: float) -> Deadline:
+        """Return a deadline after a share of the time left."""
+        wall, cpu = self._ends(0.0)
+        left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
+        return Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
+
+    @property
+    def wall_end(self) -> float:
+        """Moment on the monotonic clock when wall time is over, inf without such a limit."""
+        return time.monotonic() if self.stopped else self._ends(0.0)[0]
+
+    @property
+    def cpu_left(self) -> float | None:
+        """Seconds of CPU time left, at least a millisecond; None without such a limit."""
+        cpu = self._ends(0.0)[1]
+        return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
 
     @property
     def over(self) -> bool:
         """True if a limit has passed."""
-        late = self._end is not None and time.monotonic() >= self._end
-        return late or (self._last is not None and spent() >= self._last)
+        return self.late or (self._last is not None and spent() >= self._last)
+
+    def _ends(self, grace: float) -> tuple[float, float]:
+        """Compute the ends on the wall clock and on the CPU clock, with a share of grace."""
+        wall = np.inf if self._limit is None else self._begin + (1.0 + grace) * self._limit
+        if self._cpu_limit is None:
+            return wall, np.inf
+        return wall, self._begin_cpu + (1.0 + grace) * self._cpu_limit
+
+    @contextmanager
+    def kept(self, grace: float = _GRACE) -> Iterator[None]:
+        """Let :func:`check` hold the limits in time within the body of a with statement.
+
+        Parameters
+        ----------
+        grace : float
+            Share of the limits that proofs under way may take longer.
+        """
+        before = _KEPT.wall, _KEPT.cpu
+        wall, cpu = self._ends(grace)
+        _KEPT.wall, _KEPT.cpu = min(before[0], wall), min(before[1], cpu)
+        try:
+            yield
+        finally:
+            _KEPT.wall, _KEPT.cpu = before
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Store what is left of each limit, and what has passed."""
+        now, now_cpu = time.monotonic(), time.process_time()
+        state = dict(self.__dict__, _begin=self._begin - now, _begin_cpu=self._begin_cpu - now_cpu)
+        return state | {"_last": None if self._last is None else self._last - spent()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Go on from now with what was left."""
+        self.__dict__.update(state)
+        self._begin += time.monotonic()
+        self._begin_cpu += time.process_time()
+        if self._last is not None:
+            self._last += spent()

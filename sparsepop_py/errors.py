@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 __all__ = [
+    "DenominatorError",
     "FormatError",
     "OutputError",
     "ParameterWarning",
@@ -27,6 +28,13 @@ class ProblemError(SparsePOPError, ValueError):
     """A problem, polynomial, struct or option is malformed.
 
     The message names the field, what was found and what was expected.
+    """
+
+
+class DenominatorError(ProblemError):
+    """The sign of a denominator is not proved where it has to be known.
+
+    The message names the denominator and what is proved about it.
     """
 
 

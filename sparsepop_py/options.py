@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -48,16 +48,27 @@ _NUMBERS = {
     "gap": "a number >= 0",
     "tolerance": "a number >= 0",
     "time_limit": "seconds > 0",
+    "cpu_limit": "seconds > 0",
+    "search_limit": "seconds >= 0",
     "work_limit": "a number > 0",
     "memory_limit": "a number > 0",
     "accuracy": "a number > 0",
 }
-_OPTIONAL = ("order", "node_limit", "max_iterations", "time_limit", "work_limit", "accuracy")
+_OPTIONAL = (
+    "order",
+    "node_limit",
+    "max_iterations",
+    "time_limit",
+    "cpu_limit",
+    "search_limit",
+    "work_limit",
+    "accuracy",
+)
 _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
     "chordal": ("auto", "min-degree", "min-fill", "mcs-m"),
-    "refine": ("scipy", "ipopt", "none"),
+    "refine": ("scipy", "ipopt", "prove", "none"),
 }
 
 
@@ -90,15 +101,21 @@ class Options:
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
-    refine : {"scipy", "ipopt", "none"}
-        Local search for attained points; ``"ipopt"`` needs the extra of that name.
+    refine : {"scipy", "ipopt", "prove", "none"}
+        Local search for attained points. ``"ipopt"`` needs the extra of that name; ``"prove"``
+        proves the start that was given and points of relaxations as they are, without a search;
+        ``"none"`` leaves out even that.
+    search_limit : float, optional
+        Seconds of CPU time, or units of work under a ``work_limit``, that local searches may take
+        in all; of several objectives, each for itself.
     branch_on : sequence of int, optional
         Variables (from 0) for branch and bound to branch on; those that cover all products
         when left out.
     node_limit : int, optional
         Most nodes that branch and bound processes; 0 switches it off.
     executor : concurrent.futures.Executor, optional
-        Processes the nodes of branch and bound.
+        Processes the nodes of branch and bound. Where it breaks, they are processed here, with a
+        note. It is not pickled with the options.
     skip : sequence of str, optional
         Steps of effort ``"auto"`` to leave out, for comparisons: relaxations by shape
         (``"linear"``, ``"star"``, ``"split"``, ``"mixed"``, ``"full"``), by cliques
@@ -109,11 +126,14 @@ class Options:
         ``"branch"``.
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
-        far is returned, with status LIMIT where the gap is open. The last verification of
-        the certificate comes on top.
+        far is returned, with status LIMIT where the gap is open. A proof under way and the last
+        verification of the certificate may take up to half as long on top.
+    cpu_limit : float, optional
+        The same in seconds of CPU time of this process, for shared machines. Solvers that know
+        wall time only get what that is expected to last.
     work_limit : float, optional
         Units of work, each about a second of one core, counted by a fixed model
-        (:mod:`sparsepop_py.budget`). With it, and without ``time_limit``, no decision rests on a
+        (:mod:`sparsepop_py.budget`). With it, and without limits in time, no decision rests on a
         clock: runs are reproducible, and a run with a larger limit begins like one with a
         smaller limit. The last step may exceed it.
     memory_limit : float
@@ -131,7 +151,8 @@ class Options:
     seed : int
         Seed of random starting points.
     progress : bool
-        Whether to draw a progress line when a terminal is attached.
+        Whether to show stage, bounds and seconds while it works: one changing line in a terminal
+        or a notebook, by tqdm where that is installed (``pip install 'sparsepop-py[progress]'``).
 
     Raises
     ------
@@ -157,12 +178,14 @@ class Options:
     sparse: bool = True
     chordal: Literal["auto", "min-degree", "min-fill", "mcs-m"] = "auto"
     solver: str = "auto"
-    refine: Literal["scipy", "ipopt", "none"] = "scipy"
+    refine: Literal["scipy", "ipopt", "prove", "none"] = "scipy"
+    search_limit: float | None = None
     branch_on: Sequence[int] | None = None
     node_limit: int | None = None
     executor: Executor | None = None
     skip: Sequence[str] = ()
     time_limit: float | None = None
+    cpu_limit: float | None = None
     work_limit: float | None = None
     memory_limit: float = 5e9
     accuracy: float | None = None
@@ -194,6 +217,14 @@ class Options:
                 raise ProblemError(
                     f"Options.switches: found them with effort {self.effort!r}, expected 'plain'"
                 )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the executor, which belongs to its process."""
+        return self.__dict__ | {"executor": None}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Options:
+        """Return the options themselves: nothing in them changes."""
+        return self
 
     def _wrong(self, name: str, expected: str) -> ProblemError:
         return ProblemError(f"Options.{name}: found {getattr(self, name)!r}, expected {expected}")

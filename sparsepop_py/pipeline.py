@@ -9,28 +9,39 @@ One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import chain, tee
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.exact_convex import falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
     build_relaxations,
     lower_bound,
 )
-from sparsepop_py.budget import Deadline
+from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError
-from sparsepop_py.local_search.incumbents import first_incumbent, random_starts
+from sparsepop_py.executors.dispatch import map_in_order
+from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.local_search.incumbents import (
+    first_incumbent,
+    first_moments,
+    random_starts,
+)
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.progress import Stages
+from sparsepop_py.problem.rational_problem import RationalProblem
+from sparsepop_py.progress import OnProgress, Stages
+from sparsepop_py.rational.result import RationalResult
+from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
 from sparsepop_py.strategy.multi_objective import (
@@ -39,33 +50,71 @@ from sparsepop_py.strategy.multi_objective import (
     pairs,
     width_between,
 )
-from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState, run_orders, unstarted_state
+from sparsepop_py.strategy.order_loop import SearchState, run_orders, unstarted_state
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.steps import BoxProof
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
-__all__ = ["solve", "solve_each"]
+__all__ = ["INTERRUPTED", "solve", "solve_each"]
+
+INTERRUPTED = "interrupted: what is proved so far is kept"
+_UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
+_LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
+_VERIFIED = 0.45  # of a limit: the last verification may end so much later
+
+
+@overload
+def solve(
+    problem: Problem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
+) -> Result: ...
+
+
+@overload
+def solve(
+    problem: RationalProblem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
+) -> RationalResult: ...
 
 
 @one_thread
 def solve(
-    problem: Problem, options: Options | None = None, *, start: NDArray[Any] | None = None
-) -> Result:
+    problem: Problem | RationalProblem,
+    options: Options | None = None,
+    *,
+    start: NDArray[Any] | None = None,
+    on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
+) -> Result | RationalResult:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or RationalProblem
     options : Options, optional
         Defaults: relaxation of least order, with presolve.
     start : (n,) array_like, optional
         A point to start the local search from.
+    on_progress : callable, optional
+        Called with 0, the proved and the attained value: when they change, and at the next stage
+        after two seconds. Where it raises ``KeyboardInterrupt``, what is proved is returned.
+        Not called for a problem with ratios.
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as ``options.executor`` does.
 
     Returns
     -------
-    Result
+    Result or RationalResult
         ``lower_bound`` is proved (``result.certificate.verify(problem)`` re-checks it),
         ``upper_bound`` is attained by a point whose existence is proved.
 
@@ -73,6 +122,8 @@ def solve(
     ------
     ProblemError
         If an argument is malformed.
+    DenominatorError
+        If the sign of a denominator is not proved.
     SolverNotFound
         If the chosen solver is not installed.
 
@@ -85,16 +136,24 @@ def solve(
     >>> result.status, abs(result.lower_bound - 0.25) < 1e-6
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
-    options = options or Options()
+    options = _with_executor(options or Options(), executor)
+    if isinstance(problem, RationalProblem):
+        return solve_rational(problem, options, start, solve)
     _check_problem(problem, options)
     if options.gap_kind == "width":
         raise ProblemError(
             "Options.gap_kind: found 'width', which needs pairs of objectives (solve_each)"
         )
-    context = SolveContext(
-        problem, options, Stages(options.progress), Deadline(options.time_limit, options.work_limit)
-    )
-    return _result(_solve_one(context, _start_vectors(problem, start), None), {})
+    stages = Stages(options.progress, on_progress)
+    context = SolveContext(problem, options, stages, _deadline(options))
+    try:
+        return _result(_solve_one(context, _start_vectors(problem, start), None), {})
+    finally:
+        stages.close()
+
+
+def _deadline(options: Options) -> Deadline:
+    return Deadline(options.time_limit, options.work_limit, options.cpu_limit)
 
 
 @one_thread
@@ -107,7 +166,8 @@ def solve_each(
     repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None,
     points: Sequence[ProvedPoint] = (),
     branch_on: Sequence[int] | None = None,
-    on_progress: Callable[[int, float, float], None] | None = None,
+    on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> list[Result]:
     """Solve for several objectives over one feasible set, sharing box and relaxations.
 
@@ -133,7 +193,12 @@ def solve_each(
     branch_on : sequence of int, optional
         Takes the place of ``options.branch_on``.
     on_progress : callable, optional
-        Called with an objective's number, its proved and its attained value so far.
+        Called with an objective's number, its proved and its attained value so far, as by
+        :func:`solve`.
+    executor : concurrent.futures.Executor, optional
+        With effort ``"auto"``: processes the nodes of branch and bound, as ``options.executor``
+        does. With other efforts, unless gaps are widths: solves each objective as a task of its
+        own, as :func:`solve` does; bounds then do not depend on the number of workers.
 
     Returns
     -------
@@ -156,71 +221,129 @@ def solve_each(
     >>> low.relaxation is high.relaxation
     True
     """
-    options = options or Options()
+    options = _with_executor(options or Options(), executor)
     if branch_on is not None:
         options = replace(options, branch_on=tuple(branch_on))
     objectives = list(objectives)
     _check(problem, objectives, options)
     if not objectives:
         return []
+    if executor is not None and options.effort != "auto" and options.gap_kind != "width":
+        tasks = [(problem.with_objective(each), options, start) for each in objectives]
+        return _solve_apart(tasks, executor, on_progress)
     problem = problem.with_objective(objectives[0])  # its own joins no variables
-    stages, starts = Stages(options.progress), _start_vectors(problem, start)
-    report = _ProgressReporter(on_progress)
-    deadline = Deadline(options.time_limit, options.work_limit)
-    first = Model(BoxProof(), Interval(problem.lower, problem.upper))
+    several = _Several(
+        problem,
+        objectives,
+        options,
+        Stages(options.progress, on_progress),
+        _deadline(options),
+        _start_vectors(problem, start),
+        repair,
+        [p for p in (point.recheck(problem) for point in points) if p is not None],
+    )
     try:
-        with stages.stage("presolve"):
-            first = Model(*find_box(problem, None, options))
-    except KeyboardInterrupt:
-        deadline.stop()
-    box = first.box
-    if options.effort == "auto" and finite(box) and not is_empty(box):
-        starts += [] if deadline.over else first_starts(problem, box, options)
-        search = MultiObjectiveSearch(
-            problem,
-            objectives,
-            options,
-            first,
-            starts,
-            stages,
-            deadline,
-            report,
-            repair=repair,
-            points=[p for p in (point.recheck(problem) for point in points) if p is not None],
-        )
-        states = search.run()
-        return [_result(state, search.known) for state in states]
-    model = None
-    if (finite(box) or options.effort == "plain") and not is_empty(box):
+        with several.deadline.kept():
+            states, known = several.run()
+        return [_result(state, known) for state in states]
+    finally:
+        several.stages.close()
+
+
+def _solve_apart(
+    tasks: list[tuple[Problem, Options, NDArray[Any] | None]],
+    executor: Executor,
+    on_progress: OnProgress | None,
+) -> list[Result]:
+    """Solve problems as tasks of their own."""
+    results = map_in_order(executor, _solve_task, tasks)
+    for number, each in enumerate(results if on_progress is not None else ()):
+        on_progress(number, each.lower_bound, each.upper_bound)  # type: ignore[misc]
+    return results
+
+
+def _solve_task(task: tuple[Problem, Options, NDArray[Any] | None]) -> Result:
+    """Solve a problem in a worker; relaxation and solution stay there, nothing rests on them."""
+    problem, options, start = task
+    return replace(solve(problem, options, start=start), relaxation=None, solution=None)
+
+
+def _with_executor(options: Options, executor: Executor | None) -> Options:
+    return options if executor is None else replace(options, executor=executor)
+
+
+@dataclass(frozen=True, eq=False)
+class _Several:
+    """Several objectives over one feasible set, with what their searches share."""
+
+    problem: Problem
+    objectives: list[Polynomial]
+    options: Options
+    stages: Stages
+    deadline: Deadline
+    starts: list[NDArray[np.float64]]
+    repair: Callable[[NDArray[Any]], NDArray[Any]] | None
+    points: list[ProvedPoint]
+
+    def run(self) -> tuple[list[SearchState], dict[Any, Any]]:
+        """Search for all objectives; return states and what verification found on the way."""
+        first = self._box()
+        if self.options.effort == "auto" and finite(first.box) and not is_empty(first.box):
+            try:
+                return self._together(first)
+            except EARLY as cause:  # before any search began
+                self.deadline.ended(cause)
+        model = self._shared_model(first)
+        states = [self._alone(number, model) for number in range(len(self.objectives))]
+        return _with_widths(states, self.objectives, self.options), {}
+
+    def _box(self) -> Model:
         try:
-            with stages.stage("relax"):
-                model = build_relaxations(problem, tuple(objectives), first, options)
-        except KeyboardInterrupt:
-            deadline.stop()
-    states = []
-    for number, objective in enumerate(objectives):
-        own = Stages(options.progress)
-        own.seconds.update(stages.seconds if not states else {})
-        one, count = problem.with_objective(objective), len(objectives)
-        context = SolveContext(one, options, own, deadline, repair=repair, objectives=count)
-        states.append(_solve_one(context, starts, model))
-        if INTERRUPTED in states[-1].notes:
-            deadline.stop()  # the others end with what is known
-        report(number, states[-1])
-    known: dict[Any, Any] = {}
-    return [_result(state, known) for state in _with_widths(states, objectives, options)]
+            with self.stages.stage("presolve"):
+                return Model(*find_box(self.problem, None, self.options))
+        except EARLY as cause:
+            self.deadline.ended(cause)
+            return Model(BoxProof(), Interval(self.problem.lower, self.problem.upper))
 
+    def _together(self, first: Model) -> tuple[list[SearchState], dict[Any, Any]]:
+        """Run adaptive searches that learn from each other."""
+        more = [] if self.deadline.over else first_starts(self.problem, first.box, self.options)
+        search = MultiObjectiveSearch(
+            self.problem,
+            self.objectives,
+            self.options,
+            first,
+            [*self.starts, *more],
+            self.stages,
+            self.deadline,
+            repair=self.repair,
+            points=self.points,
+        )
+        return search.run(), search.known
 
-@dataclass(frozen=True)
-class _ProgressReporter:
-    """Callback that reports the bounds of an objective to the caller."""
+    def _shared_model(self, first: Model) -> Model | None:
+        if is_empty(first.box) or not (finite(first.box) or self.options.effort == "plain"):
+            return None
+        try:
+            with self.stages.stage("relax"):
+                return build_relaxations(self.problem, tuple(self.objectives), first, self.options)
+        except EARLY as cause:
+            self.deadline.ended(cause)
+            return None
 
-    on_progress: Callable[[int, float, float], None] | None
-
-    def __call__(self, number: int, state: SearchState) -> None:
-        if self.on_progress is not None:
-            lower = lower_bound(state.outcome.certificate)
-            self.on_progress(number, lower, state.context.upper)
+    def _alone(self, number: int, model: Model | None) -> SearchState:
+        """Search for one objective; after an interrupt, return what is known without a search."""
+        stages = self.stages.of_objective(number)
+        stages.seconds.update(self.stages.seconds if number == 0 else {})
+        context = SolveContext(
+            self.problem.with_objective(self.objectives[number]),
+            self.options,
+            stages,
+            self.deadline,
+            repair=self.repair,
+            objectives=len(self.objectives),
+        )
+        return _solve_one(context, self.starts, model)
 
 
 def _check(problem: Problem, objectives: list[Polynomial], options: Options) -> None:
@@ -284,18 +407,42 @@ def _start_vectors(problem: Problem, start: NDArray[Any] | None) -> list[NDArray
 def _solve_one(
     context: SolveContext, starts: list[NDArray[Any]], shared: Model | None
 ) -> SearchState:
-    """Search an incumbent, then loop over relaxations; an interrupt keeps what is proved."""
+    """Search an incumbent, then loop over relaxations; an early end keeps what is proved."""
     problem, candidates = context.problem, list[NDArray[Any]]()
     try:
-        with context.stages.stage("search"):
-            box = shared.box if shared else Interval(problem.lower, problem.upper)
-            first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
-            context, candidates = first_incumbent(context, first)
-        return run_orders(context, candidates, shared, more_starts)
-    except KeyboardInterrupt:
-        return unstarted_state(context, candidates)
-    finally:
-        context.stages.close()
+        with context.deadline.kept():
+            with context.stages.stage("search"):
+                box = shared.box if shared else Interval(problem.lower, problem.upper)
+                first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
+                context = _at_the_origin(context)
+                if not _falls(context):
+                    context, candidates = first_incumbent(context, first)
+            context.report(-np.inf)
+            if not _falls(context):
+                state = run_orders(context, candidates, shared, more_starts)
+            elif context.options.effort == "plain":  # the relaxation was asked for
+                state = run_orders(context, candidates, shared, iter(()))
+            else:
+                state = unstarted_state(context, candidates)
+    except EARLY as cause:
+        context.deadline.ended(cause)
+        state = unstarted_state(context, candidates)
+    state.context.report_last(lower_bound(state.outcome.certificate))
+    return state
+
+
+def _at_the_origin(context: SolveContext) -> SolveContext:
+    """Take the feasible point nearest to 0 if the objective falls without limit from it."""
+    problem = context.problem
+    x = np.clip(np.zeros(problem.dimension), problem.lower, problem.upper)
+    if _closed_box(problem) or problem.violation(x) > 0.0:
+        return context
+    there = replace(context, best=prove_feasible(problem, x))
+    return there if _falls(there) else context
+
+
+def _closed_box(problem: Problem) -> bool:
+    return bool(np.all(np.isfinite(problem.lower) & np.isfinite(problem.upper)))
 
 
 def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArray[np.float64]]:
@@ -306,18 +453,25 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
     """Lower the claims of a state, also those on the way, to what verification confirms.
 
     An interrupt here asks for the result, which this is the last step to; a second one ends it.
+    Where time ends before the verification of a tree does, the best bound without the tree is
+    claimed.
     """
-    problem, outcome = state.context.problem, state.outcome
-    certificate = outcome.certificate
+    context, outcome = state.context, state.outcome
+    problem, certificate = context.problem, outcome.certificate
     if certificate is None:
         return state
-    with state.context.stages.stage("verify"):
+    with context.stages.stage("verify"):
         try:
-            settled = certificate.settled(problem, known)
+            with context.deadline.kept(_VERIFIED):
+                settled = certificate.settled(problem, known)
         except KeyboardInterrupt:
-            state.context.deadline.stop()
+            context.deadline.stop()
             settled = certificate.settled(problem, known)
-    state.context.stages.close()
+        except LimitReached:
+            simpler = outcome.simpler or certificate  # of one node, which takes little time
+            settled = simpler.settled(problem, known)
+            if outcome.simpler is not None:
+                state = replace(state, notes=(*state.notes, _UNVERIFIED))
     if settled is certificate:
         return state
     most = lower_bound(settled)
@@ -339,7 +493,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    status, notes = _status(state, lower)
+    status, notes, ray = _status(state, lower)
     points = _points(problem, best, state.candidates)
     return Result(
         problem=problem,
@@ -357,41 +511,87 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
         history=state.history,
         timings=context.stages.seconds,
         notes=notes,
+        moments=_moments(bound),
+        ray=ray,
     )
 
 
-def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
-    context, bound = state.context, state.outcome
-    notes = [*bound.model.notes, *state.notes]
-    if context.deadline.stopped and not state.notes:
+def _moments(bound: CertifiedBound) -> NDArray[np.float64] | None:
+    if bound.relaxation is None or bound.model.scaled is None:
+        return None
+    return first_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
+
+
+_Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
+
+
+def _status(state: SearchState, lower: float) -> _Status:
+    context, bound, deadline = state.context, state.outcome, state.context.deadline
+    notes = [*bound.model.notes, *state.notes, *context.notes]
+    notes += _lost_by_the_proof(context, bound, lower)
+    if deadline.stopped:
         notes.append(INTERRUPTED)
-    status = Status.BOUNDED
+    status, ray = Status.BOUNDED, None
     if lower == np.inf:
         status = Status.INFEASIBLE
     elif context.closed(lower):
         status = Status.OPTIMAL
-    elif lower == -np.inf:
-        status, note = _unproved(context.problem, bound, context.best)
-        notes += note
-    elif context.deadline.over or state.notes:
+    elif lower == -np.inf and (ray := _ray(context)) is not None:
+        status = Status.UNBOUNDED
+    elif deadline.stopped:
+        status = Status.INTERRUPTED
+    elif deadline.over:
         status = Status.LIMIT
-    return status, tuple(notes)
+    elif lower == -np.inf:
+        status, note = _unproved(context.problem, bound)
+        notes += note
+    return status, tuple(notes), ray
 
 
-def _unproved(
-    problem: Problem, bound: CertifiedBound, best: ProvedPoint | None
-) -> tuple[Status, list[str]]:
-    if best is not None:
-        ray = falling_ray(problem, best)
-        if ray is not None:
-            shown = ", ".join(f"{v:g}" for v in ray[:8]) + (", ..." if ray.size > 8 else "")
-            return Status.UNBOUNDED, [f"the objective falls along the ray ({shown}) from x"]
+def _falls(context: SolveContext) -> bool:
+    """Check for a proved ray from the attained point, without a search for its direction."""
+    problem, best = context.problem, context.best
+    return best is not None and not _closed_box(problem) and falling_ray(problem, best) is not None
+
+
+def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: float) -> list[str]:
+    """Say that the proof and not the relaxation lost the value, and where."""
+    solution, value, box = bound.solution, bound.value, bound.model.box
+    single = context.options.effort != "auto"  # else the last relaxation may be of one node
+    if not single or solution is None or solution.status not in ("solved", "almost"):
+        return []
+    if context.closed(lower) or not value - lower > _LOST * (1.0 + abs(value)):
+        return []
+    reach = np.maximum(np.abs(box.lo), np.abs(box.hi))
+    open_ = np.flatnonzero(np.isinf(reach))
+    where = f"no finite bounds are known for {_listed(context.problem, open_)}"
+    if not open_.size:
+        widest = context.problem.names[int(np.argmax(reach))]
+        where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
+
+
+def _listed(problem: Problem, variables: NDArray[Any]) -> str:
+    """Names of variables, the first eight."""
+    names = ", ".join(problem.names[v] for v in variables[:8])
+    return names + (f" and {variables.size - 8} more" if variables.size > 8 else "")
+
+
+def _ray(context: SolveContext) -> NDArray[np.float64] | None:
+    """Find a direction along which the objective provably falls without limit."""
+    problem, best = context.problem, context.best
+    if best is None or _closed_box(problem):
+        return None
+    ray = falling_ray(problem, best)
+    direction = falling_direction(problem) if ray is None else None
+    return ray if direction is None else falling_ray(problem, best, direction)
+
+
+def _unproved(problem: Problem, bound: CertifiedBound) -> tuple[Status, list[str]]:
     box = bound.model.box
     unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
     if unbounded.size:
-        names = ", ".join(problem.names[v] for v in unbounded[:8])
-        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
-        return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
+        return Status.UNPROVED, [f"no finite bounds are known for {_listed(problem, unbounded)}"]
     return Status.FAILED, []
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,9 @@ __all__ = ["HistoryEntry", "Point", "Result", "Status"]
 
 
 class Status(StrEnum):
-    """Outcome of a solve; ``message`` says what it means and what to try.
+    """Outcome of a solve; ``message`` says what it means.
+
+    :attr:`Result.message` says more: what happened in that run, and what to try after it.
 
     Examples
     --------
@@ -42,6 +44,7 @@ class Status(StrEnum):
     INFEASIBLE = "INFEASIBLE"
     UNBOUNDED = "UNBOUNDED"
     LIMIT = "LIMIT"
+    INTERRUPTED = "INTERRUPTED"
     FAILED = "FAILED"
 
     @property
@@ -52,22 +55,16 @@ class Status(StrEnum):
 
 _MESSAGES = {
     Status.OPTIMAL: "The proved bound and the attained value agree within the gap asked for.",
-    Status.BOUNDED: (
-        "The bound is proved but the gap is open: try effort 'auto', raise the order, give "
-        "tighter bounds on the variables, or a better starting point."
-    ),
+    Status.BOUNDED: "The bound is proved, the gap is open.",
     Status.UNPROVED: (
         "No finite bound is proved: some variable has no finite bounds and none follow from "
-        "the constraints or the objective. Give lower and upper bounds, the objective as "
-        "squares, or a higher order."
+        "the constraints or the objective."
     ),
     Status.INFEASIBLE: "It is proved that no point satisfies the constraints.",
     Status.UNBOUNDED: "It is proved that the objective falls without limit along a feasible ray.",
-    Status.LIMIT: "The time limit ended the work; the bound is proved, the gap is open.",
-    Status.FAILED: (
-        "The solver failed and nothing finite is proved: try another order or solver, or "
-        "save the conic program and look into it."
-    ),
+    Status.LIMIT: "A limit ended the work; what is proved by then is kept, the gap is open.",
+    Status.INTERRUPTED: "The user interrupted; what is proved by then is kept, the gap is open.",
+    Status.FAILED: "The solver failed and nothing finite is proved.",
 }
 
 
@@ -167,6 +164,11 @@ class Result:
         CPU seconds of each stage.
     notes : tuple of str
         Sentences on what was changed or observed.
+    moments : (n,) float or None
+        Moments of degree one of the last relaxation, in the units of the variables: its guess at
+        a minimiser, mostly not feasible. Not stored in files.
+    ray : (n,) float or None
+        With status ``UNBOUNDED`` the direction along which the objective falls from ``attained``.
 
     Examples
     --------
@@ -192,6 +194,13 @@ class Result:
     history: tuple[HistoryEntry, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    moments: NDArray[np.float64] | None = None
+    ray: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.certificate is not None and self.certificate.problem is not self.problem:
+            about = replace(self.certificate, problem=self.problem)
+            object.__setattr__(self, "certificate", about)
 
     @property
     def gap(self) -> float:
@@ -200,6 +209,19 @@ class Result:
             return 0.0
         gap = self.upper_bound - self.lower_bound
         return max(0.0, gap) if np.isfinite(gap) else np.inf
+
+    @property
+    def message(self) -> str:
+        """Meaning of the status in this run, and what to try after it."""
+        if self.status is Status.UNBOUNDED and self.ray is not None:
+            return f"It is proved that the objective falls without limit along {_line(self)}."
+        if self.status is Status.LIMIT:
+            found = "the bound is proved, the gap is open"
+            if self.lower_bound == -np.inf:
+                found = "nothing finite was proved by then"
+            return f"{_limits(self.options)} ended the work; {found}."
+        advice = _advice(self) if self.status in _OPEN else []
+        return f"{self.status.message} Try {_listed(advice)}." if advice else self.status.message
 
     def summary(self) -> str:
         """Describe the result in a few lines of text.
@@ -211,7 +233,7 @@ class Result:
         """
         lines = [
             repr(self.problem)[1:-1],
-            f"status        {self.status}: {self.status.message}",
+            f"status        {self.status}: {self.message}",
             f"lower bound   {rounded(self.lower_bound, False, 11, scientific=False)}  proved",
             f"upper bound   {rounded(self.upper_bound, True, 11, scientific=False)}  "
             + ("attained" if self.attained else "no attained point"),
@@ -311,3 +333,55 @@ class Result:
         from sparsepop_py.plots import plot_result
 
         return plot_result(self, ax)
+
+
+_OPEN = (Status.BOUNDED, Status.UNPROVED, Status.FAILED)
+
+
+def _line(result: Result) -> str:
+    """Write a falling ray with the names of the variables that move."""
+    assert result.ray is not None
+    moving = np.flatnonzero(result.ray).tolist()
+    steps = [f"{result.problem.names[v]} by {result.ray[v]:+g}" for v in moving[:8]]
+    more = f", ... ({len(moving)} variables)" if len(moving) > 8 else ""
+    return f"the ray from x that changes {', '.join(steps)}{more}"
+
+
+def _limits(options: Options) -> str:
+    """Name the limits of a run."""
+    given = (
+        ("time limit", options.time_limit, " s"),
+        ("CPU limit", options.cpu_limit, " s"),
+        ("work limit", options.work_limit, ""),
+        ("node limit", options.node_limit, ""),
+    )
+    named = [f"{name} of {value:g}{unit}" for name, value, unit in given if value is not None]
+    return "The " + " or the ".join(named) if named else "A limit"
+
+
+def _advice(result: Result) -> list[str]:
+    """List what to try after a run that left the gap open."""
+    options, found = result.options, []
+    if options.effort == "plain" and options.switches is None:
+        found.append("effort 'presolve'")
+    if options.effort != "auto":
+        found.append("effort 'auto'")
+    if result.relaxation is not None and result.relaxation.order and options.effort != "auto":
+        found.append(f"order {result.relaxation.order + 1}")
+    if options.node_limit is not None and options.effort == "auto":
+        found.append("a larger node_limit")
+    if options.skip:
+        found.append(f"without skip={list(options.skip)}")
+    if result.status is not Status.BOUNDED:
+        found.append("lower and upper bounds of all variables, or the objective as squares")
+    elif result.attained is None and options.refine == "none":
+        found.append("a local search (refine) for an attained point")
+    elif result.attained is None:
+        found.append("another starting point, as no attained point is known")
+    else:
+        found.append("tighter bounds on the variables")
+    return found
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"

@@ -198,7 +198,7 @@ def test_what_is_missing_is_named():
     assert result.certificate is None
     note = next(note for note in result.notes if "finite bounds" in note)
     assert note.endswith("no finite bounds are known for u, v")
-    assert "lower and upper bounds" in result.status.message
+    assert "lower and upper bounds" in result.message
     assert note in result.summary()
 
 

@@ -7,7 +7,8 @@ priors are falsified. *Sampled* bands are what members of the set reach.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,10 +16,12 @@ from numpy.typing import NDArray
 
 from setid.bands.enclosing import Accuracy, record_bands
 from setid.bands.verdicts import BandReport, Kind
-from setid.data.checks import frozen
+from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import DataError, SetidError
+from setid.errors import DataError, ModelError, SetidError
+from setid.feasible_points.best import best, fit, predicted, simulated, started
+from setid.feasible_points.estimators import least_squares
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import Proposer, cover_of
@@ -101,11 +104,17 @@ class OutputBand:
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
         return np.argwhere(gone)
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the readings and the band, one axis an output; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the readings and the band, one axis an output; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_output_band
 
-        return plot_output_band(self)
+        return plot_output_band(self, ax)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,10 +125,16 @@ class Comparison:
     ----------
     names : tuple of str
     theta : (p,) float
-        The nominal model.
+        The nominal model: the member that is best for the mode on the identification record,
+        where one is known.
     fit : (ny,) float
         100 (1 - |y - yhat| / |y - mean y|), in per cent; 100 is perfect.
     band : OutputBand
+    fits : mapping of str to (ny,) float
+        The same of ``"best member"``, ``"centre"`` and ``"least squares"``, as far as they
+        exist; least squares is that of the identification record, whatever the noise bounds.
+    advice : str
+        For what an equation-error set is meant, where it is simulated; else empty.
 
     Examples
     --------
@@ -127,19 +142,21 @@ class Comparison:
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> setid.compare(result).theta.round(3)
-    array([-0.434,  2.013])
+    array([-0.49 ,  2.011])
     """
 
     names: tuple[str, ...]
     theta: Reals
     fit: Reals
     band: OutputBand
+    fits: Mapping[str, Reals] = field(default_factory=dict)
+    advice: str = ""
 
     def summary(self) -> str:
         """A few lines for people."""
         band, finite = self.band, np.isfinite(self.band.high - self.band.low)
-        shown = ", ".join(f"{value:.1f} %" for value in self.fit)
-        lines = [f"fit of the nominal model ({band.mode})  {shown}"]
+        lines = [f"fit of the nominal model ({band.mode})  {_per_cent(self.fit)}"]
+        lines += [f"fit of {name}  {_per_cent(values)}" for name, values in self.fits.items()]
         if np.any(finite):
             width = float(np.mean((band.high - band.low)[finite]))
             lines.append(f"mean width of the {band.kind} band of models  {width:.4g}")
@@ -152,11 +169,13 @@ class Comparison:
         outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
         lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
         if outside and band.kind == "proved":
-            sample, output = band.outside[0] + 1
+            sample, output = band.outside[0]
             lines.append(
-                f"the assumptions are falsified for this record, first by y{output} at sample "
+                "the assumptions are falsified for this record, first by "
+                f"{band.data.output_names[output]} at sample "
                 f"{sample}: larger noise bounds, a higher order or another structure is needed"
             )
+        lines += [self.advice] if self.advice else []
         return "\n".join(lines)
 
     def _silence(self) -> list[str]:
@@ -171,42 +190,17 @@ class Comparison:
             "reading of the record would lie in it"
         ]
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the band with the fit in the title; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the band with the fit in the title; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_comparison
 
-        return plot_comparison(self)
-
-
-def fit(measured: Reals, modelled: Reals) -> Reals:
-    """100 (1 - |e| / |y - mean y|) for each output, over samples where both are there.
-
-    Parameters
-    ----------
-    measured, modelled : (N, ny) float
-
-    Returns
-    -------
-    (ny,) float
-        -inf where the modelled output is not finite or the readings never change.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from setid.bands.outputs import fit
-    >>> fit(np.array([[0.0], [1.0], [2.0]]), np.array([[0.0], [1.0], [1.0]])).round(2)
-    array([29.29])
-    """
-    found = np.full(measured.shape[1], -np.inf)
-    for i, (y, v) in enumerate(zip(measured.T, modelled.T, strict=True)):
-        known = ~np.isnan(y) & ~np.isnan(v)
-        if not np.any(known):
-            continue
-        size = float(np.linalg.norm(y[known] - y[known].mean()))
-        error = float(np.linalg.norm(y[known] - v[known]))
-        if size > 0 and np.isfinite(error):
-            found[i] = 100.0 * (1.0 - error / size)
-    return found
+        return plot_comparison(self, ax)
 
 
 def simulate_band(
@@ -374,7 +368,7 @@ def compare(
     >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> found = setid.compare(result)
     >>> found.fit.round(1), len(found.band.outside)
-    (array([90.4]), 0)
+    (array([92.2]), 0)
     """
     if mode == "simulation":
         band = simulate_band(result, validation, kind, noise)
@@ -382,12 +376,56 @@ def compare(
         band = predict(result, validation, noise)
     else:
         raise SetidError(f"mode: found {mode!r}, expected 'simulation' or 'prediction'")
-    model, data = result.formulation.model, band.data
-    started = np.zeros(data.samples, bool)
-    if mode == "simulation" and model.initial == "free" and model.regression():
-        started = np.arange(data.samples) - data.first < max(e.lag for e in model.regression())
-    modelled = np.where(started[:, None], np.nan, band.nominal)
-    return Comparison(result.formulation.parameters, nominal(result), fit(data.y, modelled), band)
+    candidates = _candidates(result, mode)
+    model, outputs_of = result.formulation.model, simulated if mode == "simulation" else predicted
+    outputs = {name: outputs_of(model, t, band.data) for name, t in candidates.items()}
+    fits = {name: frozen(fit(band.data.y, values)) for name, values in outputs.items()}
+    chosen = next(iter(candidates))
+    if chosen == "best member":
+        begun = started(model, band.data)[:, None] & (mode == "simulation")
+        band = replace(band, nominal=frozen(np.where(begun, band.nominal, outputs[chosen])))
+    return Comparison(
+        names=result.formulation.parameters,
+        theta=frozen(candidates[chosen].copy()),
+        fit=fits[chosen],
+        band=band,
+        fits=FrozenMapping(fits),
+        advice=_ONE_STEP if mode == "simulation" and _equation_errors_alone(result) else "",
+    )
+
+
+_ONE_STEP = (
+    "the noise bounds are those of equation errors: they limit one-step errors, so that the set is "
+    "meant for prediction; for simulation take result.best('simulation'), or bounds of the "
+    "sensors (output=, input=)"
+)
+
+
+def _per_cent(values: Reals) -> str:
+    return ", ".join(f"{value:.1f} %" for value in values)
+
+
+def _candidates(result: FeasibleSet, mode: Mode) -> dict[str, Reals]:
+    """Parameter vectors whose fits are compared, the nominal one first."""
+    found: dict[str, Reals] = {}
+    try:
+        found["best member"] = best(result, mode).theta
+    except (ModelError, SetidError):  # no member is known, or readings to start from are missing
+        pass
+    found["centre"] = nominal(result) if result.middle is None else result.middle
+    try:
+        found["least squares"] = least_squares(
+            result.formulation.data, result.formulation.model
+        ).theta
+    except (ModelError, DataError):
+        pass
+    return found
+
+
+def _equation_errors_alone(result: FeasibleSet) -> bool:
+    """Tell whether noise acts within the equations and on no sensor."""
+    eta, xi, e = result.formulation.noise.bounds(result.formulation.data)
+    return bool(np.any(e > 0) and not np.any(eta > 0) and not np.any(xi > 0))
 
 
 def _record(

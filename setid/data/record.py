@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from setid.data.channels import labels, names_of, units_of
 from setid.data.checks import channels_of, entries_of, natural, number, range_of, starts_of
-from setid.data.readers import listed, read_mat_columns, stacked
+from setid.data.readers import frame_column, listed, read_mat_columns, stacked
 from setid.data.tables import Column, read_table
+from setid.data.times import sampling_time
 from setid.errors import DataError, SetidWarning
+from setid.html import listing, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +45,13 @@ class IOData:
     u_range, y_range : (low, high) or array_like (channels, 2), optional
         A range that every noise-free sample is known to lie in. Missing samples become
         bounded unknowns with it; without it, equations that need them are left out.
+    input_names, output_names : str or sequence of str, optional
+        Names of the channels on tables and axes; u1, u2, ... and y1, y2, ... when left out.
+        Equations and coefficients keep to these numbers.
+    input_units, output_units : str or sequence of str, optional
+        Their units; empty when left out.
+    time_unit : str
+        Unit of ``Ts``; empty when left out.
 
     Raises
     ------
@@ -71,6 +81,11 @@ class IOData:
     assumptions: tuple[str, ...]
     u_range: NDArray[np.float64] | None
     y_range: NDArray[np.float64] | None
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    time_unit: str
 
     def __init__(
         self,
@@ -82,6 +97,11 @@ class IOData:
         assumptions: Iterable[str] = (),
         u_range: ArrayLike | None = None,
         y_range: ArrayLike | None = None,
+        input_names: Sequence[str] | str | None = None,
+        output_names: Sequence[str] | str | None = None,
+        input_units: Sequence[str] | str | None = None,
+        output_units: Sequence[str] | str | None = None,
+        time_unit: str = "",
     ) -> None:
         inputs, outputs = channels_of(u, "u"), channels_of(y, "y")
         if inputs.shape[0] != outputs.shape[0]:
@@ -100,6 +120,11 @@ class IOData:
             "assumptions": tuple(str(text) for text in assumptions),
             "u_range": range_of(u_range, "u_range", inputs.shape[1]),
             "y_range": range_of(y_range, "y_range", outputs.shape[1]),
+            "input_names": names_of(input_names, inputs.shape[1], "input_names", "u"),
+            "output_names": names_of(output_names, outputs.shape[1], "output_names", "y"),
+            "input_units": units_of(input_units, inputs.shape[1], "input_units"),
+            "output_units": units_of(output_units, outputs.shape[1], "output_units"),
+            "time_unit": str(time_unit),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
@@ -126,6 +151,16 @@ class IOData:
     def outputs(self) -> int:
         """Number of output channels ny."""
         return self.y.shape[1]
+
+    @property
+    def input_labels(self) -> tuple[str, ...]:
+        """Names of the inputs with their units, for axes."""
+        return labels(self.input_names, self.input_units)
+
+    @property
+    def output_labels(self) -> tuple[str, ...]:
+        """Names of the outputs with their units, for axes."""
+        return labels(self.output_names, self.output_units)
 
     @property
     def records(self) -> int:
@@ -155,10 +190,12 @@ class IOData:
         path: str | os.PathLike[str],
         inputs: Column | Sequence[Column],
         outputs: Column | Sequence[Column],
-        Ts: float = 1.0,
+        Ts: float | None = None,
         *,
         decimal: str = ".",
         header: int | None = None,
+        time: Column | None = None,
+        time_unit: str = "",
     ) -> IOData:
         r"""Read a record from a text table.
 
@@ -170,14 +207,19 @@ class IOData:
             each line inside is a sample. What was skipped stands in ``assumptions``.
         inputs, outputs : str, int, or sequence of these
             Columns by name or by number from 0. Empty fields and the error values of
-            spreadsheets (``#N/A``) are missing samples.
-        Ts : float
-            Sampling time.
+            spreadsheets (``#N/A``) are missing samples. Names stay those of the channels.
+        Ts : float, optional
+            Sampling time; that of the column ``time`` when left out, 1 without one.
         decimal : {".", ","}
             The decimal mark; with a comma, commas separate nothing.
         header : int, optional
-            Lines before the first sample, of which the first holds the names (a second may
-            hold units). By default one if the first line holds no number.
+            Lines before the first sample, of which the first holds the names and the second
+            the units. By default one if the first line holds no number.
+        time : str or int, optional
+            A column of times. They must agree with ``Ts``, without gaps; their jitter stands in
+            ``assumptions``.
+        time_unit : str
+            Unit of the times.
 
         Raises
         ------
@@ -195,9 +237,74 @@ class IOData:
         array([0. , nan, 0.7])
         """
         left, right = listed(inputs), listed(outputs)
-        table = read_table(path, [*left, *right], decimal, header)
-        u, y = stacked(table.columns[: len(left)]), stacked(table.columns[len(left) :])
-        return cls(u, y, Ts, assumptions=table.skipped)
+        clock = [] if time is None else [time]
+        table = read_table(path, [*left, *right, *clock], decimal, header)
+        count, end = len(left), len(left) + len(right)
+        u, y = stacked(table.columns[:count]), stacked(table.columns[count:end])
+        notes = table.skipped
+        if time is not None:
+            Ts, seen = sampling_time(table.columns[-1], Ts, f"{path}, column {time!r}")
+            notes += seen
+        names, units = table.names, table.units
+        return cls(
+            u,
+            y,
+            1.0 if Ts is None else Ts,
+            assumptions=notes,
+            input_names=None if names is None else names[:count],
+            output_names=None if names is None else names[count:end],
+            input_units=None if units is None else units[:count],
+            output_units=None if units is None else units[count:end],
+            time_unit=time_unit or (units[-1] if units is not None and clock else ""),
+        )
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: Any,
+        inputs: Column | Sequence[Column],
+        outputs: Column | Sequence[Column],
+        Ts: float | None = None,
+        *,
+        time: Column | None = None,
+        time_unit: str = "",
+    ) -> IOData:
+        """Read a record from a DataFrame of pandas, or another with columns by name.
+
+        Parameters
+        ----------
+        frame : DataFrame
+            Rows are samples in their order; the index is not looked at.
+        inputs, outputs : str or sequence of str
+            Names of columns, which stay those of the channels. Missing values are missing
+            samples.
+        Ts : float, optional
+            Sampling time; that of the column ``time`` when left out, 1 without one.
+        time : str, optional
+            A column of times or of dates (then in seconds). As of :meth:`from_csv`.
+        time_unit : str
+            Unit of the times.
+
+        Raises
+        ------
+        DataError
+            If a column is missing or holds no numbers, or times do not fit.
+        """
+        left, right = listed(inputs), listed(outputs)
+        arrays = [frame_column(frame, name) for name in [*left, *right]]
+        notes: tuple[str, ...] = ()
+        if time is not None:
+            clock = frame_column(frame, time, dates=True)
+            Ts, notes = sampling_time(clock, Ts, f"column {time!r}")
+        return cls(
+            stacked(arrays[: len(left)]),
+            stacked(arrays[len(left) :]),
+            1.0 if Ts is None else Ts,
+            assumptions=notes,
+            input_names=[str(name) for name in left],
+            output_names=[str(name) for name in right],
+            time_unit=time_unit,
+        )
 
     @classmethod
     def from_mat(
@@ -321,19 +428,42 @@ class IOData:
         bounds = [*self.starts.tolist(), self.samples]
         parts = [slice(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
         note = f"detrended ({kind}): the trend of each channel is what least squares found"
-        return IOData(
+        return self._like(
             np.concatenate([_without_trend(self.u[part], degree) for part in parts]),
             np.concatenate([_without_trend(self.y[part], degree) for part in parts]),
-            self.Ts,
             starts=self.starts,
             assumptions=(*self.assumptions, note),
+            u_range=None,
+            y_range=None,
         )
 
-    def plot(self) -> NDArray[Any] | Axes:
-        """Draw outputs above inputs over time; returns the axes (needs matplotlib)."""
+    def plot(self, ax: Any = None) -> NDArray[Any] | Axes:
+        """Draw outputs above inputs over time; returns the axes (needs matplotlib).
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One a channel.
+        """
         from setid.plots.records import plot_record
 
-        return plot_record(self)
+        return plot_record(self, ax)
+
+    def _repr_html_(self) -> str:
+        named = zip(
+            (*self.input_names, *self.output_names),
+            (*self.input_units, *self.output_units),
+            [*self.u.T, *self.y.T],
+            strict=True,
+        )
+        rows = [
+            (name, unit, int(np.isnan(values).sum()), *(f"{v:.6g}" for v in _spread(values)))
+            for name, unit, values in named
+        ]
+        head = ["channel", "unit", "missing", "least", "mean", "largest"]
+        return section(
+            repr(self)[1:-1], table(head, rows), listing("assumptions", self.assumptions)
+        )
 
     def _rows(self, part: slice) -> IOData:
         begin, end, _ = part.indices(self.samples)
@@ -346,6 +476,11 @@ class IOData:
             "assumptions": self.assumptions,
             "u_range": self.u_range,
             "y_range": self.y_range,
+            "input_names": self.input_names,
+            "output_names": self.output_names,
+            "input_units": self.input_units,
+            "output_units": self.output_units,
+            "time_unit": self.time_unit,
         }
         return IOData(u, y, **(kept | changes))
 
@@ -354,7 +489,8 @@ class IOData:
             return f"{number} {noun}{'' if number == 1 else 's'}"
 
         parts = [count(self.samples, "sample"), count(self.inputs, "input")]
-        parts += [count(self.outputs, "output"), f"Ts = {self.Ts:g}"]
+        step = f"Ts = {self.Ts:g}{f' {self.time_unit}' if self.time_unit else ''}"
+        parts += [count(self.outputs, "output"), step]
         if self.records > 1:
             parts.append(count(self.records, "record"))
         missing = int(np.isnan(self.u).sum() + np.isnan(self.y).sum())
@@ -371,8 +507,13 @@ def _constant_channels(inputs: NDArray[np.float64]) -> list[int]:
     return np.flatnonzero((low == high) & (low != 0.0)).tolist()
 
 
+def _spread(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    return float(np.nanmin(values)), float(np.nanmean(values)), float(np.nanmax(values))
+
+
 def _check_alike(one: IOData, other: IOData, place: int) -> None:
-    for field in ("inputs", "outputs", "Ts"):
+    named = ("input_names", "output_names", "input_units", "output_units", "time_unit")
+    for field in ("inputs", "outputs", "Ts", *named):
         if getattr(one, field) != getattr(other, field):
             raise DataError(
                 f"records[{place}].{field}: found {getattr(other, field)}, "

@@ -44,10 +44,16 @@ class Table:
         One array for each column that was asked for; missing samples are NaN.
     skipped : tuple of str
         A sentence for each line, or run of lines, that holds no sample.
+    names : tuple of str or None
+        Of the columns that were asked for, where there is a line of names.
+    units : tuple of str or None
+        The second header line at these columns, where there is one.
     """
 
     columns: list[NDArray[np.float64]]
     skipped: tuple[str, ...]
+    names: tuple[str, ...] | None = None
+    units: tuple[str, ...] | None = None
 
 
 def read_table(
@@ -95,7 +101,12 @@ def read_table(
     skipped = _skipped(path, lines[:begin], rows[1:names_at] if names_at else [])
     if separator == "," and names is None:
         skipped += _doubtful_commas(path, rows)
-    return Table([values[:, k].copy() for k in range(len(places))], skipped)
+    chosen = None if names is None else tuple(names[place] for place in places)
+    units = None
+    if names_at > 1 and len(rows[1][1]) == width:
+        units = tuple(rows[1][1][place].strip().strip("[]()") for place in places)
+    distinct = chosen if chosen is not None and all(chosen) else None
+    return Table([values[:, k].copy() for k in range(len(places))], skipped, distinct, units)
 
 
 def has_names(path: PathLike) -> bool:

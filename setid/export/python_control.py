@@ -18,6 +18,7 @@ import sparsepop_py as sp
 from setid.bands.responses import frequency_band
 from setid.data.checks import frozen
 from setid.errors import ModelError, SetidError
+from setid.feasible_points.best import best
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.models.equations import Structure
@@ -35,7 +36,8 @@ class ControlModels:
     Parameters
     ----------
     nominal : control.TransferFunction
-        All channels; discrete, or continuous where the structure is.
+        Of the member that simulates the record best, else of the centre; all channels;
+        discrete, or continuous where the structure is.
     vertices : tuple of control.TransferFunction
         Models of attained parameter vectors.
     weight : control.TransferFunction or None
@@ -112,7 +114,7 @@ def to_control(
     """
     control = _control()
     formulation = result.formulation
-    model, Ts, theta = formulation.model, formulation.data.Ts, nominal(result)
+    model, Ts, theta = formulation.model, formulation.data.Ts, _nominal(result)
     continuous = model.transfer(1, 1).continuous
     frequencies = grid(omega, Ts, continuous=continuous)
     base = 0 if continuous else Ts  # python-control's timebase
@@ -124,8 +126,8 @@ def to_control(
             raise ModelError("kind: proved radii are for one input and one output")
         band = frequency_band(result, frequencies, "proved")
         with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.abs(band.regions - band.nominal[:, None]).max(axis=1)
-            radius = away / np.abs(band.nominal)
+            around = frequency_response(model, theta, frequencies, Ts)
+            radius = np.abs(band.regions - around[:, None]).max(axis=1) / np.abs(around)
         label = "proved at the grid frequencies"
     elif kind == "sampled":
         if single:
@@ -147,6 +149,14 @@ def to_control(
         frozen(np.asarray(radius, float)),
         label,
     )
+
+
+def _nominal(result: FeasibleSet) -> Reals:
+    """The member that simulates best, where one is known."""
+    try:
+        return best(result, "simulation").theta
+    except SetidError:  # readings to start from are missing, or only the box is known
+        return nominal(result)
 
 
 def _control() -> ModuleType:

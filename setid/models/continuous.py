@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from setid.data.checks import natural, number, switch
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Structure, Term, Transfer
+from setid.models.html import InNotebook
 from setid.models.lti import TransferFunction
 
 __all__ = [
@@ -62,7 +63,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, init=False)
-class ContinuousTransferFunction:
+class ContinuousTransferFunction(InNotebook):
     """G(s) = (b_m s^m + ... + b_0) / (s^n + a_(n-1) s^(n-1) + ... + a_0), sampled.
 
     The parameters are the physical coefficients, named by their power of s, in falling

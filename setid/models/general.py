@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from setid.data.checks import entries_of, natural, number
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Transfer, channel_of
+from setid.models.html import InNotebook
 from setid.models.lti import Form, TransferFunction
 from setid.models.maps import StaticMap
 from setid.models.wiring import Block, Maps, Wiring
@@ -180,7 +181,7 @@ _PARTS = ("blocks", "maps", "inputs", "outputs", "fixed", "unit_gain", "initial"
 
 
 @dataclass(frozen=True, slots=True, init=False, repr=False)
-class BlockStructured:
+class BlockStructured(InNotebook):
     """Linear blocks s = sum of G r and static maps w = N(z), wired by names.
 
     Parameters

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from setid.data.checks import natural, switch
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Term, Transfer, term
+from setid.models.html import InNotebook
 
 __all__ = ["Form", "TransferFunction", "expand"]
 
@@ -21,7 +22,7 @@ Orders = tuple[tuple[int, ...], ...]  # one row an output, one column an input
 
 
 @dataclass(frozen=True, slots=True, init=False, repr=False)
-class TransferFunction:
+class TransferFunction(InNotebook):
     """y(k) = - sum_i a_i y(k-i) + sum_j b_j u(k-j), j = nk, ..., nk + nb - 1.
 
     Coefficients are named by their lag: ``a1``, ``b0``; with nk = 1 the first one is

@@ -13,6 +13,7 @@ import numpy as np
 from setid.data.checks import natural
 from setid.errors import ModelError
 from setid.models.equations import Equation, Initial, Lagged, Transfer, term
+from setid.models.html import InNotebook
 from setid.models.products import cut_products
 
 __all__ = ["PolynomialNARX"]
@@ -22,7 +23,7 @@ _FACTOR = re.compile(r"([yu])(?:\[(\d+)\])?(\d+)(?:(?:\^|\*\*)(\d+))?")
 
 
 @dataclass(frozen=True, slots=True, init=False)
-class PolynomialNARX:
+class PolynomialNARX(InNotebook):
     """y(k) = sum_t c_t m_t(k), with monomials m_t in y(k-1..k-ny) and u(k..k-nu).
 
     Parameters

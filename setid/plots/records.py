@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 __all__ = ["plot_record"]
 
 
-def plot_record(data: IOData) -> NDArray[Any]:
+def plot_record(data: IOData, ax: Any = None) -> NDArray[Any]:
     """Draw each output and each input of a record over time.
 
     Parameters
     ----------
     data : IOData
         Records are drawn one after the other, with a gap; missing samples are gaps.
+    ax : array of matplotlib Axes, optional
+        One a channel; those of a new figure when left out.
 
     Returns
     -------
@@ -32,13 +34,13 @@ def plot_record(data: IOData) -> NDArray[Any]:
     SolverNotFound
         If matplotlib is missing; the message says how to install it.
     """
-    channels = [(f"y{i + 1}", column) for i, column in enumerate(data.y.T)]
-    channels += [(f"u{i + 1}", column) for i, column in enumerate(data.u.T)]
-    axes, time = over_time(data, len(channels), 1.6)
-    for axis, (name, values) in zip(axes, channels, strict=True):
+    names = (*data.output_labels, *data.input_labels)
+    channels = list(zip(names, [*data.y.T, *data.u.T], strict=True))
+    axes, time = over_time(data, len(channels), 1.6, ax)
+    for place, (axis, (name, values)) in enumerate(zip(axes, channels, strict=True)):
         for record in range(data.records):
             part = data.record == record
-            style = "steps-post" if name.startswith("u") else "default"
+            style = "steps-post" if place >= data.outputs else "default"
             axis.plot(time[part], values[part], drawstyle=style, color=f"C{record}", lw=1)
         axis.set_ylabel(name)
     return axes

@@ -33,7 +33,7 @@ def plot_residuals(residuals: Residuals, ax: Axes | None = None) -> Axes:
         share = residuals.values / residuals.bound
     for output in np.unique(residuals.output):
         part = residuals.output == output
-        axes.plot(residuals.row[part] + 1, share[part], ".", ms=4, label=f"y{output}")
+        axes.plot(residuals.row[part], share[part], ".", ms=4, label=f"y{output}")
     for edge in (-1.0, 1.0):
         axes.axhline(edge, color=PROVED, lw=1)
     axes.set_xlabel("sample")

@@ -78,6 +78,9 @@ class Evidence:
         For a structure without a normalisation: the evidence with the one that was used.
     nonzero : ParameterBox, CellBox or None
         Proof that the normalisation of the reference excludes no consistent system.
+    fewer_priors : Evidence or None
+        Evidence of the same data, structure and noise with some of the priors: what it bounds
+        is bounded with all of them.
 
     Examples
     --------
@@ -97,6 +100,7 @@ class Evidence:
     unbounded: Unbounded | None = None
     reference: Evidence | None = None
     nonzero: Nonzero | None = None
+    fewer_priors: Evidence | None = None
 
     @property
     def evidence(self) -> Evidence:

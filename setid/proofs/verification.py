@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 from typing import Any
 
@@ -55,10 +56,22 @@ def verify(claims: Evidence, data: IOData | None = None) -> Verification:
     problem = problem_on_box(again, claims.box)
     if problem.fingerprint != claims.problem.fingerprint:
         return Verification(False, "the problem is not that of the box")
-    return _verify_results(claims, again, in_units(problem, again))
+    fewer = _verify_fewer(claims.fewer_priors, again)
+    return _verify_results(claims, again, in_units(problem, again)) if fewer.ok else fewer
 
 
 _NOT_EMPTY = "the box is empty, and the intervals are not"
+
+
+def _verify_fewer(found: Evidence | None, again: Formulation) -> Verification:
+    """Check the evidence with some of the priors, as if they had been given alone."""
+    if found is None:
+        return Verification(True)
+    if found.fewer_priors is not None:
+        return Verification(False, "evidence with fewer priors rests on further evidence")
+    kept = [prior for prior in again.priors if prior in found.formulation.priors]
+    stated = formulate(again.data, again.model, again.noise, kept)
+    return verify(replace(found, formulation=stated), again.data)
 
 
 def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> Verification:
@@ -129,7 +142,7 @@ def _verify_results(claims: Evidence, again: Formulation, scaled: InUnits) -> Ve
     for number, (lower, upper) in enumerate(ends):
         unit = float(scaled.units[number // 2])
         upper = min([upper, *(_reached(problem, p, number) for p in points)])
-        ends[number] = lower * unit, upper * unit
+        ends[number] = max(lower * unit, _with_fewer(claims, number)), upper * unit
     return _ends_follow(claims, ends) if claims.empty else _with_free(claims, again, ends, points)
 
 
@@ -170,6 +183,14 @@ def _reached(problem: sp.Problem, point: sp.ProvedPoint, number: int) -> float:
     if problem.lower[place] == problem.upper[place]:
         return sign * float(problem.lower[place])
     return float(np.nextafter(sign * point.x[place] + point.radius, inf))
+
+
+def _with_fewer(claims: Evidence, number: int) -> float:
+    """Lower bound of objective ``number`` from checked evidence with fewer priors."""
+    if claims.fewer_priors is None:
+        return -inf
+    low, high = list(claims.fewer_priors.intervals.values())[number // 2].outer
+    return low if number % 2 == 0 else -high
 
 
 def problem_low(problem: sp.Problem, number: int) -> float:

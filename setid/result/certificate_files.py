@@ -22,7 +22,8 @@ from setid.formulation.units import in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Claimed, EndProof
 from setid.proofs.parameter_box import start_of
-from sparsepop_py.io.json_ import CERTIFICATE, PROVED_POINT
+from sparsepop_py.io.json_certificates import CERTIFICATE
+from sparsepop_py.io.json_values import PROVED_POINT
 from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,
@@ -51,7 +52,8 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     Raises
     ------
     SetidError
-        If the result rests on another one (``unidentifiable="report"``): write that.
+        If the result rests on another one, with a normalisation (``unidentifiable="report"``) or
+        with fewer priors: write that.
 
     Examples
     --------
@@ -66,6 +68,10 @@ def certificate_files(result: Claimed) -> dict[str, Any]:
     claims = result.evidence
     if claims.reference is not None:
         raise SetidError("result: found one that rests on its reference, expected result.reference")
+    if claims.fewer_priors is not None:
+        raise SetidError(
+            "result: found ends that are proved with fewer priors, expected result.fewer_priors"
+        )
     formulation = claims.formulation
     problem, layout = formulation.problem, formulation.layout
     scaled = in_units(claims.problem, formulation)

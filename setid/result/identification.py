@@ -7,8 +7,9 @@ the structure, the noise bounds and the priors lies in it. ``inner`` always mean
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -25,15 +26,21 @@ from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.unbounded import Unbounded
 from setid.proofs.verification import verify
+from setid.result.holdout import Holdout
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
     from setid.bands.outputs import Comparison, Mode, OutputBand
     from setid.bands.responses import Kind
     from setid.export.python_control import ControlModels
+    from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
+    from setid.result.reports import Remarks
+    from setid.sensitivity import Sensitivity
 
 __all__ = ["Identification"]
 
@@ -78,6 +85,10 @@ class Identification(FeasibleSet):
         For a structure without a normalisation: the result with the one that was used.
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
+    holdout : Holdout, optional
+        What samples that were held out say of the noise bounds; not written to JSON.
+    fewer_priors : Identification, optional
+        The result without priors that have unknowns of their own, where these intervals use it.
 
     Examples
     --------
@@ -102,6 +113,8 @@ class Identification(FeasibleSet):
     unbounded: Unbounded | None = None
     reference: Identification | None = None
     nonzero: Nonzero | None = None
+    holdout: Holdout | None = None
+    fewer_priors: Identification | None = None
 
     @property
     def status(self) -> IntervalStatus:
@@ -122,6 +135,7 @@ class Identification(FeasibleSet):
             unbounded=self.unbounded,
             reference=None if self.reference is None else self.reference.evidence,
             nonzero=self.nonzero,
+            fewer_priors=None if self.fewer_priors is None else self.fewer_priors.evidence,
         )
 
     # ---- texts --------------------------------------------------------------------------
@@ -134,9 +148,21 @@ class Identification(FeasibleSet):
 
     def summary(self) -> str:
         """The table, what it rests on, and what to do about wide or empty intervals."""
-        from setid.result.reports import Remarks, summary
+        from setid.result.reports import summary
 
-        return summary(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+        return summary(self, self._remarks())
+
+    def _remarks(self) -> Remarks:
+        """Remarks of texts and pages."""
+        from setid.result.reports import Remarks
+
+        held = () if self.holdout is None else (self.holdout.text,)
+        return Remarks(self.active, self.samples, (*self.notes, *held), self.assumptions)
+
+    def _repr_html_(self) -> str:
+        from setid.result.reports import html
+
+        return html(self, self._remarks())
 
     def binding(self) -> tuple[tuple[int, int, int], ...]:
         """Samples whose noise is at its bound where ends of intervals are attained.
@@ -164,6 +190,92 @@ class Identification(FeasibleSet):
             True where the formulation, the box, all outer ends and all attained ends hold.
         """
         return verify(self.evidence, data)
+
+    # ---- files and tables ---------------------------------------------------------------
+
+    def to_json(self) -> str:
+        """Write the result with its evidence as JSON text.
+
+        Returns
+        -------
+        str
+            What :meth:`from_json` reads.
+
+        Raises
+        ------
+        SetidError
+            If structure, noise or priors hold functions, which have no text.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> setid.Identification.from_json(result.to_json()).intervals["a1"]
+        a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+        """
+        from setid.result.json_ import to_json
+
+        return to_json(self)
+
+    @classmethod
+    def from_json(cls, text: str) -> Identification:
+        """Read a result and verify every claim of it; no solver is run.
+
+        Parameters
+        ----------
+        text : str
+            As :meth:`to_json` makes it.
+
+        Raises
+        ------
+        SetidError
+            If the text is no result, or a claim in it does not follow from the record in it.
+        """
+        from setid.result.json_ import from_json
+
+        return from_json(text)
+
+    def to_frame(self) -> Any:
+        """Intervals as a pandas DataFrame, one row a parameter.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns ``outer_low``, ``outer_high`` (proved), ``inner_low``, ``inner_high``
+            (attained, NaN where none is), ``width``, ``centre``, ``status``.
+
+        Raises
+        ------
+        SolverNotFound
+            If pandas is missing; the message says how to install it.
+        """
+        from setid.result.frames import to_frame
+
+        return to_frame(self)
+
+    def report(self, path: str | os.PathLike[str], validation: IOData | None = None) -> Path:
+        """Write one self-contained page: data, assumptions, intervals, bands, how to verify.
+
+        Parameters
+        ----------
+        path : path-like
+            Of the page, HTML with its pictures and the stored result inside.
+        validation : IOData, optional
+            A record to compare with; that of the identification when left out.
+
+        Returns
+        -------
+        pathlib.Path
+
+        Raises
+        ------
+        SolverNotFound
+            If jinja2 or matplotlib is missing; the message says how to install them.
+        """
+        from setid.result.page import report
+
+        return report(self, path, validation)
 
     # ---- estimates ----------------------------------------------------------------------
 
@@ -193,6 +305,17 @@ class Identification(FeasibleSet):
 
         return feasible(self)
 
+    def best(self, goal: Goal = "simulation") -> BestMember:
+        """A member that simulates or predicts the record best; see :func:`setid.best`.
+
+        Parameters
+        ----------
+        goal : {"simulation", "prediction"}
+        """
+        from setid.feasible_points.best import best
+
+        return best(self, goal)
+
     @property
     def projection(self) -> NDArray[np.float64]:
         """Parameters (p,) whose equations fit best; see :func:`setid.projection_estimate`."""
@@ -216,6 +339,18 @@ class Identification(FeasibleSet):
         from setid.feasible_points.witness import consistent
 
         return consistent(self.formulation, theta)
+
+    def sensitivity(self, factors: Iterable[float] | None = None) -> Sensitivity:
+        """Widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
+
+        Parameters
+        ----------
+        factors : iterable of float, optional
+            On all noise bounds; 1 to 2 in six steps when left out.
+        """
+        from setid.sensitivity import FACTORS, sensitivity
+
+        return sensitivity(self, FACTORS if factors is None else factors)
 
     # ---- one-line delegations -----------------------------------------------------------
 

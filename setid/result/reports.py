@@ -8,13 +8,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.data.record import IOData
 from setid.feasible_points.centre import central
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.formulation.completion import noise_shares
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
+from setid.html import listing, section
+from setid.html import table as html_table
 
-__all__ = ["Remarks", "active_priors", "binding", "binding_kinds", "summary", "table"]
+__all__ = [
+    "Remarks",
+    "active_priors",
+    "advice",
+    "binding",
+    "binding_kinds",
+    "channels",
+    "html",
+    "summary",
+    "table",
+]
 
 _KINDS = {"eta": "output noise", "xi": "input noise", "e": "equation error"}
 _NEAR = 1e-6  # closer than this (relative) to a bound counts as at it
@@ -34,7 +47,56 @@ def table(result: FeasibleSet) -> str:
         if result.empty:
             outer = ("empty", "")
         lines.append(line.format(item.name, *outer, *inner, f"{item.width:.3g}", item.status))
-    return "\n".join(lines)
+    named = channels(result.formulation.data)
+    return "\n".join(lines + ([named] if named else []))
+
+
+def html(result: FeasibleSet, remarks: Remarks) -> str:
+    """Write intervals and what they rest on as HTML for notebooks.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    remarks : Remarks
+    """
+    rows = []
+    for item in result.intervals.values():
+        inner = ("", "")
+        if item.inner is not None:
+            inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
+        outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+        ends = ("empty", "", "", "") if result.empty else (*outer, *inner)
+        rows.append((item.name, *ends, f"{item.width:.3g}", item.status))
+    head = ["parameter", "outer (proved)", "", "inner (attained)", "", "width", "status"]
+    named = channels(result.formulation.data)
+    return section(
+        repr(result.formulation.model) + (f": {named}" if named else ""),
+        html_table(head, rows),
+        listing("remarks", advice(result, remarks)),
+        listing("notes", remarks.notes),
+        listing("taken for granted", remarks.assumptions),
+    )
+
+
+def advice(result: FeasibleSet, remarks: Remarks) -> list[str]:
+    """Sentences on statuses, wide intervals and the samples that bind.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    remarks : Remarks
+    """
+    statuses = dict.fromkeys(item.status for item in result.intervals.values())
+    lines = [f"{status}: {status.message}" for status in statuses]
+    return lines + _centre(result) + _advice(result, remarks)
+
+
+def channels(data: IOData) -> str:
+    """Names and units of channels by their numbers, where they have any, else empty."""
+    own = [f"y{i + 1}" for i in range(data.outputs)] + [f"u{j + 1}" for j in range(data.inputs)]
+    shown = (*data.output_labels, *data.input_labels)
+    pairs = [f"{o} = {s}" for o, s in zip(own, shown, strict=True) if o != s]
+    return ", ".join(pairs)
 
 
 def binding(result: FeasibleSet) -> tuple[tuple[int, int, int], ...]:
@@ -114,10 +176,7 @@ def summary(result: FeasibleSet, remarks: Remarks) -> str:
     remarks : Remarks
     """
     lines = [repr(result.formulation)[1:-1], "", table(result), ""]
-    statuses = dict.fromkeys(item.status for item in result.intervals.values())
-    lines += [f"{status}: {status.message}" for status in statuses]
-    lines += _centre(result)
-    lines += _advice(result, remarks)
+    lines += advice(result, remarks)
     for text, active in remarks.active.items():
         lines.append(f"prior {text}: {'active' if active else 'not active'}")
     lines += [f"note: {text}" for text in remarks.notes]

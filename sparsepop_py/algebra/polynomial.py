@@ -460,14 +460,26 @@ class Polynomial:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Polynomial:
+    def __truediv__(self, other: Any) -> Any:
+        """Divide by a number (a Polynomial) or by a Polynomial (a Rational)."""
         if not isinstance(other, numbers.Real):
-            return NotImplemented
+            return self._over(self, other) if isinstance(other, Polynomial) else NotImplemented
         if other == 0:
             raise ProblemError("division of a polynomial by zero")
         with np.errstate(over="ignore", under="ignore"):
             values = self.coefficients / float(other)
         return Polynomial._merged(self.words, values, self.dimension, self.names)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self._over(other, self) if isinstance(other, numbers.Real) else NotImplemented
+
+    @staticmethod
+    def _over(numerator: Any, denominator: Polynomial) -> Any:
+        from sparsepop_py.algebra.rational import ratio  # ratios are made of polynomials
+
+        if denominator.degree == 0 and denominator.terms:
+            return numerator / denominator.constant_term
+        return ratio(numerator, denominator)
 
     def __pow__(self, power: Any) -> Polynomial:
         if not isinstance(power, numbers.Real) or power < 0 or float(power) % 1 != 0:

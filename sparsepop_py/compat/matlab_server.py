@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sps
 
+from sparsepop_py.compat.intervals import interval_details
 from sparsepop_py.compat.mat import load, save
-from sparsepop_py.compat.output import cell, matlab_structs
+from sparsepop_py.compat.output import cell, intervals_struct, matlab_structs
 from sparsepop_py.compat.sparsepop import sparsePOP
 from sparsepop_py.errors import ProblemError, SparsePOPError
 
@@ -46,15 +47,16 @@ def folder() -> Path:
 
 
 def answer(path: str | os.PathLike[str]) -> None:
-    """Read a question, call ``sparsePOP`` and write the answer to the same file.
+    """Answer the question in a file, over which the answer is written.
 
     Parameters
     ----------
     path : path of a MAT file (version 6)
-        It holds ``arguments``, a cell array with those of
-        :func:`~sparsepop_py.compat.sparsepop.sparsePOP`, and ``folder``, to which names of files
-        are relative. Afterwards it holds ``outputs``, a cell array of the six outputs as structs,
-        ``warnings``, a cell array of texts, and ``error``, a text that is empty without one.
+        It holds ``task``, ``sparsePOP`` (also when left out) or ``sparsePOPintervals``;
+        ``arguments``, a cell array with those of the function of that name; and ``folder``, to
+        which names of files are relative. Afterwards it holds ``outputs``, a cell array of the
+        outputs as structs (six, or one with the intervals), ``warnings``, a cell array of texts,
+        and ``error``, a text that is empty without one.
 
     Examples
     --------
@@ -76,13 +78,25 @@ def answer(path: str | os.PathLike[str]) -> None:
         try:
             question = _question(path)
             os.chdir(_text(question["folder"]))
-            output = sparsePOP(*map(_text, question["arguments"].ravel()))
-            reply["outputs"] = cell(list(matlab_structs(output).values()), row=True)
+            called = _TASKS[_text(question.get("task", "sparsePOP"))]
+            outputs = called(*map(_text, question["arguments"].ravel()))
+            reply["outputs"] = cell(outputs, row=True)
         except (SparsePOPError, OSError) as error:
             reply["error"] = _counted_from_one(str(error))
     reply["warnings"] = cell([_counted_from_one(str(warning.message)) for warning in caught])
     sys.stdout.flush()
     save(path, reply)
+
+
+def _structs(*arguments: Any) -> list[Any]:
+    return list(matlab_structs(sparsePOP(*arguments)).values())
+
+
+def _intervals(*arguments: Any) -> list[Any]:
+    return [intervals_struct(interval_details(*arguments))]
+
+
+_TASKS = {"sparsePOP": _structs, "sparsePOPintervals": _intervals}
 
 
 def serve() -> None:
@@ -132,9 +146,12 @@ def _question(path: Path) -> dict[str, Any]:
             return load(path, mat_dtype=True)
         except np.exceptions.ComplexWarning:
             pass
-    arguments = load(path)["arguments"].ravel()
+    question = load(path)
+    arguments = question["arguments"].ravel()
     names = ["objPoly", "ineqPolySys", "lbd", "ubd", "param"]
-    if arguments.size <= 2:
+    if _text(question.get("task", "")) == "sparsePOPintervals":
+        names = ["ineqPolySys", "lbd", "ubd", "indices", "param"]
+    elif arguments.size <= 2:
         del names[1:4]
     places = (_complex(value, name) for value, name in zip(arguments, names, strict=False))
     found = next((place for place in places if place), "arguments")

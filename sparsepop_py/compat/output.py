@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sps
@@ -16,6 +16,9 @@ from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.certificate.certificate import Certificate
 
+if TYPE_CHECKING:
+    from sparsepop_py.compat.intervals import IntervalsDetail
+
 __all__ = [
     "CpuTime",
     "POPOutput",
@@ -23,6 +26,7 @@ __all__ = [
     "SolverInfo",
     "SparsePOPOutput",
     "cell",
+    "intervals_struct",
     "matlab_structs",
 ]
 
@@ -34,9 +38,10 @@ class POPOutput:
     Parameters
     ----------
     xVect : (n,) float
-        With ``tighten = 1`` the attained point, else the best nearly feasible one. With
-        ``tighten = 0`` the moments of degree one, as in the original: mostly not feasible.
-        Empty without one.
+        With ``tighten = 1`` the attained point, else the best nearly feasible one, else the
+        moments of degree one. With ``tighten = 0`` those moments, as in the original: mostly not
+        feasible. Where there are none, the point of the bounds nearest to 0. Always filled, except
+        with ``SDPsolverSW = 0``; ``violation`` says how far from feasible it is.
     objValue : float or None
         Objective at ``xVect``.
     absError : float or None
@@ -64,6 +69,9 @@ class POPOutput:
     xCenter, zeta : list of (n,) float, list of float, or None
         For each set of ``errorBdIdx``: |x_I - xCenter_I|^2 <= zeta is proved for every
         feasible x with f(x) <= fValueUbd.
+    violation : float or None
+        Largest violation of a constraint or bound at ``xVect``, 0 or positive, in the units of
+        the problem: - ``absError``.
     """
 
     xVect: NDArray[np.float64]
@@ -83,6 +91,7 @@ class POPOutput:
     objValueScaled: float | None = None
     xCenter: list[NDArray[np.float64]] | None = None
     zeta: list[float] | None = None
+    violation: float | None = None
 
 
 @dataclass(frozen=True)
@@ -125,7 +134,9 @@ class SolverInfo:
         Empty when no solver was needed.
     iter : int
     numerr : int
-        0 when the solver is sure of its answer and no entry of ``err`` is beyond 1e-7, else 1.
+        0 when no entry of ``err`` is beyond the tolerance that was asked for,
+        ``param.SDPsolverEpsilon``, else 1. Without one the tolerance is 1e-7, and numerr is 0 too
+        where the gap is proved to be closed.
     pinf, dinf : int
         pinf is 1 when it reports that there is no sum of squares (a higher order or bounds
         may give one), dinf when it reports that the moment relaxation has no point.
@@ -285,6 +296,14 @@ def matlab_structs(output: SparsePOPOutput) -> dict[str, Any]:
     for name, known in _ORIGINAL.items():
         given[name] = dict.fromkeys(known.split(), _EMPTY) | given[name]
     return given
+
+
+def intervals_struct(detail: IntervalsDetail) -> dict[str, Any]:
+    """List the ends of intervals as columns of MATLAB, with the status of each end."""
+    names = ("indices", "lo", "hi", "innerLo", "innerHi")
+    columns = {name: np.array(getattr(detail, name), float)[:, None] for name in names}
+    status = np.array(detail.status, dtype=object).reshape(-1, 2)
+    return columns | {"status": status}
 
 
 def _matlab(value: Any) -> Any:

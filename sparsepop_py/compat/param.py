@@ -30,6 +30,7 @@ __all__ = [
     "check_one_of",
     "check_order",
     "read_parameters",
+    "stated_fields",
     "wrong",
 ]
 
@@ -145,6 +146,43 @@ def _indices(name: str, value: Any) -> Any:
     return value
 
 
+def _effort(name: str, value: Any) -> str:
+    """Check an effort by name; empty for what ``tighten`` says."""
+    if not isinstance(value, str) or value not in ("", *_EFFORTS):
+        wrong(name, value, "one of " + ", ".join(map(repr, _EFFORTS)))
+    return value
+
+
+def _limit(name: str, value: Any) -> Any:
+    """Check seconds; empty or infinite for no limit."""
+    if value == "" or value == math.inf:
+        return ""
+    number = _number(name, value, "seconds > 0")
+    return number if number > 0 else wrong(name, value, "seconds > 0")
+
+
+def _gap(name: str, value: Any) -> float:
+    number = _number(name, value, "a number >= 0")
+    return number if number >= 0 else wrong(name, value, "a number >= 0")
+
+
+def _local_search(name: str, value: Any) -> Any:
+    """Check a switch or the name of a local search."""
+    if isinstance(value, str) and value in _LOCAL_SEARCH:
+        return value
+    return check_one_of(name, value, tuple(_LOCAL_SEARCH)[1:])
+
+
+_EFFORTS = ("plain", "presolve", "auto")
+_LOCAL_SEARCH = {
+    "": "scipy",
+    0: "none",
+    1: "scipy",
+    "scipy": "scipy",
+    "ipopt": "ipopt",
+    "none": "none",
+}
+
 CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "multiCliquesFactor": _factor,
     "eqTolerance": _small,
@@ -157,6 +195,10 @@ CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "detailedInfFile": _file,
     "errorBdIdx": _indices,
     "fValueUbd": _upper,
+    "effort": _effort,
+    "timeLimit": _limit,
+    "gap": _gap,
+    "localSearch": _local_search,
 }
 
 
@@ -168,6 +210,7 @@ def check_error_bounds(values: Mapping[str, Any]) -> None:
 
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
+_SEARCH = 0.3  # CPU seconds without POPsolver, for points whose values tighten boxes
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
@@ -271,7 +314,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
         if old in values:
             values.setdefault(new, values[old])
     says: list[str] = []
-    tighten = int(check_one_of("tighten", values.get("tighten", 1), (0, 1)))
+    effort, tighten = _effort_and_tighten(values, says)
     for name, value in values.items():
         _check(name, value, strict, tighten, says)
     order = check_order(values.get("relaxOrder", 1))
@@ -289,9 +332,13 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     options = Options(
         order=max(1, math.ceil(order)) if tighten else max(1, math.floor(order)),
         sparse=bool(sparse % 2),
-        chordal="min-degree",  # as the original, whose sizes are published
-        effort="presolve" if tighten else "plain",
-        refine="ipopt" if local == "ipopt" else "scipy",
+        # as the original, whose sizes are published
+        chordal="auto" if effort == "auto" else "min-degree",
+        effort=effort,
+        gap=values.get("gap", 1e-6),
+        time_limit=values.get("timeLimit", "") or None,
+        refine=_refine(values, local),
+        search_limit=_search_limit(values, local, effort),
         solver=solver,
         progress=level[0] > 0,
         accuracy=values.get("SDPsolverEpsilon"),
@@ -301,6 +348,31 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
     own = {f.name for f in fields(Parameters)}
     given = {key: item for key, item in values.items() if key not in own}
     return Parameters(order, sparse, local, level, tighten, name, options, given)
+
+
+def _effort_and_tighten(values: dict[str, Any], says: list[str]) -> tuple[Any, int]:
+    """Settle the effort, which overrules ``tighten``, and what ``tighten`` it stands for."""
+    tighten = int(check_one_of("tighten", values.get("tighten", 1), (0, 1)))
+    effort = _effort("effort", values.get("effort", ""))
+    if not effort:
+        return ("presolve" if tighten else "plain"), tighten
+    meant = int(effort != "plain")
+    if values.get("tighten", meant) != meant:
+        says.append(f"param.tighten = {tighten} is overruled by param.effort = {effort!r}")
+    values["tighten"] = meant
+    return effort, meant
+
+
+def _refine(values: Mapping[str, Any], local: str) -> Any:
+    """Choose the local search: ``localSearch`` where it was given, else as ``POPsolver`` says."""
+    chosen = _LOCAL_SEARCH[values.get("localSearch", "")]
+    return "ipopt" if local == "ipopt" and chosen == "scipy" else chosen
+
+
+def _search_limit(values: Mapping[str, Any], local: str, effort: str) -> float | None:
+    """Limit a local search that was not asked for: its points serve the proof alone."""
+    asked = local or values.get("localSearch", "") != ""
+    return None if asked or effort == "auto" else _SEARCH
 
 
 def _switches(order: float, values: Mapping[str, Any]) -> Switches:
@@ -321,6 +393,11 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
         narrow=values.get("sparseSW", 1) > 1,
         perturbation=values.get("perturbation", 0.0),
     )
+
+
+def stated_fields(param: Any) -> list[str]:
+    """List the fields of a ``param`` struct that hold a value."""
+    return [name for name, value in _items(param).items() if _plain(value) not in (None, "")]
 
 
 # ---- containers -------------------------------------------------------------------------

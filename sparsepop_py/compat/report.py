@@ -16,7 +16,7 @@ import numpy as np
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.compat.output import SparsePOPOutput
+from sparsepop_py.compat.output import POPOutput, SparsePOPOutput
 from sparsepop_py.compat.param import Parameters
 from sparsepop_py.compat.param_table import FIELDS
 from sparsepop_py.compat.sdp_sizes import BuiltSDP
@@ -134,7 +134,13 @@ def _value_lines(output: SparsePOPOutput) -> Iterator[str]:
         yield f"  POP.scaledErrorL    = {POP.scaledErrorL:+8.2e}"
     for k, zeta in enumerate(POP.zeta or []):
         yield f"  POP.zeta({k + 1})         = {rounded(zeta, True, 8)}  proved"
-    yield f"  status              = {POP.status}: {POP.status.message}"
+    yield f"  status              = {POP.status}: {_message(POP)}"
+
+
+def _message(POP: POPOutput) -> str:
+    """Explain the status: of the solve, unless it was found anew in the given problem."""
+    same = POP.status is POP.result.status
+    return POP.result.message if same else POP.status.message
 
 
 def _kind(output: SparsePOPOutput) -> str:

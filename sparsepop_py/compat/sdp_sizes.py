@@ -115,7 +115,7 @@ def _runs(cones: Cones) -> list[tuple[int, int]]:
     return [(size, len(list(run))) for size, run in groupby(cones.psd)]
 
 
-_SURE = 1e-7  # DIMACS errors above this are no solution, whatever the solver says
+_SURE = 1e-7  # DIMACS errors that count as none where no tolerance was asked for
 _FEASIBILITY = {"solved": 1.0, "infeasible": -1.0, "unbounded": -1.0}
 
 
@@ -276,8 +276,21 @@ def _infeasible_switch(result: Result, all_fixed: bool) -> float:
     return 0.5 if result.solution.status in ("infeasible", "unbounded") else 0.0
 
 
-def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
-    """``SDPsolverInfo``: what the solver reported; NaN where it was not asked to solve."""
+def solver_info(
+    built: BuiltSDP | None, asked: bool, tolerance: float | None = None, optimal: bool = False
+) -> SolverInfo:
+    """``SDPsolverInfo``: what the solver reported; NaN where it was not asked to solve.
+
+    Parameters
+    ----------
+    built : BuiltSDP or None
+    asked : bool
+    tolerance : float, optional
+        What ``numerr`` compares the DIMACS errors with, ``param.SDPsolverEpsilon``. Without one
+        errors up to 1e-7 count as none.
+    optimal : bool
+        The gap is proved to be closed: without a ``tolerance``, ``numerr`` is 0 then.
+    """
     if not asked:
         nothing = float("nan")
         return SolverInfo("", 0, 0, nothing, nothing, 0.0, None, None, "no SDP was to be solved")
@@ -286,8 +299,11 @@ def solver_info(built: BuiltSDP | None, asked: bool) -> SolverInfo:
     solution = built.solution
     errors = dimacs_errors(built.program, solution)
     largest = float(np.abs(errors).max())
-    sure = solution.status in ("solved", "infeasible", "unbounded")
-    sure &= solution.status != "solved" or largest <= _SURE
+    sure = solution.status in ("infeasible", "unbounded")
+    if tolerance is not None:
+        sure |= largest <= tolerance
+    else:
+        sure |= optimal or (solution.status == "solved" and largest <= _SURE)
     return SolverInfo(
         solution.solver,
         solution.iterations,

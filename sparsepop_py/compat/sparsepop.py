@@ -39,6 +39,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import Result, Status
@@ -87,9 +88,17 @@ def read_input(
     if callable(first):
         return (lambda: _made(first(), getattr(first, "__name__", "a function"))), param
     if Path(first).suffix.lower() == ".gms":
-        return (lambda: Input(read_gms(first), str(first), None)), param
+        return (lambda: Input(_polynomial(read_gms(first)), str(first), None)), param
     function, arguments = _function(str(first))
     return (lambda: _made(function(*arguments), str(first))), param
+
+
+def _polynomial(problem: Problem | RationalProblem) -> Problem:
+    if isinstance(problem, RationalProblem):
+        raise ProblemError(
+            "sparsePOP: found a problem with ratios, expected polynomials: use sparsepop_py.solve"
+        )
+    return problem
 
 
 def _of_structs(given: tuple[Any, ...], source: str | None) -> Input:
@@ -261,7 +270,7 @@ def sparsePOP(
         sign * result.lower_bound if asked else None,
         _with_error_bounds(point, problem, parameters, sign),
         _times(result, spent, given),
-        solver_info(built, asked),
+        solver_info(built, asked, parameters.options.accuracy, point.status is Status.OPTIMAL),
         sizes_of(result, built),
     )
     write_report(output, given.source, parameters.printLevel[0])
@@ -326,9 +335,7 @@ def _point(
     ends = (sign * result.lower_bound, sign * upper)
     if status is Status.INFEASIBLE:
         ends = (ends[0], ends[0])
-    shown = result.x
-    if built is not None and built.scaled is not None:
-        shown = built.first_moments()
+    shown = _vector(problem, result, built) if parameters.SDPsolverSW else None
     x, xL = _shown(problem, shown, sign), _shown(problem, refined, sign)
     return POPOutput(
         *x,
@@ -340,7 +347,17 @@ def _point(
         solverValue=None if np.isnan(result.solver_value) else sign * result.solver_value,
         result=result,
         objValueScaled=x[1],
+        violation=None if x[2] is None else 0.0 - x[2],
     )
+
+
+def _vector(problem: Problem, result: Result, built: BuiltSDP | None) -> NDArray[np.float64]:
+    """Choose the point to show: first moments or the best point, else near 0."""
+    plain = built is not None and built.scaled is not None
+    first = built.first_moments() if plain and built is not None else None
+    known = (x for x in (first, result.x, result.moments) if x is not None)
+    nearest: NDArray[np.float64] = np.clip(0.0, problem.lower, problem.upper)
+    return next(known, nearest)
 
 
 def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint | None, Status]:
@@ -350,7 +367,10 @@ def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint
     """
     options = result.options
     context = SolveContext(
-        problem, options, Stages(False), Deadline(options.time_limit, options.work_limit)
+        problem,
+        options,
+        Stages(False),
+        Deadline(options.time_limit, options.work_limit, options.cpu_limit),
     )
     best, _ = search_incumbent(problem, [] if result.x is None else [result.x], context)
     context = replace(context, best=best)

@@ -18,6 +18,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
 
 __all__ = [
+    "DivisionError",
     "ExpressionError",
     "Token",
     "Vocabulary",
@@ -68,6 +69,10 @@ class ExpressionError(FormatError):
 
     def __str__(self) -> str:
         return f"position {self.position}: found {self.found}, expected {self.expected}"
+
+
+class DivisionError(ExpressionError):
+    """An expression divides by variables; it may be a sum of ratios."""
 
 
 class Vocabulary:
@@ -275,7 +280,7 @@ class _Parser:
 
     def divisor(self, value: Value, position: int) -> float:
         if not isinstance(value, float):
-            raise self.fail("a number after '/'", "a division by variables", position)
+            raise DivisionError("a division by variables", "a number after '/'", position)
         if value == 0.0:
             raise self.fail("a number other than zero after '/'", "a division by zero", position)
         return value

@@ -10,29 +10,33 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from sparsepop_py.algebra.monomials import degrees
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.rational import AnyConstraint, Rational, constraint
 from sparsepop_py.errors import FormatError
 from sparsepop_py.files import read_bytes
 from sparsepop_py.io.expressions import (
     ExpressionError,
     Vocabulary,
     excerpt,
-    parse_expression,
     parse_number,
 )
 from sparsepop_py.io.gams_writer import write_gms
+from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.io.rational_expressions import parse_rational
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 
 __all__ = ["Statement", "read_gms", "read_statements", "write_gms"]
 
 _SOLVE_COMMENT = re.compile(
     r"\*\s*(solve\b.*\busing\b.*\b(?:mini|maxi)mi[sz]ing\s+[a-z]\w*)", re.IGNORECASE
 )
+_SOLVE = re.compile(r"solve\b", re.IGNORECASE)
 _INCLUDE = re.compile(r"\$(?:bat|lib|sys)?include\b", re.IGNORECASE)
 
 
@@ -125,21 +129,24 @@ def _without_comments(path: str, text: str) -> tuple[list[str], list[tuple[int, 
 
 
 def _split(path: str, text: str) -> Iterator[Statement]:
-    line, start = 1, 0
+    line, start, solved = 1, 0, False
     for end in [*(match.start() for match in re.finditer(";", text)), len(text)]:
         piece = text[start:end]
         stripped = piece.lstrip()
         begin = line + piece[: len(piece) - len(stripped)].count("\n")
         if stripped:
             statement = Statement(path, stripped.rstrip(), begin)
-            if end == len(text):
+            if end == len(text) and not solved:
                 raise statement.error("the end of the file", "';' after the last statement")
             yield statement
+            solved = solved or _SOLVE.match(stripped) is not None  # the rest says nothing new
         line += piece.count("\n")
         start = end + 1
 
 
 INFINITE = 1e10  # bounds of this magnitude stand for none
+Row = tuple[Polynomial | Rational, Kind]
+Expression = TypeVar("Expression", Polynomial, Rational, Polynomial | Rational)
 
 _NAME = r"[A-Za-z]\w*"
 _NAMED = re.compile(rf"\s*({_NAME})\s*(?:'[^']*'|\"[^\"]*\")?\s*")
@@ -168,6 +175,11 @@ class _Variable:
         high = most if self.upper is None else self.upper
         return (-np.inf if low <= -INFINITE else low, np.inf if high >= INFINITE else high)
 
+    @property
+    def is_integer(self) -> bool:
+        """Check for an integer that is no binary."""
+        return self.kind == "integer" and self.bounds != (0.0, 1.0)
+
 
 @dataclass(slots=True)
 class _Definition:
@@ -177,7 +189,7 @@ class _Definition:
     right: tuple[int, int]
 
 
-def read_gms(path: str | os.PathLike[str]) -> Problem:
+def read_gms(path: str | os.PathLike[str]) -> Problem | RationalProblem:
     """Read a problem from a GAMS file in scalar format.
 
     Parameters
@@ -190,12 +202,13 @@ def read_gms(path: str | os.PathLike[str]) -> Problem:
 
     Returns
     -------
-    Problem
-        Without the objective variable: the one that Solve names, or ``objvar``. The
-        relation of its equation is ignored; its bounds become constraints. Bounds of
-        magnitude 1e10 or more are infinite. A binary variable b adds ``b^2 - b == 0``.
-        A maximisation is stored negated, with ``sense="max"``; without a Solve statement
-        a comment such as ``* Solve m using NLP maximizing objvar;`` counts.
+    Problem or RationalProblem
+        The second where something is divided by variables. Without the objective variable:
+        the one that Solve names, or ``objvar``. The relation of its equation is ignored; its
+        bounds become constraints. Bounds of magnitude 1e10 or more are infinite. A binary
+        variable b adds ``b^2 - b == 0``, an integer its lower bound plus a sum of bits, further
+        variables. A maximisation is stored negated, with ``sense="max"``; without a Solve
+        statement a comment such as ``* Solve m using NLP maximizing objvar;`` counts.
 
     Raises
     ------
@@ -345,11 +358,10 @@ class _Reader:
                 raise statement.error("a part of the equations", "'/ all /'")
         for variable in self.variables.values():
             low, high = variable.bounds
-            if variable.kind == "integer" and (low, high) != (0.0, 1.0):
+            if variable.kind == "integer" and not np.isfinite([low, high]).all():
                 raise variable.statement.error(
                     f"the integer variable {variable.name!r}",
-                    "continuous or binary variables: integers are not polynomial data; bound "
-                    "the variable by 0 and 1, or write it as a weighted sum of binaries",
+                    "two bounds of each integer variable: it becomes a sum of binaries",
                 )
             if low > high or low >= INFINITE or high <= -INFINITE:
                 raise variable.statement.error(
@@ -370,7 +382,7 @@ class _Reader:
 
     # ---- the problem --------------------------------------------------------------------
 
-    def problem(self, comments: list[Statement]) -> Problem:
+    def problem(self, comments: list[Statement]) -> Problem | RationalProblem:
         word, target, source = self.direction(comments)
         if target not in self.variables:
             raise source.error(f"no variable {target!r}", "the objective variable in Variables")
@@ -384,24 +396,26 @@ class _Reader:
         key = self.objective_row(rows, objvar)
         objective = self.solved(rows.pop(key), key, objvar, names)
         constraints = [
-            Constraint(_shrunk(row, names), kind, self.equations[key][0])
+            constraint(_shrunk(row, names), kind, self.equations[key][0])
             for key, (row, kind) in rows.items()
         ]
         constraints += _objective_bounds(objective, objvar)
         constraints += _binaries(others, names)
         bounds = np.array([variable.bounds for variable in others])
         sense: Literal["min", "max"] = "max" if word == "maxi" else "min"
-        return Problem(
-            -objective if sense == "max" else objective,
-            constraints,
-            bounds[:, 0],
-            bounds[:, 1],
-            names,
-            sense=sense,
-        )
+        stated = -objective if sense == "max" else objective
+        low, high = bounds[:, 0].tolist(), bounds[:, 1].tolist()
+        integer = [v for v, each in enumerate(others) if each.is_integer]
+        polynomial = [row for row in constraints if isinstance(row, Constraint)]
+        if isinstance(stated, Polynomial) and len(polynomial) == len(constraints):
+            return problem_with_integers(stated, polynomial, (low, high), names, integer, sense)
+        if integer:
+            found = f"{names[integer[0]]!r} in a model with ratios"
+            raise others[integer[0]].statement.error(found, "no integer variable beside ratios")
+        return RationalProblem(stated, constraints, low, high, names, sense=sense)
 
-    def rows(self, vocabulary: Vocabulary) -> dict[str, tuple[Polynomial, Kind]]:
-        rows = {}
+    def rows(self, vocabulary: Vocabulary) -> dict[str, Row]:
+        rows: dict[str, Row] = {}
         for key, definition in self.definitions.items():
             left = _side(definition.statement, definition.left, vocabulary)
             right = _side(definition.statement, definition.right, vocabulary)
@@ -409,11 +423,9 @@ class _Reader:
             rows[key] = (row, Kind.ZERO if definition.relation == "e" else Kind.NONNEGATIVE)
         return rows
 
-    def check_typed(
-        self, variables: list[_Variable], rows: dict[str, tuple[Polynomial, Kind]]
-    ) -> None:
+    def check_typed(self, variables: list[_Variable], rows: dict[str, Row]) -> None:
         """Refuse names in, say, Positive Variables that no equation uses: likely misspelled."""
-        used = {int(v) for row, _ in rows.values() for v in row.support}
+        used = {int(v) for row, _ in rows.values() for part in _parts(row) for v in part.support}
         for index, variable in enumerate(variables):
             if not variable.listed and index not in used:
                 raise variable.statement.error(
@@ -421,8 +433,12 @@ class _Reader:
                     "a declared variable",
                 )
 
-    def objective_row(self, rows: dict[str, tuple[Polynomial, Kind]], objvar: _Variable) -> str:
-        holding = [key for key, (row, _) in rows.items() if (row.words == row.dimension).any()]
+    def objective_row(self, rows: dict[str, Row], objvar: _Variable) -> str:
+        holding = [
+            key
+            for key, (row, _) in rows.items()
+            if any((part.words == part.dimension).any() for part in _parts(row))
+        ]
         if not holding:
             raise objvar.statement.error(f"{objvar.name!r} in no equation", "it in one")
         if len(holding) > 1:
@@ -436,16 +452,22 @@ class _Reader:
         return holding[0]
 
     def solved(
-        self, row: tuple[Polynomial, Kind], key: str, objvar: _Variable, names: tuple[str, ...]
-    ) -> Polynomial:
+        self, row: Row, key: str, objvar: _Variable, names: tuple[str, ...]
+    ) -> Polynomial | Rational:
         """Solve the row for the objective variable."""
-        words, values = row[0].words, row[0].coefficients
-        holds = (words == row[0].dimension).any(axis=1)
-        if np.any(degrees(words)[holds] > 1):
+        whole, *others = _parts(row[0])
+        words, values = whole.words, whole.coefficients
+        holds = (words == whole.dimension).any(axis=1)
+        inside = any((part.words == part.dimension).any() for part in others)
+        if inside or np.any(degrees(words)[holds] > 1):
             raise self.definitions[key].statement.error(
                 f"{objvar.name!r} in a product or a power", "it times a number"
             )
+        rest: Polynomial | Rational
         rest = Polynomial.from_words(words[~holds], values[~holds], len(names), names)
+        if isinstance(row[0], Rational):
+            pairs = tuple((_shrunk(p, names), _shrunk(q, names)) for p, q in row[0].ratios)
+            rest = Rational(rest, pairs)
         return rest / -float(values[holds][0])
 
 
@@ -465,32 +487,43 @@ def _names(statement: Statement, start: int) -> Iterator[tuple[str, int]]:
         raise statement.error("an empty list", "names")
 
 
-def _side(statement: Statement, span: tuple[int, int], vocabulary: Vocabulary) -> Polynomial:
+def _side(
+    statement: Statement, span: tuple[int, int], vocabulary: Vocabulary
+) -> Polynomial | Rational:
     try:
-        return parse_expression(statement.text[span[0] : span[1]], vocabulary)
+        return parse_rational(statement.text[span[0] : span[1]], vocabulary)
     except ExpressionError as error:
         raise statement.error(error.found, error.expected, span[0] + error.position) from None
 
 
-def _shrunk(row: Polynomial, names: tuple[str, ...]) -> Polynomial:
+def _parts(row: Polynomial | Rational) -> tuple[Polynomial, ...]:
+    return row.parts if isinstance(row, Rational) else (row,)
+
+
+def _shrunk(row: Expression, names: tuple[str, ...]) -> Expression:
     """Drop the last variable from a row that does not hold it."""
+    if isinstance(row, Rational):
+        pairs = tuple((_shrunk(p, names), _shrunk(q, names)) for p, q in row.ratios)
+        return Rational(_shrunk(row.whole, names), pairs)
     return Polynomial(row.words, row.coefficients, len(names), names)
 
 
-def _objective_bounds(objective: Polynomial, objvar: _Variable) -> Iterator[Constraint]:
+def _objective_bounds(
+    objective: Polynomial | Rational, objvar: _Variable
+) -> Iterator[AnyConstraint]:
     low, high = objvar.bounds
     if low == high:
-        yield Constraint(objective - low, Kind.ZERO, f"{objvar.name}_fx")
+        yield constraint(objective - low, Kind.ZERO, f"{objvar.name}_fx")
         return
     if np.isfinite(low):
-        yield Constraint(objective - low, Kind.NONNEGATIVE, f"{objvar.name}_lo")
+        yield constraint(objective - low, Kind.NONNEGATIVE, f"{objvar.name}_lo")
     if np.isfinite(high):
-        yield Constraint(high - objective, Kind.NONNEGATIVE, f"{objvar.name}_up")
+        yield constraint(high - objective, Kind.NONNEGATIVE, f"{objvar.name}_up")
 
 
 def _binaries(variables: list[_Variable], names: tuple[str, ...]) -> Iterator[Constraint]:
     for letter, variable in enumerate(variables, 1):
-        if variable.kind in ("binary", "integer"):
+        if variable.kind in ("binary", "integer") and not variable.is_integer:
             words = np.array([[0, letter], [letter, letter]], np.int32)
             row = Polynomial.from_words(words, np.array([-1.0, 1.0]), len(names), names)
             yield Constraint(row, Kind.ZERO, f"binary {variable.name}")

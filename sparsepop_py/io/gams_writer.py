@@ -9,10 +9,12 @@ from itertools import groupby
 
 import numpy as np
 
-from sparsepop_py.algebra.polynomial import Kind, Polynomial
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.rational import AnyConstraint, Rational
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.files import write_text
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 
 __all__ = ["write_gms"]
 
@@ -24,12 +26,12 @@ _RESERVED |= {"positive", "negative", "free", "binary", "integer", "display", "s
 _RESERVED |= {"and", "or", "not", "xor", "eq", "ne", "lt", "le", "gt", "ge", "if", "sum", "prod"}
 
 
-def write_gms(problem: Problem, path: str | os.PathLike[str]) -> None:
+def write_gms(problem: Problem | RationalProblem, path: str | os.PathLike[str]) -> None:
     """Write a problem as a GAMS file, which :func:`read_gms` reads back to an equal problem.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or RationalProblem
         With ``sense="max"`` the file maximises, and holds the objective as it was given.
     path : path-like
         Overwritten if it exists.
@@ -83,14 +85,14 @@ class _Symbols:
         return choice
 
 
-def _lines(problem: Problem) -> Iterator[str]:
+def _lines(problem: Problem | RationalProblem) -> Iterator[str]:
     _check(problem)
     symbols = _Symbols()
     names = [symbols.legal(name) for name in problem.names]
     objvar = symbols.legal("objvar")
     objective = -problem.objective if problem.sense == "max" else problem.objective
     word = "maximizing" if problem.sense == "max" else "minimizing"
-    rows = [(symbols.legal(c.name, "e"), c.polynomial, c.kind) for c in problem.constraints]
+    rows = [(symbols.legal(c.name, "e"), _side(c), c.kind) for c in problem.constraints]
     large = list(_large_bounds(problem, names, symbols))
     target, model = symbols.legal("objective"), symbols.legal("m")
     solve = f"Solve {model} using NLP {word} {objvar};"
@@ -101,15 +103,15 @@ def _lines(problem: Problem) -> Iterator[str]:
     yield from (*_wrap("Equations ", _commas(labels)), "")
     pieces = [f"- {objvar}", *_terms(objective, names), "=E= 0;"]
     yield from (*_wrap(f"{target}.. ", pieces), "")
-    for label, polynomial, kind in rows:
+    for label, side, kind in rows:
         relation = "=E= 0;" if kind is Kind.ZERO else "=G= 0;"
-        terms = list(_terms(polynomial, names)) or ["0"]
+        terms = list(_terms(side, names)) or ["0"]
         yield from (*_wrap(f"{label}.. ", [*terms, relation]), "")
     yield from (*large, *_bounds(problem, names), "")
     yield from (f"Model {model} / all /;", solve)
 
 
-def _check(problem: Problem) -> None:
+def _check(problem: Problem | RationalProblem) -> None:
     """Raise what says that the format has no rows for matrices."""
     for number, row in enumerate(problem.constraints):
         if row.kind.is_matrix:
@@ -134,7 +136,21 @@ def _wrap(start: str, pieces: Iterable[str]) -> Iterator[str]:
     yield line
 
 
-def _terms(polynomial: Polynomial, names: list[str]) -> Iterator[str]:
+def _side(row: AnyConstraint) -> Polynomial | Rational:
+    return row.polynomial if isinstance(row, Constraint) else row.expression
+
+
+def _terms(expression: Polynomial | Rational, names: list[str]) -> Iterator[str]:
+    if isinstance(expression, Polynomial):
+        yield from _sum(expression, names)
+        return
+    yield from _sum(expression.whole, names)
+    for numerator, denominator in expression.ratios:
+        yield from ("+ (", *(list(_sum(numerator, names)) or ["0"]), ") / (")
+        yield from (*_sum(denominator, names), ")")
+
+
+def _sum(polynomial: Polynomial, names: list[str]) -> Iterator[str]:
     for word, value in zip(
         polynomial.words.tolist(), polynomial.coefficients.tolist(), strict=True
     ):
@@ -148,7 +164,9 @@ def _terms(polynomial: Polynomial, names: list[str]) -> Iterator[str]:
         yield f"{'-' if value < 0 else '+'} {'*'.join(factors)}"
 
 
-def _large_bounds(problem: Problem, names: list[str], symbols: _Symbols) -> Iterator[str]:
+def _large_bounds(
+    problem: Problem | RationalProblem, names: list[str], symbols: _Symbols
+) -> Iterator[str]:
     for name, low, high in zip(names, problem.lower, problem.upper, strict=True):
         if np.isfinite(low) and abs(low) >= INFINITE:
             yield f"{symbols.legal(f'{name}_lo')}.. {name} =G= {float(low)!r};"
@@ -156,7 +174,7 @@ def _large_bounds(problem: Problem, names: list[str], symbols: _Symbols) -> Iter
             yield f"{symbols.legal(f'{name}_up')}.. {name} =L= {float(high)!r};"
 
 
-def _bounds(problem: Problem, names: list[str]) -> Iterator[str]:
+def _bounds(problem: Problem | RationalProblem, names: list[str]) -> Iterator[str]:
     for name, low, high in zip(names, problem.lower, problem.upper, strict=True):
         if low == high and abs(low) < INFINITE:
             yield f"{name}.fx = {float(low)!r};"

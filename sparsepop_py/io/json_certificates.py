@@ -11,6 +11,7 @@ from sparsepop_py.io.json_codecs import (
     flag,
     number,
     optional,
+    rational,
     record,
     sequence,
     tagged,
@@ -20,6 +21,7 @@ from sparsepop_py.io.json_codecs import (
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
+from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers, Priced
@@ -31,7 +33,7 @@ from sparsepop_py.verified.certificate.steps import (
     Tightening,
 )
 
-__all__ = ["CERTIFICATE"]
+__all__ = ["CERTIFICATE", "CERTIFICATES"]
 
 _ENDS = Codec(
     lambda ends: [array.write(end) for end in ends],
@@ -64,7 +66,16 @@ INVERSE = record(
     LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
 )
 GRAM = record(ExactGram, basis=array, first=array, second=array, value=array)
-ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM})
+EXACT = record(
+    ExactDual,
+    lower=array,
+    upper=array,
+    row=array,
+    word=array,
+    value=sequence(rational),
+    gram=optional(tagged({ExactGram: GRAM})),
+)
+ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM, ExactDual: EXACT})
 _DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR})
 TIGHTENING = record(
     Tightening, variable=array, side=array, value=array, argument=_DUAL, uses_cutoff=flag
@@ -206,3 +217,30 @@ def _read_certificate(found: Any, place: str) -> Certificate:
 
 
 CERTIFICATE = Codec(_write_certificate, _read_certificate)
+
+
+def _write_certificates(certificates: Any) -> dict[str, Any]:
+    """Several certificates, None among them, with one list for all that they quote."""
+    table = _Certificates()
+    for certificate in certificates:
+        if certificate is not None:
+            table.add(certificate)
+    numbers = [None if c is None else table.numbers[id(c)] for c in certificates]
+    return {"certificates": table.written, "numbers": numbers}
+
+
+def _read_certificates(found: Any, place: str) -> tuple[Certificate | None, ...]:
+    listed = codecs.field_of(found, "certificates", place)
+    numbers = sequence(optional(whole)).read(codecs.field_of(found, "numbers", place), place)
+    if not isinstance(listed, list):
+        raise codecs.wrong(place, listed, "a list of certificates")
+    table = _Certificates()
+    for k, entry in enumerate(listed):
+        table.take(entry, f"{place}[{k}]")
+    for number_ in numbers:
+        if number_ is not None and not 0 <= number_ < len(table.read_already):
+            raise codecs.wrong(place, number_, f"a number below {len(table.read_already)}")
+    return tuple(None if n is None else table.read_already[n] for n in numbers)
+
+
+CERTIFICATES = Codec(_write_certificates, _read_certificates)

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.rational import AnyConstraint, Rational, constraint
 from sparsepop_py.algebra.sympy_ import natural_key
 from sparsepop_py.errors import FormatError
 from sparsepop_py.io.expressions import (
@@ -21,7 +22,9 @@ from sparsepop_py.io.expressions import (
     parse_number,
     tokenize,
 )
+from sparsepop_py.io.rational_expressions import parse_rational, split_outside
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
 
 __all__ = ["parse", "sum_of_squares"]
 
@@ -46,19 +49,19 @@ class _Statement:
         shown = excerpt(self.text, position)
         return FormatError(f"line {line}: statement {shown}: found {found}, expected {expected}")
 
-    def polynomial(self, tokens: Sequence[Token], vocabulary: Vocabulary) -> Polynomial:
+    def expression(self, tokens: Sequence[Token], vocabulary: Vocabulary) -> Polynomial | Rational:
         if not tokens:
             raise self.error("nothing on one side", "an expression")
         for kind, text, position in tokens:
             if kind == "name" and text.lower() in _NO_NUMBERS:
                 raise self.error(repr(text), "a finite number, or no bound at all", position)
         try:
-            return parse_expression(tokens, vocabulary)
+            return parse_rational(tokens, vocabulary)
         except ExpressionError as error:
             raise self.error(error.found, error.expected, error.position) from None
 
 
-def parse(text: str) -> Problem:
+def parse(text: str) -> Problem | RationalProblem:
     """Problem that a text states.
 
     Parameters
@@ -72,10 +75,11 @@ def parse(text: str) -> Problem:
 
     Returns
     -------
-    Problem
-        Its variables are the names that occur, in natural order (x2 before x10). A
-        maximisation is stored negated, with ``sense="max"``. An objective that is written
-        as a sum of squares keeps this form in ``squares``.
+    Problem or RationalProblem
+        The second where something is divided by variables. Its variables are the names that
+        occur, in natural order (x2 before x10). A maximisation is stored negated, with
+        ``sense="max"``. An objective that is written as a sum of squares keeps this form in
+        ``squares``.
 
     Raises
     ------
@@ -104,11 +108,14 @@ def parse(text: str) -> Problem:
     if not names:
         raise aims[0].error("no variable", "at least one")
     vocabulary = Vocabulary(names)
-    objective = aims[0].polynomial(aims[0].tokens, vocabulary)
+    objective = aims[0].expression(aims[0].tokens, vocabulary)
     constraints = [
         row for item in statements if not item.keyword for row in _constraints(item, vocabulary)
     ]
     sense: Literal["min", "max"] = "max" if aims[0].keyword == "max" else "min"
+    if not all(isinstance(part, Polynomial | Constraint) for part in (objective, *constraints)):
+        goal = -objective if sense == "max" else objective
+        return RationalProblem(goal, constraints, names=names, sense=sense)
     squares = sum_of_squares(aims[0].tokens, vocabulary) if sense == "min" else None
     return Problem(
         -objective if sense == "max" else objective,
@@ -147,7 +154,7 @@ def _statements(text: str) -> Iterator[_Statement]:
         yield statement
 
 
-def _constraints(statement: _Statement, vocabulary: Vocabulary) -> Iterator[Constraint]:
+def _constraints(statement: _Statement, vocabulary: Vocabulary) -> Iterator[AnyConstraint]:
     sides: list[list[Token]] = [[]]
     relations: list[Token] = []
     for token in statement.tokens:
@@ -158,16 +165,16 @@ def _constraints(statement: _Statement, vocabulary: Vocabulary) -> Iterator[Cons
             sides[-1].append(token)
     _check_relations(statement, relations)
     infinite = [_infinity(side) for side in sides]
-    polynomials = [
-        None if sign else statement.polynomial(side, vocabulary)
+    expressions = [
+        None if sign else statement.expression(side, vocabulary)
         for side, sign in zip(sides, infinite, strict=True)
     ]
     for k, (_, relation, position) in enumerate(relations):
         greater, less = (k + 1, k) if relation == "<=" else (k, k + 1)
-        left, right = polynomials[greater], polynomials[less]
+        left, right = expressions[greater], expressions[less]
         equal = relation in ("=", "==")
         if left is not None and right is not None:
-            yield Constraint(total([left, -right]), Kind.ZERO if equal else Kind.NONNEGATIVE)
+            yield constraint(left - right, Kind.ZERO if equal else Kind.NONNEGATIVE)
         elif equal or infinite[greater] < 0 or infinite[less] > 0:
             raise statement.error("an infinite bound", "a finite number", position)
 
@@ -231,7 +238,7 @@ def sum_of_squares(
     >>> sum_of_squares(tokenize("x1^2 + x1*x2 + x2^2"), names)
     """
     pairs: list[tuple[float, Polynomial]] = []
-    for term in _split(tokens, "sign"):
+    for term in split_outside(tokens, "sign"):
         squares = _term_squares(term, vocabulary)
         if squares is None:
             return None
@@ -239,25 +246,12 @@ def sum_of_squares(
     return pairs
 
 
-def _split(tokens: Sequence[Token], kind: str) -> list[list[Token]]:
-    """Split before tokens of a kind that stand outside parentheses, between two operands."""
-    pieces: list[list[Token]] = [[]]
-    depth = 0
-    for token in tokens:
-        if token[0] == kind and depth == 0 and pieces[-1]:
-            if pieces[-1][-1][0] in ("number", "name", "close"):
-                pieces.append([])
-        depth += {"open": 1, "close": -1}.get(token[0], 0)
-        pieces[-1].append(token)
-    return pieces
-
-
 def _term_squares(
     term: list[Token], vocabulary: Vocabulary
 ) -> list[tuple[float, Polynomial]] | None:
     weight = 1.0
     bases: list[tuple[list[Token], int]] = []
-    for factor in _split(term, "times"):
+    for factor in split_outside(term, "times"):
         divide = factor[0][1] == "/"
         factor = factor[1:] if factor[0][0] == "times" else factor
         signs = next(k for k, token in enumerate(factor) if token[0] != "sign")
@@ -293,7 +287,7 @@ def _product_squares(
 
 
 def _base_and_exponent(factor: list[Token]) -> tuple[list[Token], int]:
-    pieces = _split(factor, "power")
+    pieces = split_outside(factor, "power")
     base = pieces[0]
     exponent = int(parse_number(pieces[1][1:])) if len(pieces) > 1 else 1
     if base[0][0] == "name" and base[0][1].lower() == "sqr" and len(base) > 1:

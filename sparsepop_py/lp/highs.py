@@ -6,6 +6,7 @@ and numbers are swapped, so that the next program of a series starts where the l
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -37,6 +38,7 @@ _STATUS = {
     highspy.HighsModelStatus.kOptimal: "solved",
     highspy.HighsModelStatus.kInfeasible: "infeasible",
     highspy.HighsModelStatus.kUnbounded: "unbounded",
+    highspy.HighsModelStatus.kTimeLimit: "stopped",
 }
 
 
@@ -46,10 +48,13 @@ class LinearSolution:
 
     Parameters
     ----------
-    status : {"solved", "infeasible", "unbounded", "failed"}
+    status : {"solved", "infeasible", "unbounded", "stopped", "failed"}
+        "stopped" by the time limit.
     x : (n,) float
+        Zeros unless solved.
     dual : (m,) float
-        Row prices: cost - A' dual are the reduced costs. A ray where infeasible.
+        Row prices: cost - A' dual are the reduced costs. A ray where infeasible. Where stopped, the
+        prices reached by then.
     value : float
     """
 
@@ -121,6 +126,7 @@ class LinearModel:
         Where nothing but the cost has changed that basis is feasible, and the primal simplex
         method is faster; otherwise the dual one, whose rays are clean.
         """
+        begin = time.monotonic()
         if self._feasible:
             for name, value in _PRIMAL.items():
                 self._highs.setOptionValue(name, value)
@@ -129,7 +135,8 @@ class LinearModel:
                 self._highs.setOptionValue(name, self._usual[name])
             if found.status != "failed":
                 return found
-        return self._solve(cost, time_limit)
+        spent = time.monotonic() - begin
+        return self._solve(cost, None if time_limit is None else time_limit - spent)
 
     def _solve(self, cost: NDArray[np.float64], time_limit: float | None) -> LinearSolution:
         assert self._shape is not None
@@ -154,6 +161,9 @@ class LinearModel:
         if status == "infeasible":
             answer: Any = highs.getDualRay()  # type: ignore[attr-defined]
             dual = np.array(answer[2]) if answer[1] else dual
+        elif status == "stopped":
+            prices = np.array(highs.getSolution().row_dual)
+            dual = prices if prices.shape == (m,) and np.all(np.isfinite(prices)) else dual
         self._basis = None
         return LinearSolution(
             status, np.zeros(n), dual, np.inf if status == "infeasible" else np.nan

@@ -346,7 +346,7 @@ def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
         return total([first.polynomial * 0.0, float(objective)])
     raise ProblemError(
         f"objective: found {type(objective).__name__}, expected a Polynomial "
-        "(see sparsepop_py.variables) or a sympy expression"
+        "(see sparsepop_py.variables) or a sympy expression; for ratios use RationalProblem"
     )
 
 
@@ -354,7 +354,7 @@ def _check_constraint(number: int, row: Any, n: int) -> None:
     if not isinstance(row, Constraint):
         raise ProblemError(
             f"constraints[{number}]: found {type(row).__name__}, expected a comparison of "
-            "polynomials such as x1 + x2 >= 1"
+            "polynomials such as x1 + x2 >= 1; for ratios use RationalProblem"
         )
     for polynomial in (row.polynomial, *row.entries):
         if polynomial.dimension != n:

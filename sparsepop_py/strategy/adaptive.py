@@ -104,6 +104,7 @@ class AdaptiveSearch:
         self.queue = RelaxationQueue(self.shared_state, self._scaled)
         self.first_bound = self.best.proved.bound
         self.shared_model, self.first_box = self.model, self.model.box
+        self._put_off = False
         self.tried: list[tuple[RelaxationSpec, float, float]] = []  # relaxation, bound, seconds
 
     @property
@@ -130,6 +131,7 @@ class AdaptiveSearch:
                 spec = self._next()
                 self.exhausted = spec is None
                 if spec is None:
+                    self._say_what_was_left_out()
                     break
                 self._run(spec)
                 self._search_incumbent(list(self.more_starts))  # exhausted by the first step
@@ -138,6 +140,10 @@ class AdaptiveSearch:
             self.least_cutoff = self.context.cutoff
             if self.search is not None:
                 self._close_search()
+
+    def _say_what_was_left_out(self) -> None:
+        if not self.over and (text := self.queue.left_out(self.context.deadline.expected)):
+            self.context.stages.note(text)
 
     def restart(self, model: Model) -> None:
         """Continue on another box proved for all objectives, and keep what is proved.
@@ -177,7 +183,7 @@ class AdaptiveSearch:
         if self.search is not None and not self.search.update_context(self.context):
             self.seen, self.search = self.search.seen, None  # another tree must be grown
         with self.context.stages.stage("relax"):
-            best, most = self.queue.best(self.context.deadline.left)
+            best, most = self.queue.best(self.context.deadline.expected)
         branch = self._branch_rate()
         if branch is not None and (best is None or branch > most):
             return _BRANCH
@@ -218,6 +224,8 @@ class AdaptiveSearch:
         else:
             name = spec.name
             relaxation = self._relax(spec)
+            if self._put_off:
+                return
             self.queue.state(spec)
             if relaxation is None:
                 return
@@ -246,7 +254,11 @@ class AdaptiveSearch:
         )
 
     def _relax(self, spec: RelaxationSpec) -> Relaxation | None:
-        """Solve one relaxation on the root box; None if an equal one was solved before."""
+        """Solve one relaxation on the root box; None if an equal one was solved before.
+
+        One that turns out to take too long once it is built is put off.
+        """
+        self._put_off = False
         if spec.shape == "linear":
             return self._linear()
         if spec.plain is not None:
@@ -259,9 +271,14 @@ class AdaptiveSearch:
         same = hashed(relaxation, self.model.box)
         if same in self.solved:
             return None
+        expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
+        left, seen = self.context.deadline.expected, self.shared_state.cost_model
+        self._put_off = left is not None and seen.pace * expected > STRATEGY.over_time * left
+        if self._put_off:
+            self.queue.put_off(spec, expected)
+            return None
         self.solved.add(same)
         start = self.context.deadline.now()
-        expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
         box_bound = bound_box(self.context, self.model.box, scaled, relaxation)
         spent = self.context.deadline.now() - start
         if spent > 0.05:
@@ -286,6 +303,7 @@ class AdaptiveSearch:
         if box_bound.proved.bound > self.best.proved.bound:
             self.best = box_bound
         self.outcome = better(self.outcome, made)
+        self.context.report(self.bound)
 
     def _search_incumbent(self, starts: list[NDArray[Any]]) -> None:
         """Run local searches; a better incumbent lowers the cutoff and tightens the box."""
@@ -298,6 +316,7 @@ class AdaptiveSearch:
     def _search_in_tree(self, context: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
         self.context, candidates = update_incumbent(context, starts, self.bound)
         self.candidates = self.candidates + candidates
+        self.context.report(self.bound)
         return self.context
 
     def _shrink(self) -> None:
@@ -318,6 +337,8 @@ class AdaptiveSearch:
         """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
         mccormick = self._mccormick()
         for number in range(STRATEGY.obbt_rounds):
+            if self.context.deadline.late:
+                break
             solution = self._bound_linear(mccormick)
             if solution is None or self.over:
                 break
@@ -347,14 +368,14 @@ class AdaptiveSearch:
         with self.context.stages.stage("presolve"):
             solution = mccormick.minimise(self.context.deadline.left)
             self.shared_state.cost_model.learn(PROGRAM, 0.0, self.context.deadline.now() - start)
-            if solution.status not in ("solved", "infeasible"):
+            if solution.status not in ("solved", "infeasible", "stopped"):
                 return None
             empty = solution.status == "infeasible"
             dual = mccormick.objective_dual(solution)
             proved = prove(self.context.replay(), self.model.box, dual, empty)
         self._accept(BoxBound(proved, Node(argument=dual, empty=empty)), mccormick.relaxation)
         self.linear_bound = max(self.linear_bound, proved.bound)
-        return None if empty else solution
+        return solution if solution.status == "solved" else None
 
     def _obbt_lp(self, mccormick: LinearRelaxation) -> bool:
         """Tighten bounds by linear programs; return whether another round may gain."""
@@ -433,4 +454,5 @@ class AdaptiveSearch:
         assert self.search is not None
         certificate = self.search.certificate()
         if lower_bound(certificate) > self.bound:
-            self.outcome = replace(self.outcome, certificate=certificate)
+            simpler = self.outcome.simpler or self.outcome.certificate
+            self.outcome = replace(self.outcome, certificate=certificate, simpler=simpler)

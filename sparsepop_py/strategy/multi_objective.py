@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.relaxation_bound import Model
-from sparsepop_py.budget import Deadline
+from sparsepop_py.bounding.relaxation_bound import Model, lower_bound
+from sparsepop_py.budget import EARLY, Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import adopt_points, random_starts, update_incumbent
 from sparsepop_py.local_search.slp import violated_rows
@@ -30,7 +30,7 @@ from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.order_loop import INTERRUPTED, SearchState
+from sparsepop_py.strategy.order_loop import SearchState
 from sparsepop_py.strategy.relaxation_queue import TIGHTENING
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState, branching
@@ -60,8 +60,6 @@ class MultiObjectiveSearch:
         Vectors to start local searches from.
     stages : Stages
     deadline : Deadline
-    report : callable, optional
-        Called with an objective's number and state after each of its turns.
     repair : callable, optional
         Improves candidate vectors before local searches.
     points : list of ProvedPoint
@@ -77,7 +75,6 @@ class MultiObjectiveSearch:
     starts: list[NDArray[np.float64]]
     stages: Stages
     deadline: Deadline
-    report: Callable[[int, SearchState], None] | None = None
     repair: Callable[[NDArray[Any]], NDArray[Any]] | None = None
     searches: list[AdaptiveSearch] = field(default_factory=list)
     points: list[ProvedPoint] = field(default_factory=list)
@@ -97,7 +94,6 @@ class MultiObjectiveSearch:
             One for each objective.
         """
         self._begin()
-        notes: tuple[str, ...] = ()
         try:
             self._first_points()
             turn = 1  # every objective takes its cheapest step before costlier ones are tried
@@ -107,16 +103,15 @@ class MultiObjectiveSearch:
                 if self._stuck:
                     break
                 turn = STRATEGY.turn
-        except KeyboardInterrupt:
-            notes = (INTERRUPTED,)
-        states = [self._state(auto, notes) for auto in self.searches]
-        for index, state in enumerate(states if self.report is not None else ()):
-            if not state.history:  # closed without a step: not reported yet
-                self.report(index, state)  # type: ignore[misc]
+        except EARLY as cause:
+            self.deadline.ended(cause)
+        states = [self._state(auto) for auto in self.searches]
+        for state in states:
+            state.context.report_last(lower_bound(state.outcome.certificate))
         return states
 
-    def _state(self, auto: AdaptiveSearch, notes: tuple[str, ...] = ()) -> SearchState:
-        return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
+    def _state(self, auto: AdaptiveSearch) -> SearchState:
+        return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
 
     @property
     def _stuck(self) -> bool:
@@ -136,13 +131,13 @@ class MultiObjectiveSearch:
         ):  # a star may not need it, and is nearly as cheap
             try:
                 self._tighten()
-            except KeyboardInterrupt:
-                self.deadline.stop()  # the box is kept as it was
-        for objective in self.objectives:
+            except EARLY as cause:
+                self.deadline.ended(cause)  # the box is kept as it was
+        for number, objective in enumerate(self.objectives):
             context = SolveContext(
                 self.problem.with_objective(objective),
                 self.options,
-                Stages(self.options.progress),
+                self.stages.of_objective(number),
                 self.deadline,
                 repair=self.repair,
                 objectives=len(self.objectives),
@@ -192,8 +187,7 @@ class MultiObjectiveSearch:
         self._quote(index)
         if not auto.over:
             self._tighten()
-        if self.report is not None:
-            self.report(index, self._state(auto))
+        auto.context.report(auto.bound)
 
     def _share_points(self, points: list[ProvedPoint]) -> None:
         """Try points on all objectives, then update the units of their gaps."""

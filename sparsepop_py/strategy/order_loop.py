@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.bounding.exact_convex import exact_convex_bound, falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     BoxBound,
     CertifiedBound,
@@ -29,6 +30,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
 )
 from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
+from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.options import Options
@@ -45,7 +47,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
-__all__ = ["INTERRUPTED", "SearchState", "run_orders", "unstarted_state"]
+__all__ = ["SearchState", "run_orders", "unstarted_state"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,16 +74,13 @@ class SearchState:
     notes: tuple[str, ...] = ()
 
 
-INTERRUPTED = "interrupted: what is proved so far is kept"
-
-
 def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> SearchState:
-    """Return the state of a search interrupted before any relaxation was solved."""
+    """Return the state of a search that ended before any relaxation was solved."""
     box = Interval(context.problem.lower, context.problem.upper)
     model = Model(BoxProof(), box)
     replay = Replay(context.problem, None)
     outcome = certified_bound(replay, model, BoxBound(prove(replay, box, None, False), Node()))
-    return SearchState(context, outcome, candidates, (), (INTERRUPTED,))
+    return SearchState(context, outcome, candidates, ())
 
 
 def run_orders(
@@ -106,6 +105,27 @@ def run_orders(
     -------
     SearchState
     """
+    if finite(Interval(context.problem.lower, context.problem.upper)):
+        return _by_relaxations(context, candidates, shared, more_starts)
+    if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
+        state = _by_relaxations(context, candidates, shared, more_starts)
+        return _added(state, _by_exact_multipliers(state.context, state.candidates))
+    exact = _by_exact_multipliers(context, candidates)
+    if exact is None:
+        return _by_relaxations(context, candidates, shared, more_starts)
+    proved = lower_bound(exact.outcome.certificate)
+    if exact.context.closed(proved) or exact.context.deadline.over or _falls(exact):
+        return exact
+    return _added(_by_relaxations(exact.context, exact.candidates, shared, more_starts), exact)
+
+
+def _by_relaxations(
+    context: SolveContext,
+    candidates: list[NDArray[Any]],
+    shared: Model | None,
+    more_starts: Iterator[NDArray[Any]],
+) -> SearchState:
+    """Bound the objective on the whole space and by relaxations, as far as each applies."""
     free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
     if free:
         return _after_unconstrained(
@@ -118,6 +138,47 @@ def run_orders(
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
         return _with_unconstrained(state)
     return state
+
+
+def _by_exact_multipliers(
+    context: SolveContext, candidates: list[NDArray[Any]]
+) -> SearchState | None:
+    """Bound a convex quadratic objective over a polyhedron by rational multipliers."""
+    start = time.process_time()
+    try:
+        found = exact_convex_bound(context)
+    except KeyboardInterrupt:
+        return unstarted_state(context, candidates)
+    if found is None:
+        return None
+    bound, starts = found
+    proved = lower_bound(bound.certificate)
+    if not context.closed(proved):
+        context, more = update_incumbent(context, starts, proved)
+        candidates = candidates + more
+    entry = _history_entry(context, bound, bound, time.process_time() - start)
+    return SearchState(context, bound, candidates, (replace(entry, name="exact multipliers"),))
+
+
+def _falls(state: SearchState) -> bool:
+    """Check whether the objective provably falls without limit, so that no order proves any."""
+    best, problem = state.context.best, state.context.problem
+    if best is None or lower_bound(state.outcome.certificate) > -np.inf:
+        return False
+    direction = falling_direction(problem)
+    return direction is not None and falling_ray(problem, best, direction) is not None
+
+
+def _added(state: SearchState, exact: SearchState | None) -> SearchState:
+    """Add a bound by exact multipliers where it is larger."""
+    if exact is None:
+        return state
+    best = exact.context.best if exact.context.upper < state.context.upper else state.context.best
+    state = replace(state, context=replace(state.context, best=best))
+    if lower_bound(exact.outcome.certificate) <= lower_bound(state.outcome.certificate):
+        return state
+    outcome = better(exact.outcome, state.outcome)  # with the output of the relaxation
+    return replace(state, outcome=outcome, history=state.history + exact.history)
 
 
 def _restricted(problem: Problem) -> bool:
@@ -164,7 +225,8 @@ def _by_gram_matrices(
     while True:
         try:
             found = unconstrained_bound(context)
-        except KeyboardInterrupt:
+        except EARLY as cause:
+            context.deadline.ended(cause)
             return unstarted_state(context, candidates)
         if found is None:
             return None
@@ -218,12 +280,11 @@ def _run_orders(
 
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
-    notes: tuple[str, ...] = ()
     try:
         auto.run()
-    except KeyboardInterrupt:
-        notes = (INTERRUPTED,)
-    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history), notes)
+    except EARLY as cause:
+        auto.context.deadline.ended(cause)
+    return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
 
 
 def _orders(
@@ -235,6 +296,7 @@ def _orders(
     """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
     history: list[HistoryEntry] = []
+    own = shared is None
     for order in _order_numbers(context):
         start = time.process_time()
         options = replace(_timed(context), order=order)
@@ -244,10 +306,11 @@ def _orders(
             step, bound, candidates = _rounds(
                 replace(context, options=options), candidates, shared, more_starts
             )
-        except KeyboardInterrupt:
+        except EARLY as cause:
+            context.deadline.ended(cause)
             if outcome is None:
                 return unstarted_state(context, candidates)
-            return SearchState(context, outcome, candidates, tuple(history), (INTERRUPTED,))
+            return SearchState(context, outcome, candidates, tuple(history))
         if outcome is not None and bound.relaxation is None:
             break  # this order would be too large
         outcome = better(outcome, bound)
@@ -260,7 +323,35 @@ def _orders(
                 break  # no order proves anything
         shared = None
     assert outcome is not None
+    if own and context.options.effort != "auto":
+        outcome = _by_lower_orders(context, outcome)
     return SearchState(context, outcome, candidates, tuple(history))
+
+
+def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
+    """Take a lower order's certificate where an order proves nothing.
+
+    Multipliers of a lower order are multipliers of the higher one. Without bounds on the variables
+    the higher one may have no optimal ones of its own, and a solver finds none that prove
+    anything. The output of the solver stays that of the order that was asked for.
+    """
+    options, problem = context.options, context.problem
+    least, asked = least_order(problem), options.order or 1
+    if lower_bound(outcome.certificate) > -np.inf or outcome.relaxation is None or asked <= least:
+        return outcome
+    if context.best is not None and falling_ray(problem, context.best) is not None:
+        return outcome  # no order proves anything
+    for order in range(asked - 1, least - 1, -1):
+        if context.deadline.over:
+            break
+        switches = options.switches and replace(options.switches, order=order)
+        lower = replace(_timed(context), order=order, switches=switches)
+        bound = bound_order(replace(context, options=lower), None)
+        if lower_bound(bound.certificate) > -np.inf:
+            note = f"order {asked} proves nothing by itself: the bound is that of order {order}"
+            model = replace(outcome.model, notes=(*outcome.model.notes, note))
+            return replace(outcome, certificate=bound.certificate, model=model)
+    return outcome
 
 
 def _timed(context: SolveContext) -> Options:
@@ -305,13 +396,14 @@ def _rounds(
     for _ in range(1 if shared else STRATEGY.order_rounds):
         try:
             bound = bound_order(context, shared)
-        except KeyboardInterrupt:
+        except EARLY as cause:
             if outcome is None:
                 raise
-            context.deadline.stop()
+            context.deadline.ended(cause)
             break
         outcome = better(outcome, bound)
         proved, old = lower_bound(outcome.certificate), context.best
+        context.report(proved)
         if context.closed(proved) and context.problem.dimension > STRATEGY.many_variables:
             break  # reading further minimisers out of the moments would take the longest
         context, more = update_incumbent(context, _candidates_from_moments(bound), proved)

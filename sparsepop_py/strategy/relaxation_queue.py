@@ -53,7 +53,9 @@ class RelaxationQueue:
         Parameters
         ----------
         left : float or None
-            Seconds left; relaxations expected to take over twice as long are left out.
+            CPU seconds that are expected to be left; relaxations expected to take over twice as
+            long are left out. Linear programs prove something when they are stopped, and may take
+            far longer.
 
         Returns
         -------
@@ -65,12 +67,36 @@ class RelaxationQueue:
         best, most = None, 0.0
         for spec in map(self._prepared, self.specs):
             seconds = self.seconds(spec)
-            if not np.isfinite(seconds) or (left is not None and seconds > 2.0 * left):
+            if not np.isfinite(seconds) or self._too_long(spec, seconds, left):
                 continue
             rate = self.shared_state.cost_model.rate(spec, self.share, seconds)
             if rate > most:
                 best, most = spec, rate
         return best, most
+
+    def _too_long(self, spec: RelaxationSpec, seconds: float, left: float | None) -> bool:
+        if left is None:
+            return False
+        if spec.shape == "linear" and spec.name not in self.shared_state.cost_model.seconds:
+            return self._program > STRATEGY.stopped_program * left
+        return seconds > STRATEGY.over_time * left
+
+    def put_off(self, spec: RelaxationSpec, seconds: float) -> None:
+        """Correct the expected seconds of a relaxation that was built and not solved."""
+        self.shared_state.estimates[spec.name] = seconds
+
+    def left_out(self, left: float | None) -> str:
+        """Describe the relaxations that time or memory do not allow; empty without any."""
+        slow, large = [], []
+        for spec in self.specs:
+            seconds = self.seconds(spec)
+            if not np.isfinite(seconds):
+                large.append(spec.name)
+            elif self._too_long(spec, seconds, left):
+                slow.append(f"{spec.name} (about {seconds:.2g} s)")
+        parts = [f"too long for the time left: {', '.join(slow)}"] if slow else []
+        parts += [f"too large for the memory limit: {', '.join(large)}"] if large else []
+        return f"relaxations not tried: {'; '.join(parts)}" if parts else ""
 
     def state(self, spec: RelaxationSpec) -> None:
         """Remove a relaxation and all weaker ones; it may return on a tightened box."""

@@ -21,6 +21,10 @@ class StrategySettings:
         Nodes that branch and bound is expected to need, over ``SharedState.effort``.
     slice_seconds : float
         Most seconds that a tree grows before relaxations are considered again.
+    over_time : float
+        Times the time left: relaxations expected to take longer are left out.
+    stopped_program : float
+        The same for the first linear program, whose prices prove something at any time.
     patience_nodes : int
         Nodes after which linear programs alone are not trusted to close the gap.
     sweeps : int
@@ -66,6 +70,8 @@ class StrategySettings:
 
     nodes_per_effort: float = 4.0
     slice_seconds: float = 3.0
+    over_time: float = 2.0
+    stopped_program: float = 20.0
     patience_nodes: int = 300
     sweeps: int = 3
     obbt_rounds: int = 3

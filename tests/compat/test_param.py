@@ -46,7 +46,9 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 @pytest.mark.parametrize("nothing", [None, {}, [], np.zeros((0, 0)), SimpleNamespace()])
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
-    assert parameters == Parameters(options=Options(order=1, chordal="min-degree", progress=True))
+    assert parameters == Parameters(
+        options=Options(order=1, chordal="min-degree", search_limit=0.3, progress=True)
+    )
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
 
@@ -139,8 +141,11 @@ def test_the_default_of_the_original_is_silent(entry: Any) -> None:
         read_parameters({entry.name: entry.default})
 
 
+OWN = ("tighten", "effort", "timeLimit", "localSearch", "gap")
+
+
 def test_every_field_of_the_original_is_known() -> None:
-    assert sorted(entry.name for entry in FIELDS) == sorted([*ORIGINAL, "tighten"])
+    assert sorted(entry.name for entry in FIELDS) == sorted([*ORIGINAL, *OWN])
 
 
 NOTHING = ["reduceEqualitiesSW", "elimFrSW", "developmentSW"]
@@ -329,3 +334,73 @@ def test_every_test_that_is_named_exists() -> None:
 
 def test_the_documentation_shows_the_table() -> None:
     assert render_table() in DOCS.read_text()
+
+
+# ---- fields of our own ------------------------------------------------------------------
+
+
+def test_effort_limits_and_gap_reach_the_options() -> None:
+    options = read_parameters({"effort": "auto", "timeLimit": 30, "gap": 1e-3}).options
+    assert (options.effort, options.time_limit, options.gap) == ("auto", 30.0, 1e-3)
+    assert options.switches is None
+    unlimited = read_parameters({"timeLimit": np.inf, "effort": ""}).options
+    assert (unlimited.effort, unlimited.time_limit, unlimited.gap) == ("presolve", None, 1e-6)
+    plain = read_parameters({"effort": "plain", "relaxOrder": 3})
+    assert (plain.tighten, plain.options.effort) == (0, "plain")
+    assert plain.options.switches is not None and plain.options.switches.order == 3
+
+
+def test_effort_overrules_tighten_and_says_so() -> None:
+    with pytest.warns(ParameterWarning, match="tighten = 0 is overruled by param.effort = 'auto'"):
+        parameters = read_parameters({"effort": "auto", "tighten": 0})
+    assert (parameters.tighten, parameters.options.effort) == (1, "auto")
+    again = read_parameters(parameters)
+    assert again.options == parameters.options
+
+
+@pytest.mark.parametrize(
+    ("given", "refine"),
+    [(0, "none"), (1, "scipy"), (1.0, "scipy"), ("none", "none"), ("ipopt", "ipopt")],
+)
+def test_local_search_by_number_and_name(given: Any, refine: str) -> None:
+    assert read_parameters({"localSearch": given}).options.refine == refine
+
+
+@pytest.mark.parametrize(
+    ("given", "seconds"),
+    [
+        ({}, 0.3),
+        ({"localSearch": ""}, 0.3),
+        ({"localSearch": 1}, None),
+        ({"POPsolver": "active-set"}, None),
+        ({"effort": "auto"}, None),
+        ({"effort": "plain"}, 0.3),
+    ],
+)
+def test_a_search_that_nobody_asked_for_is_short(
+    given: dict[str, Any], seconds: float | None
+) -> None:
+    assert read_parameters(given).options.search_limit == seconds
+
+
+def test_a_local_solver_does_not_switch_the_search_on() -> None:
+    given = {"localSearch": 0, "POPsolver": "ipopt"}
+    assert read_parameters(given).options.refine == "none"
+    assert read_parameters({"POPsolver": "ipopt"}).options.refine == "ipopt"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("effort", "most", "one of 'plain', 'presolve', 'auto'"),
+        ("effort", 2, "one of 'plain', 'presolve', 'auto'"),
+        ("timeLimit", 0, "seconds > 0"),
+        ("timeLimit", "long", "seconds > 0"),
+        ("gap", -1, "a number >= 0"),
+        ("localSearch", 2, "one of 0, 1, scipy, ipopt, none"),
+        ("localSearch", [0, 1], "one of 0, 1, scipy, ipopt, none"),
+    ],
+)
+def test_wrong_values_of_own_fields(name: str, value: Any, expected: str) -> None:
+    with pytest.raises(ProblemError, match=rf"param.{name}: found .*, expected {expected}"):
+        read_parameters({name: value})

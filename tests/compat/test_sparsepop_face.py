@@ -276,7 +276,7 @@ def test_the_report_says_what_the_solver_reports(
     assert words in capsys.readouterr().out
     assert output.SDPinfo.infeasibleSW == 0.5
     assert output.SDPsolverInfo.feasratio == -1
-    assert output.POP.xVect.size == 0
+    assert output.POP.xVect.shape == (2,)
 
 
 # ---- the traps of the original ----------------------------------------------------------
@@ -327,8 +327,8 @@ def test_unbounded(rows: Any) -> None:
 def test_all_fixed_and_infeasible() -> None:
     rows = [struct([[1, 0], [0, 1], [0, 0]], [1, 1, -7], -1)]
     value, POP, output = call(struct([[1, 0], [0, 1]], [1, 1]), rows, [1, 2], [1, 2])
-    assert (value, POP.status, POP.xVect.size) == (math.inf, Status.INFEASIBLE, 0)
-    assert (POP.objValue, POP.absError, POP.scaledError) == (None, None, None)
+    assert (value, POP.status, POP.xVect.tolist()) == (math.inf, Status.INFEASIBLE, [1, 2])
+    assert (POP.objValue, POP.absError, POP.violation) == (3, -4, 4)
     assert (output.SDPinfo.infeasibleSW, output.SDPinfo.dimVar) == (2, 0)
     assert output.SDPinfo.fixedVar.tolist() == [[1, 1], [2, 2]]
 

@@ -144,6 +144,39 @@ def test_error_bounds_by_default_and_of_a_maximum(tmp_path: Any) -> None:
         sp.sparsePOP(disc(), {**QUIET, "errorBdIdx": [3]})
 
 
+# ---- the point and the solver's report -------------------------------------------------------
+
+
+@pytest.mark.parametrize("tighten", [0, 1])
+def test_numerr_compares_with_the_tolerance_that_was_asked_for(tighten: int) -> None:
+    """A solver that is stopped early has the same errors whatever was asked for."""
+    few = {**QUIET, "tighten": tighten, "relaxOrder": 2, "SDPsolverMaxIter": 5}
+    reached = np.abs(sp.sparsePOP(disc(), few).SDPsolverInfo.err).max()
+    assert reached > 1e-7
+    for tolerance, numerr in ((2 * reached, 0), (reached / 2, 1), (1e-9, 1)):
+        info = sp.sparsePOP(disc(), {**few, "SDPsolverEpsilon": tolerance}).SDPsolverInfo
+        assert (np.abs(info.err).max() > tolerance, info.numerr) == (bool(numerr), numerr)
+
+
+@pytest.mark.parametrize("param", [{}, {"tighten": 0}, {"tighten": 0, "relaxOrder": 3}])
+def test_the_vector_is_filled_where_no_point_was_proved(param: dict[str, Any]) -> None:
+    """x1^2 = 2 has no point in doubles near which the solver's moments end exactly."""
+    x1, x2 = sp.variables(2)
+    problem = sp.Problem(x1 + x2**2, [x1**2 == 2], lower=-3, upper=3)
+    POP = sp.sparsePOP(problem, {**QUIET, **param, "localSearch": 0}).POP
+    assert POP.upperBound == np.inf
+    assert POP.xVect.shape == (2,) and np.isfinite(POP.xVect).all()
+    assert POP.violation == pytest.approx(abs(POP.xVect[0] ** 2 - 2))
+    assert POP.violation == -POP.absError
+    assert POP.objValue == pytest.approx(POP.xVect[0] + POP.xVect[1] ** 2)
+
+
+def test_the_vector_is_filled_where_nothing_is_known() -> None:
+    (x,) = sp.variables(1)
+    POP = sp.sparsePOP(sp.Problem(x**3, upper=-2), {**QUIET, "localSearch": 0}).POP
+    assert POP.xVect.shape == (1,) and POP.violation is not None
+
+
 # ---- the solver ------------------------------------------------------------------------------
 
 

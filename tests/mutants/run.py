@@ -51,7 +51,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LISTS = (Path(__file__).with_name("verified.toml"),)
+LISTS = tuple(Path(__file__).with_name(name) for name in ("verified.toml", "setid.toml"))
 STORE = ROOT / ".mutants" / "results.json"
 COPIED = ("sparsepop_py", "setid", "tests", "benchmarks", "examples", "pyproject.toml")
 LONGEST = 240.0  # seconds for the tests of one fault; a fault that makes them hang is noticed

@@ -16,10 +16,10 @@ from sparsepop_py import Options, Status
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.pipeline import INTERRUPTED
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.strategy import adaptive
-from sparsepop_py.strategy.order_loop import INTERRUPTED
 from sparsepop_py.verified.certificate.steps import Replay
 
 SOLVE_CONIC, EXPLORE, STAGE = relaxation_bound.solve_conic, tree.process_node, Stages.stage
@@ -70,7 +70,7 @@ def test_an_interrupt_keeps_what_is_proved(case, monkeypatch):
         result = check(problem, sp.solve(problem, hierarchy_options(skip=skip)))
         assert interrupting.calls == number
         assert INTERRUPTED in result.notes
-        assert result.status in (Status.LIMIT, Status.OPTIMAL)
+        assert result.status in (Status.INTERRUPTED, Status.OPTIMAL)
         assert -INF < result.lower_bound <= least + 1e-9
         if result.history:
             assert result.lower_bound == result.history[-1].lower_bound
@@ -87,7 +87,7 @@ def test_an_interrupt_of_one_order_keeps_the_box(number, monkeypatch):
     result = check(problem, sp.solve(problem, Options(order=1, gap=0.0)))
     assert -12.0 <= result.lower_bound <= least_of_bilinear()  # 3 products of [-1, 2]^2
     assert (INTERRUPTED in result.notes) == (interrupting.calls >= number)
-    assert result.status in (Status.LIMIT, Status.BOUNDED)
+    assert result.status in (Status.INTERRUPTED, Status.BOUNDED)
 
 
 def test_an_interrupt_of_one_order_keeps_its_first_relaxation(monkeypatch):
@@ -112,7 +112,7 @@ def test_an_interrupt_in_branch_and_bound_keeps_the_tree(number, monkeypatch):
     monkeypatch.setattr(tree, "process_node", Interrupting(EXPLORE, number))
     result = check(problem, sp.solve(problem, Options(effort="auto")))
     assert INTERRUPTED in result.notes
-    assert result.status is Status.LIMIT
+    assert result.status is Status.INTERRUPTED
     assert result.history[0].lower_bound <= result.lower_bound <= least_of_bilinear()
     assert result.certificate.leaves == 1 or number > 1
     assert result.certificate.leaves > 1 or number < 20
@@ -157,7 +157,7 @@ def test_an_interrupt_of_several_objectives(number, monkeypatch):
     for objective, result in zip(objectives, results, strict=True):
         check(problem.with_objective(objective), result)
         assert INTERRUPTED in result.notes
-        assert result.status in (Status.LIMIT, Status.OPTIMAL)
+        assert result.status in (Status.INTERRUPTED, Status.OPTIMAL)
         assert result.lower_bound > -INF
     assert results[0].lower_bound <= least_of_star() + 1e-9
 

@@ -19,7 +19,7 @@ function [param, SDPobjValue, POP, cpuTime, SDPsolverInfo, SDPinfo] = sparsePOP(
 
 switch nargin
     case {1, 2}
-        problem = namedProblem(asChar(varargin{1}));
+        problem = namedProblem(varargin{1});
         given = varargin(2:end);
     case {4, 5}
         problem = varargin(1:4);
@@ -27,13 +27,7 @@ switch nargin
     otherwise
         wrongInput();
 end
-answer = handOver([reshape(problem, 1, []), cellfun(@asChar, given, 'UniformOutput', false)]);
-for k = 1:numel(answer.warnings)
-    warning('sparsePOP:param', '%s', answer.warnings{k});
-end
-if ~isempty(answer.error)
-    error('sparsePOP:input', '%s', answer.error);
-end
+answer = handOver('sparsePOP', [reshape(problem, 1, []), given]);
 [param, SDPobjValue, POP, cpuTime, SDPsolverInfo, SDPinfo] = answer.outputs{:};
 end
 
@@ -41,6 +35,9 @@ end
 
 function problem = namedProblem(name)
 % One file name, or the four structs that a call written as a string returns.
+if isa(name, 'string')
+    name = char(name);
+end
 if ~ischar(name)
     wrongInput();
 elseif isempty(strfind(name, '.gms')) %#ok<STREMP> older versions have no contains
@@ -70,33 +67,6 @@ if isempty(file)
 end
 end
 
-function value = asChar(value)
-% Strings of MATLAB's class string, also as fields of a struct, as char arrays.
-if isstruct(value) && isscalar(value)
-    value = structfun(@asChar, value, 'UniformOutput', false);
-elseif isa(value, 'string')
-    value = char(value);
-end
-end
-
 function wrongInput()
 error('sparsePOP:input', 'Input has something wrong.');
-end
-
-% ---- handing over -------------------------------------------------------------------------
-
-function answer = handOver(arguments) %#ok<INUSD> saved by name
-% The question is written to a file, over which Python writes the answer.
-folder = pwd; %#ok<NASGU> names of files in param are relative to it
-file = [tempname(), '.mat'];
-tidy = onCleanup(@() removed(file));
-save(file, 'arguments', 'folder', '-v6');
-askPython('ask', file);
-answer = load(file);
-end
-
-function removed(file)
-if exist(file, 'file')
-    delete(file);
-end
 end

@@ -120,7 +120,7 @@ def run(
         Stop once the dual value, less the largest possible effect of the dual residual on
         moments in [-1, 1], reaches this value.
     time_limit : float, optional
-        CPU seconds.
+        Seconds of wall time.
     start : Iterate, optional
         ``outcome.early`` of a run on a nearby program of the same pattern. Where that leads
         nowhere, the solve starts again without it.
@@ -133,7 +133,7 @@ def run(
     SolverNotFound
         If ``settings.kernels`` is "numba" and numba is missing.
     """
-    begin = time.process_time()
+    begin, opened = time.process_time(), time.monotonic()
     key = pattern_key(program)
     settings = settings or Settings()
     if settings.threads < 1:
@@ -145,7 +145,7 @@ def run(
     workers = Workers(settings.threads)
     try:
         numbers = Numbers.of(program, symbolic, workers)
-        deadline = None if time_limit is None else begin + time_limit
+        deadline = None if time_limit is None else opened + time_limit
         scaled = None if target is None else (target - program.offset) / numbers.unit
         outcome = _attempts(numbers, settings, start, scaled, deadline)
     finally:

@@ -49,9 +49,10 @@ assert([given.relaxOrder given.printLevel], [1 0 0])
 again = sparsePOP(objPoly,{line},[0 0],[1 1],given);
 assert(again, given)
 
-% no feasible point: +Inf, and nothing to read
+% no feasible point: +Inf; xVect is the nearest vector that is known, and its violation is beside it
 [given,SDPobjValue,POP,cpuTime,SDPsolverInfo,SDPinfo] = ...
     sparsePOP(objPoly,{line},[0 0],[0.1 0.1],param);
 assert(SDPobjValue, Inf)
 assert(POP.status, 'INFEASIBLE')
-assert(isempty(POP.xVect) && isempty(POP.objValue) && isempty(POP.xVectL))
+assert(size(POP.xVect), [2 1])
+assert(POP.violation > 0 && isempty(POP.xVectL))

@@ -13,7 +13,7 @@ from identified_cases import empty, identified, second_order
 import setid
 import sparsepop_py as sp
 from setid.export.python_control import coefficients, to_control
-from setid.feasible_points.members import members, nominal
+from setid.feasible_points.members import members
 from setid.simulation.responses import frequency_response
 
 
@@ -26,11 +26,11 @@ def test_the_nominal_model_has_the_response_of_the_parameters(
     result: setid.Identification,
 ) -> None:
     models = to_control(result)
-    omega = np.array([0.1, 1.0, 3.0])
-    expected = frequency_response(result.formulation.model, nominal(result), omega, 1.0)
+    omega, theta = np.array([0.1, 1.0, 3.0]), result.best("simulation").theta
+    expected = frequency_response(result.formulation.model, theta, omega, 1.0)
     assert np.allclose(models.nominal(np.exp(1j * omega)), expected)
     assert models.nominal.dt == 1.0
-    y = setid.simulate(result.formulation.model, nominal(result), np.ones(20)).ravel()
+    y = setid.simulate(result.formulation.model, theta, np.ones(20)).ravel()
     _, step = control.step_response(models.nominal, np.arange(20.0))
     assert np.allclose(np.ravel(step), y)
 

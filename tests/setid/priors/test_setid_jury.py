@@ -8,8 +8,13 @@ import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
+from setid.formulation.units import InUnits, in_units
 from setid.priors.jury import is_stable, jury_values
 from setid.priors.stability import reflections_to_coefficients
+from setid.proofs.evidence import EndProof
+from setid.proofs.existence import proved_point
+from setid.proofs.verification import _is_admitted
 
 JURY = setid.Stable(form="jury")
 
@@ -176,3 +181,44 @@ def test_slack_variables_of_the_last_row_are_its_two_ends() -> None:
     )
     assert three == ["stable.q2_0", "stable.q2_2"]
     assert four == [f"stable.q3_{k}" for k in range(4)] + three
+
+
+def with_a_point(
+    theta: list[float],
+) -> tuple[setid.Formulation, InUnits, sp.ProvedPoint]:
+    """State a problem with Jury's rows, and prove that a point satisfies them."""
+    data = setid.IOData(np.sin(np.arange(12.0)), np.cos(np.arange(12.0)))
+    noise = setid.Noise(equation=50.0)
+    box = setid.Box({name: (-4.0, 4.0) for name in ("a1", "a2", "a3", "b0")})
+    formulation = setid.formulate(data, setid.TransferFunction(3, 1), noise, [JURY, box])
+    scaled = in_units(formulation.problem, formulation)
+    z = formulation.point([*theta, 1.0]) / scaled.units
+    point = proved_point(formulation, scaled.problem, z)
+    assert point is not None
+    return formulation, scaled, point
+
+
+def attained_at(theta: list[float]) -> setid.Verification:
+    """Verdict on evidence whose only attained point has these parameters."""
+    formulation, scaled, point = with_a_point(theta)
+    problem, items = formulation.problem, {}
+    for place, name in enumerate(formulation.parameters):
+        outer = (float(problem.lower[place]), float(problem.upper[place]))
+        value = float(point.x[place] * scaled.units[place])
+        inner = (value + 1e-6, value - 1e-6)
+        items[name] = setid.ParameterInterval(name, outer, inner, setid.IntervalStatus.PARTIAL)
+    ends = (EndProof(None, point),) * 8
+    return setid.verify(setid.Evidence(formulation, items, problem, ends=ends))
+
+
+def test_verify_takes_no_point_that_is_not_proved_stable() -> None:
+    """The roots are 1, 2 and 0.5 in the second case: the rows hold, stability does not."""
+    assert attained_at([0.4, -0.3, 0.2]).ok
+    assert not attained_at([-3.5, 3.5, -1.0]).ok
+
+
+def test_all_that_a_point_may_be_is_to_be_stable() -> None:
+    """Within 1 of the parameters is 1.4 for a1, 0.7 for a2, 1.2 for a3, whose root is outside."""
+    formulation, scaled, point = with_a_point([0.4, -0.3, 0.2])
+    assert _is_admitted(formulation, scaled, point)
+    assert not _is_admitted(formulation, scaled, replace(point, radius=1.0))

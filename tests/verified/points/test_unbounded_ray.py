@@ -54,8 +54,10 @@ def test_unbounded_problems_get_a_status_and_no_number(name, effort):
     assert result.upper_bound == -np.inf
     assert result.certificate is None
     assert not np.isfinite(result.gap)
-    assert any("ray" in note for note in result.notes)
-    follow(problem, result.attained, falling_ray(problem, result.attained))
+    follow(problem, result.attained, result.ray)
+    moving = [name for name, v in zip(problem.names, result.ray, strict=True) if v]
+    assert "ray" in result.message and all(f"{name} by" in result.message for name in moving)
+    assert result.message in result.summary()
     assert problem.violation(result.x) == 0.0
 
 

@@ -170,7 +170,7 @@ def minimise(
         if log[-1].safe >= max(line.safe for line in log):
             best = point
         status, detail = judge(numbers, settings, log, point, target)
-        if not status and deadline is not None and time.process_time() > deadline:
+        if not status and deadline is not None and time.monotonic() > deadline:
             status, detail = verdict(numbers, settings, log), "time limit"
         if wants_repair(numbers, settings, log) or detail in ("rounding", "no progress"):
             new = _repaired(numbers, log, point, repair)

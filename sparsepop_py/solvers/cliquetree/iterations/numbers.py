@@ -144,7 +144,7 @@ class Numbers:
         Raises
         ------
         OutOfTime
-            If the CPU time ``deadline`` passes.
+            If ``deadline`` passes.
         """
         entries.fill(0.0)
         entries[fixed[0]] = fixed[1]

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
+from scipy.linalg import lapack, solve_triangular
 
 __all__ = [
     "OutOfTime",
@@ -35,10 +35,11 @@ Part = TypeVar("Part")
 Result = TypeVar("Result")
 _SLIGHTLY_LESS = 1.0 - 1e-9  # of a step length, against rounding
 _LARGE = 64  # size from which LAPACK runs matrix by matrix
+_HALVED = 1024  # size from which the clock is looked at in the middle of a matrix
 
 
 class OutOfTime(Exception):
-    """The CPU time of a solve ended inside an iteration."""
+    """The time of a solve ended inside an iteration."""
 
 
 class Workers:
@@ -74,9 +75,9 @@ def check(deadline: float | None) -> None:
     Raises
     ------
     OutOfTime
-        If the CPU time ``deadline`` is past.
+        If the moment ``deadline`` on the monotonic clock is past.
     """
-    if deadline is not None and time.process_time() > deadline:
+    if deadline is not None and time.monotonic() > deadline:
         raise OutOfTime("time limit")
 
 
@@ -108,32 +109,60 @@ def symmetric(matrices: Reals) -> Reals:
     return 0.5 * (matrices + transposed(matrices))
 
 
-def cholesky(matrices: Reals) -> Reals:
+def cholesky(matrices: Reals, deadline: float | None = None) -> Reals:
     """Lower Cholesky factors; only lower triangles are read.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         If a matrix is not positive definite.
+    OutOfTime
+        If ``deadline`` passes between parts of a large matrix.
     """
     count, size, _ = matrices.shape
     if size < _LARGE:
         return np.linalg.cholesky(matrices).astype(np.float64, copy=False)
     result = np.array(matrices)  # a lower triangle by rows is an upper one by columns
     for k in range(count):
-        _, failed = lapack.dpotrf(result[k].T, lower=0, clean=1, overwrite_a=1)
-        if failed:
-            raise np.linalg.LinAlgError("a matrix is not positive definite")
+        _factorize(result[k], deadline)
     return result
 
 
-def lower_inverse(factors: Reals, result: Reals) -> None:
-    """Inverses of lower triangular matrices (K, s, s) into ``result``, upper parts zero."""
+def _factorize(matrix: Reals, deadline: float | None) -> None:
+    """Factorize one matrix in place, halves first where it is large."""
+    check(deadline)
+    size = matrix.shape[0]
+    if size < _HALVED:
+        factor, failed = lapack.dpotrf(matrix.T, lower=0, clean=1, overwrite_a=1)
+        if failed:
+            raise np.linalg.LinAlgError("a matrix is not positive definite")
+        matrix[:] = factor.T  # factorized in place already where the matrix is contiguous
+        return
+    h = size // 2
+    _factorize(matrix[:h, :h], deadline)
+    below = solve_triangular(matrix[:h, :h], matrix[h:, :h].T, lower=True, check_finite=False).T
+    matrix[h:, :h], matrix[:h, h:] = below, 0.0
+    for part in range(0, size - h, _HALVED):
+        check(deadline)
+        rows = slice(h + part, h + part + _HALVED)
+        matrix[rows, h:] -= below[part : part + _HALVED] @ below.T
+    _factorize(matrix[h:, h:], deadline)
+
+
+def lower_inverse(factors: Reals, result: Reals, deadline: float | None = None) -> None:
+    """Inverses of lower triangular matrices (K, s, s) into ``result``, upper parts zero.
+
+    Raises
+    ------
+    OutOfTime
+        If ``deadline`` passes between parts of large matrices.
+    """
     result.fill(0.0)
-    _invert(factors, result)
+    _invert(factors, result, deadline)
 
 
-def _invert(factors: Reals, result: Reals) -> None:
+def _invert(factors: Reals, result: Reals, deadline: float | None) -> None:
+    check(deadline)
     count, size, _ = factors.shape
     if size == 1:
         np.divide(1.0, factors, out=result)
@@ -144,8 +173,8 @@ def _invert(factors: Reals, result: Reals) -> None:
             np.copyto(result[k], lapack.dtrtri(factors[k].T, lower=0)[0].T)
         return
     h = size // 2
-    _invert(factors[:, :h, :h], result[:, :h, :h])
-    _invert(factors[:, h:, h:], result[:, h:, h:])
+    _invert(factors[:, :h, :h], result[:, :h, :h], deadline)
+    _invert(factors[:, h:, h:], result[:, h:, h:], deadline)
     below = factors[:, h:, :h] @ result[:, :h, :h]
     np.negative(result[:, h:, h:] @ below, out=result[:, h:, :h])
 

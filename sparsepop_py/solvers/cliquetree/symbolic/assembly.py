@@ -28,6 +28,7 @@ __all__ += ["block_pairs", "row_pairs", "stacked"]
 Indices = NDArray[np.int64]
 Reals = NDArray[np.float64]
 _CHUNK = 2**16  # doubles that the temporary products of one assembly may take
+_TEMPORARY = 2**22  # doubles that those of one large block may take
 _HELD = 2**15  # sums of pairs that are held before they are added to the fronts
 _PART, _MOST_PARTS = 5e5, 8  # multiplications that are worth a thread, parts of one operation
 
@@ -73,28 +74,42 @@ class Assembly:
             (data[self.right_source], self.right_indices, self.right_indptr),
             shape=(count * moments, count * size * size),
         )
-        return StackProduct(self, left, right)
+        width = max(1, _TEMPORARY // (count * size * moments))  # columns of Z at a time
+        if width >= size:
+            return StackProduct(self, left, ((slice(0, size), right),))
+        turned = sps.csc_array(right)
+        entry = np.arange(count * size * size).reshape(count, size, size)
+        pieces = [slice(j, min(j + width, size)) for j in range(0, size, width)]
+        rights = [sps.csr_array(turned[:, entry[:, :, part].ravel()]) for part in pieces]
+        return StackProduct(self, left, tuple(zip(pieces, rights, strict=True)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StackProduct:
-    """The two sparse factors of one assembly."""
+    """Two sparse factors of one assembly, the second for ranges of columns.
+
+    Large blocks are taken in ranges: their products take less memory, and the clock is looked at
+    in between.
+    """
 
     pattern: Assembly
     left: sps.csr_array
-    right: sps.csr_array
+    rights: tuple[tuple[slice, sps.csr_array], ...]
 
     def add(self, entries: Reals, inverse: Reals, dual: Reals, deadline: float | None) -> None:
         """Add A_p' (P x Z) A_q of these blocks to the entries of all fronts."""
-        check(deadline)
         a = self.pattern
         count, size, moments = a.count, a.size, a.moments
         z = dual[a.span].reshape(count * size, size)
         p = inverse[a.span].reshape(count, size, size)
-        turned = (self.left @ z).reshape(count, size, moments * size)
-        both = (p @ turned).reshape(count, size, moments, size)
-        columns = both.transpose(0, 1, 3, 2).reshape(count * size * size, moments)
-        np.add.at(entries, a.place, (self.right @ columns).ravel())
+        total: Reals | float = 0.0
+        for part, right in self.rights:
+            check(deadline)
+            turned = (self.left @ z[:, part]).reshape(count, size, -1)
+            both = (p @ turned).reshape(count, size, moments, -1)
+            columns = both.transpose(0, 1, 3, 2).reshape(-1, moments)
+            total = total + right @ columns
+        np.add.at(entries, a.place, np.ravel(total))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -234,7 +234,7 @@ class FrontFactor:
         numpy.linalg.LinAlgError
             If a pivot block is not positive definite.
         OutOfTime
-            If the CPU time ``deadline`` passes.
+            If ``deadline`` passes.
         """
         t, kernel = self.tree, compiled_kernels().factorize
         child, children, slot, slots, home, _ = t.plan

@@ -241,14 +241,14 @@ class Factor:
         regularisation : float
             Added to each pivot, relative to it.
         deadline : float, optional
-            CPU time after which to give up.
+            Moment on the monotonic clock after which to give up.
 
         Raises
         ------
         numpy.linalg.LinAlgError
             If a pivot block is not positive definite.
         OutOfTime
-            If the CPU time ``deadline`` passes.
+            If ``deadline`` passes.
         """
         for stack, inverse, across in zip(self.tree.stacks, self.inverse, self.across, strict=True):
             check(deadline)
@@ -257,7 +257,7 @@ class Factor:
             e = stack.pivots
             diagonal = np.einsum("kii->ki", matrix)[:, :e]
             diagonal += regularisation * diagonal + _LEAST_PIVOT
-            lower_inverse(cholesky(matrix[:, :e, :e]), inverse)
+            lower_inverse(cholesky(matrix[:, :e, :e], deadline), inverse, deadline)
             if stack.size > e:
                 np.matmul(matrix[:, e:, :e], transposed(inverse), out=across)
                 update = self._update[: stack.parent.size].reshape(stack.parent.shape)

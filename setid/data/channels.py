@@ -1,0 +1,75 @@
+"""Names and units of channels, for tables and axes: labels, on which no claim rests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from setid.errors import DataError
+
+__all__ = ["labels", "names_of", "units_of"]
+
+
+def names_of(
+    given: Sequence[Any] | str | None, count: int, field: str, letter: str
+) -> tuple[str, ...]:
+    """Distinct names, one a channel; u1, u2, ... or y1, y2, ... when left out.
+
+    Parameters
+    ----------
+    given : str, sequence of str or None
+    count : int
+        Number of channels.
+    field : str
+        What messages call it.
+    letter : str
+        Of the names that stand for none.
+
+    Raises
+    ------
+    DataError
+        If there are more or fewer, or one occurs twice.
+    """
+    if given is None:
+        return tuple(f"{letter}{i + 1}" for i in range(count))
+    names = _texts(given, count, field)
+    if len(set(names)) != count or not all(names):
+        raise DataError(f"{field}: found {list(names)}, expected {count} distinct names")
+    return names
+
+
+def units_of(given: Sequence[Any] | str | None, count: int, field: str) -> tuple[str, ...]:
+    """Units, one a channel; empty when left out.
+
+    Parameters
+    ----------
+    given, count, field
+        As of :func:`names_of`.
+
+    Raises
+    ------
+    DataError
+        If there are more or fewer.
+    """
+    return ("",) * count if given is None else _texts(given, count, field)
+
+
+def labels(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ...]:
+    """Names with their units in brackets.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+    """
+    pairs = zip(names, units, strict=True)
+    return tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
+
+
+def _texts(given: Sequence[Any] | str, count: int, field: str) -> tuple[str, ...]:
+    try:
+        found = (given,) if isinstance(given, str) else tuple(str(item).strip() for item in given)
+    except TypeError:
+        found = ()
+    if len(found) != count:
+        raise DataError(f"{field}: found {given!r:.60}, expected {count}, one a channel")
+    return found

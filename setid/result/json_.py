@@ -1,0 +1,250 @@
+"""Identifications as JSON text; what is read back is verified before it is returned."""
+
+from __future__ import annotations
+
+import json
+from math import inf
+from typing import Any
+
+import numpy as np
+
+import sparsepop_py as sp
+from setid.data.checks import FrozenMapping
+from setid.data.record import IOData
+from setid.errors import SetidError
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.units import in_units
+from setid.options import Options
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.result.identification import Identification
+from setid.result.json_parts import read, write
+from sparsepop_py.io.json_certificates import CERTIFICATES
+from sparsepop_py.io.json_codecs import array, optional
+from sparsepop_py.io.json_values import PROVED_POINT
+
+__all__ = ["from_json", "to_json"]
+
+_FORMAT, _VERSION = "setid", 1
+_KIND = "result"
+_NEAR = 1e-6  # violation of rows by stored witnesses, relative to the sizes of their terms
+_POINT = optional(PROVED_POINT)
+_PLAIN = ("tol", "time_limit", "solver", "progress", "unidentifiable")  # fields of options
+
+
+def to_json(result: Identification) -> str:
+    """Write an identification with its evidence as JSON text.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    SetidError
+        If structure, noise or priors hold functions, which have no text.
+    """
+    found = {"format": _FORMAT, "version": _VERSION, "is": _KIND, _KIND: _written(result)}
+    return json.dumps(found, allow_nan=False, separators=(",", ":"))
+
+
+def from_json(text: str) -> Identification:
+    """Read an identification and verify each claim of it.
+
+    Parameters
+    ----------
+    text : str
+        As :func:`to_json` makes it.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    SetidError
+        If the text is no identification, or a claim in it does not follow from its record.
+    """
+    try:
+        found = json.loads(text)
+    except (json.JSONDecodeError, TypeError, RecursionError) as error:
+        raise SetidError(f"from_json: {error}, expected JSON text") from None
+    head = [found.get(key) for key in ("format", "is", "version")] if type(found) is dict else []
+    if head != [_FORMAT, _KIND, _VERSION]:
+        raise SetidError(
+            f"from_json: found {head}, expected {[_FORMAT, _KIND, _VERSION]} as format, kind and "
+            "version"
+        )
+    try:
+        result = _result(found[_KIND])
+    except (sp.SparsePOPError, TypeError, ValueError, KeyError, AttributeError) as error:
+        if isinstance(error, SetidError):
+            raise
+        raise SetidError(f"from_json: {error!r:.200}, expected a stored identification") from error
+    verdict = result.verify()
+    if not verdict:
+        raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
+    return result
+
+
+# ---- writing ----------------------------------------------------------------------------
+
+
+def _written(result: Identification) -> dict[str, Any]:
+    formulation = result.formulation
+    return {
+        "data": write(formulation.data, "data"),
+        "model": write(formulation.model, "model"),
+        "noise": write(formulation.noise, "noise"),
+        "priors": [write(p, f"priors[{k}]") for k, p in enumerate(formulation.priors)],
+        "fingerprint": result.problem.fingerprint,
+        "options": {name: getattr(result.options, name) for name in _PLAIN},
+        "intervals": [
+            {
+                "name": item.name,
+                "outer": write(item.outer),
+                "inner": write(item.inner),
+                "status": item.status.name,
+                "witnesses": [optional(array).write(w) for w in item.witnesses],
+            }
+            for item in result.intervals.values()
+        ],
+        "box": write(result.box, "box"),
+        "bounds": write(result.bounds, "bounds"),
+        "ends": {
+            "attained": [_POINT.write(r.attained) for r in result.results],
+            "results": [_end(r) for r in result.results],
+            "certificates": CERTIFICATES.write([r.certificate for r in result.results]),
+        },
+        "unbounded": write(result.unbounded, "unbounded"),
+        "reference": None if result.reference is None else _written(result.reference),
+        "nonzero": write(result.nonzero, "nonzero"),
+        "fewer_priors": None if result.fewer_priors is None else _written(result.fewer_priors),
+        "active": dict(result.active),
+        "samples": [list(pair) for pair in result.samples],
+        "timings": dict(result.timings),
+        "notes": list(result.notes),
+    }
+
+
+def _end(found: sp.Result) -> dict[str, Any]:
+    numbers = {"lower_bound": found.lower_bound, "upper_bound": found.upper_bound}
+    numbers["solver_value"] = float(found.solver_value)
+    return {key: write(value) for key, value in numbers.items()} | {
+        "status": found.status.name,
+        "x": optional(array).write(found.x),
+        "notes": list(found.notes),
+    }
+
+
+# ---- reading ----------------------------------------------------------------------------
+
+
+def _result(found: dict[str, Any]) -> Identification:
+    data = read(found["data"], "data")
+    if not isinstance(data, IOData):
+        raise SetidError(f"data: found {type(data).__name__}, expected IOData")
+    model, noise = read(found["model"], "model"), read(found["noise"], "noise")
+    formulation = formulate(data, model, noise, [read(p, "priors") for p in found["priors"]])
+    box, bounds = read(found["box"], "box"), read(found["bounds"], "bounds")
+    reference, fewer = (
+        None if found.get(key) is None else _result(found[key])
+        for key in ("reference", "fewer_priors")
+    )
+    problem = formulation.problem
+    if problem.fingerprint != found["fingerprint"]:
+        problem = problem_on_box(formulation, box)
+    if problem.fingerprint != found["fingerprint"]:
+        raise SetidError("from_json: the stored problem is not that of its record and its box")
+    options = Options(**{name: found["options"][name] for name in _PLAIN})
+    return Identification(
+        formulation=formulation,
+        intervals=FrozenMapping({i["name"]: _interval(i, formulation) for i in found["intervals"]}),
+        problem=problem,
+        options=options,
+        assumptions=formulation.assumptions,
+        box=box,
+        bounds=bounds,
+        results=_results(found["ends"], formulation, problem, options),
+        active=FrozenMapping({str(k): v is True for k, v in found["active"].items()}),
+        samples=tuple((int(r), int(k)) for r, k in found["samples"]),
+        timings=FrozenMapping({str(k): float(v) for k, v in found["timings"].items()}),
+        notes=tuple(str(text) for text in found["notes"]),
+        unbounded=read(found["unbounded"], "unbounded"),
+        reference=reference,
+        nonzero=read(found["nonzero"], "nonzero"),
+        fewer_priors=fewer,
+    )
+
+
+def _interval(found: dict[str, Any], formulation: Formulation) -> ParameterInterval:
+    low, high = (optional(array).read(w, "witnesses") for w in found["witnesses"])
+    for point in (low, high):
+        _check_witness(point, formulation)
+    outer, inner = read(found["outer"]), read(found["inner"])
+    for ends in (outer, *(() if inner is None else (inner,))):
+        if len(ends) != 2 or not all(type(end) is float for end in ends):
+            raise SetidError(f"intervals: found {ends!r:.60}, expected two numbers")
+    return ParameterInterval(
+        name=str(found["name"]),
+        outer=outer,
+        inner=inner,
+        status=IntervalStatus[found["status"]],
+        witnesses=(low, high),
+    )
+
+
+def _check_witness(point: Any, formulation: Formulation) -> None:
+    """Refuse a stored point that is plainly no member; verification proves the ends themselves."""
+    if point is None:
+        return
+    problem = formulation.problem
+    if point.shape != (problem.dimension,) or not np.all(np.isfinite(point)):
+        raise SetidError(
+            f"witnesses: found shape {point.shape}, expected ({problem.dimension},), finite"
+        )
+    sizes = [np.abs(c.polynomial.coefficients).max(initial=0.0) for c in problem.constraints]
+    scale = max(1.0, *sizes, float(np.abs(point).max())) if sizes else 1.0
+    if problem.violation(point) > _NEAR * scale:
+        raise SetidError("witnesses: found a point that violates the rows of the record")
+
+
+def _results(
+    found: dict[str, Any], formulation: Formulation, problem: sp.Problem, options: Options
+) -> tuple[sp.Result, ...]:
+    if not found["results"]:
+        return ()
+    scaled = in_units(problem, formulation)
+    proofs = CERTIFICATES.read(found["certificates"], "certificates")
+    points = [_POINT.read(p, "attained") for p in found["attained"]]
+    asked = objectives(formulation)
+    if not len(found["results"]) == len(proofs) == len(points) == len(asked):
+        raise SetidError("ends: found numbers of proofs that differ, expected two a parameter")
+    made = []
+    for item, proof, point, objective in zip(found["results"], proofs, points, asked, strict=True):
+        # what verification proves, whatever the text states beside it
+        low = read(item["lower_bound"]) if proof is not None else -inf
+        high = read(item["upper_bound"]) if point is not None else inf
+        status = sp.Status[item["status"]]
+        made.append(
+            sp.Result(
+                problem=scaled.problem.with_objective(scaled.asked(objective)[0]),
+                options=options.for_engine(),
+                status=status,
+                lower_bound=min(low, inf if proof is None else proof.bound),
+                upper_bound=max(high, -inf if point is None else point.value),
+                x=optional(array).read(item["x"], "x"),
+                certificate=proof,
+                attained=point,
+                points=(),
+                relaxation=None,
+                solution=None,
+                solver_value=read(item["solver_value"]),
+                notes=tuple(str(text) for text in item["notes"]),
+            )
+        )
+    return tuple(made)

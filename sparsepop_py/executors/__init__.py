@@ -1,0 +1,1 @@
+"""Executors: processes of our own, an adapter for Ray, and tasks that outlive lost workers."""

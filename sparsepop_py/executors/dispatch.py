@@ -1,0 +1,227 @@
+"""Run many tasks on an executor and submit those again whose worker was lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from sparsepop_py.errors import ProblemError, SparsePOPError
+from sparsepop_py.executors.processes import Processes
+
+__all__ = ["Done", "completed", "map_in_order", "opened"]
+
+Key = TypeVar("Key")
+T = TypeVar("T")
+
+_LOST_MODULES = ("distributed", "mpi4py")  # whose own exceptions mean lost workers
+
+
+@dataclass(frozen=True, slots=True)
+class Done(Generic[Key, T]):
+    """A task that is done or given up.
+
+    Parameters
+    ----------
+    key : object
+    value : object
+        What the function returned; None where the task was given up.
+    lost : str
+        Why it was given up; empty where it is done.
+    """
+
+    key: Key
+    value: T | None
+    lost: str = ""
+
+
+@contextmanager
+def opened(workers: int | None, executor: Executor | None) -> Iterator[Executor | None]:
+    """Provide the executor that ``workers=`` and ``executor=`` ask for, for a with statement.
+
+    Parameters
+    ----------
+    workers : int or None
+        None and 1: none, the work is done in this process. More: :class:`Processes`.
+    executor : Executor or None
+        Used as it is and left open.
+
+    Raises
+    ------
+    ProblemError
+        If both are given, or one has the wrong type.
+    """
+    if executor is not None:
+        if workers is not None:
+            raise ProblemError("workers, executor: found both, expected one of them")
+        if not isinstance(executor, Executor):
+            raise ProblemError(
+                f"executor: found {type(executor).__name__}, expected a "
+                "concurrent.futures.Executor (of a Dask client: client.get_executor())"
+            )
+        yield executor
+    elif workers is None or (workers == 1 and not isinstance(workers, bool)):
+        yield None
+    else:
+        with Processes(workers) as pool:
+            yield pool
+
+
+def map_in_order(
+    executor: Executor | None,
+    function: Callable[[Any], T],
+    arguments: Iterable[Any],
+) -> list[T]:
+    """Apply a function to many arguments; results come in their order.
+
+    Parameters
+    ----------
+    executor : Executor or None
+        None: in this process, one after the other.
+    function : callable
+        Of an importable module, without effects: a task whose worker was lost runs again.
+    arguments : iterable
+
+    Returns
+    -------
+    list
+
+    Raises
+    ------
+    SparsePOPError
+        If a task loses its worker three times, or the executor can do nothing more.
+
+    Examples
+    --------
+    >>> from math import sqrt
+    >>> from sparsepop_py.executors.processes import Processes
+    >>> with Processes(2) as pool:
+    ...     map_in_order(pool, sqrt, [4.0, 9.0]), map_in_order(None, sqrt, [4.0, 9.0])
+    ([2.0, 3.0], [2.0, 3.0])
+    """
+    if executor is None:
+        return [function(argument) for argument in arguments]
+    found: dict[int, T] = {}
+    for done in completed(executor, function, enumerate(arguments)):
+        if done.lost:
+            raise SparsePOPError(f"executor: task {done.key} was given up: {done.lost}")
+        found[done.key] = done.value  # type: ignore[assignment]
+    return [found[place] for place in range(len(found))]
+
+
+def completed(
+    executor: Executor,
+    function: Callable[[Any], T],
+    tasks: Iterable[tuple[Key, Any]],
+    attempts: int = 3,
+    ahead: int = 64,
+) -> Generator[Done[Key, T], None, None]:
+    """Run tasks on an executor and yield them as they are done.
+
+    A task whose worker was lost is submitted again. Where a ``ProcessPoolExecutor`` broke,
+    :class:`Processes` of our own take over. Exceptions of the function itself are raised. The
+    tasks that are still waiting are cancelled when the iterator is closed.
+
+    Parameters
+    ----------
+    executor : Executor
+    function : callable
+        Of one argument.
+    tasks : iterable of (key, argument)
+    attempts : int
+        How often a task is tried before it is given up.
+    ahead : int
+        Most tasks that are submitted and not done; their arguments are in memory.
+
+    Yields
+    ------
+    Done
+
+    Raises
+    ------
+    SparsePOPError
+        If the executor takes no tasks any more.
+
+    Examples
+    --------
+    >>> from math import sqrt
+    >>> with Processes(1) as pool:
+    ...     sorted((done.key, done.value) for done in completed(pool, sqrt, [("a", 4.0)]))
+    [('a', 2.0)]
+    """
+    run: _Run[Key, T] = _Run(executor, function, attempts)
+    rest = iter(tasks)
+    try:
+        while True:
+            while len(run.waiting) < ahead and (task := next(rest, None)) is not None:
+                run.submit(*task, 1)
+            if not run.waiting:
+                return
+            ready, _ = wait(run.waiting, return_when=FIRST_COMPLETED)
+            for future in ready:
+                done = run.settle(future)
+                if done is not None:
+                    yield done
+    finally:
+        run.close()
+
+
+class _Run(Generic[Key, T]):
+    """The tasks that an executor has at the moment. Mutable."""
+
+    def __init__(self, executor: Executor, function: Callable[[Any], T], attempts: int) -> None:
+        self._executor, self._function, self._attempts = executor, function, attempts
+        self._own: Processes | None = None
+        self.waiting: dict[Future[T], tuple[Key, Any, int]] = {}
+
+    def submit(self, key: Key, argument: Any, attempt: int) -> None:
+        """Submit a task, to a pool of our own where the executor's is broken."""
+        try:
+            future = self._executor.submit(self._function, argument)
+        except (BrokenExecutor, RuntimeError) as error:
+            self._replace(error)
+            future = self._executor.submit(self._function, argument)
+        self.waiting[future] = key, argument, attempt
+
+    def _replace(self, error: Exception) -> None:
+        broken = self._executor
+        if not isinstance(broken, ProcessPoolExecutor) or not isinstance(error, BrokenExecutor):
+            raise SparsePOPError(
+                f"executor: it takes no tasks any more ({error}); give a new one"
+            ) from error
+        self._executor = self._own = Processes(getattr(broken, "_max_workers", None))
+
+    def settle(self, future: Future[T]) -> Done[Key, T] | None:
+        """Take what a future holds; None where its task is submitted again."""
+        key, argument, attempt = self.waiting.pop(future)
+        error = CancelledError() if future.cancelled() else future.exception()
+        if error is None:
+            return Done(key, future.result())
+        if not _means_lost(error):
+            raise error
+        if attempt < self._attempts:
+            self.submit(key, argument, attempt + 1)
+            return None
+        return Done(key, None, f"its worker was lost {attempt} times ({error})".strip())
+
+    def close(self) -> None:
+        """Cancel what is waiting; end the processes that were started here."""
+        for future in self.waiting:
+            future.cancel()
+        if self._own is not None:
+            self._own.stop()
+
+
+def _means_lost(error: BaseException) -> bool:
+    module = type(error).__module__.partition(".")[0]
+    return isinstance(error, (BrokenExecutor, CancelledError)) or module in _LOST_MODULES

@@ -1,0 +1,118 @@
+"""Problems with ratios, their certificates and results as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.algebra.rational import Rational, RationalConstraint
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.io import json_codecs as codecs
+from sparsepop_py.io.json_certificates import CERTIFICATE
+from sparsepop_py.io.json_codecs import (
+    Codec,
+    array,
+    number,
+    optional,
+    record,
+    sequence,
+    text,
+    whole,
+)
+from sparsepop_py.io.json_values import (
+    CONSTRAINT,
+    KIND,
+    OPTIONS,
+    POLYNOMIAL,
+    PROVED_POINT,
+    STATUS,
+    check_bounds,
+)
+from sparsepop_py.problem.rational_problem import RationalProblem
+from sparsepop_py.rational.result import RationalResult, attained_value
+from sparsepop_py.result import Status
+from sparsepop_py.verified.certificate.rational_bound import RangeProof, RationalCertificate
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
+
+__all__ = ["RATIONAL_CERTIFICATE", "RATIONAL_PROBLEM", "RATIONAL_RESULT"]
+
+
+def _write_ratio(pair: tuple[Polynomial, Polynomial]) -> list[Any]:
+    return [POLYNOMIAL.write(part) for part in pair]
+
+
+def _read_ratio(found: Any, place: str) -> tuple[Polynomial, Polynomial]:
+    if not isinstance(found, list) or len(found) != 2:
+        raise codecs.wrong(place, found, "a numerator and a denominator")
+    return POLYNOMIAL.read(found[0], place), POLYNOMIAL.read(found[1], place)
+
+
+def _write_problem(problem: RationalProblem) -> Any:
+    return {
+        "objective": RATIONAL.write(problem.objective),
+        "constraints": [CONSTRAINT.write(row) for row in problem.base.constraints],
+        "rational_constraints": [RATIONAL_CONSTRAINT.write(row) for row in problem.rational_rows],
+        "lower": array.write(problem.lower),
+        "upper": array.write(problem.upper),
+        "names": list(problem.names),
+        "sense": problem.sense,
+    }
+
+
+def _read_problem(found: Any, place: str) -> RationalProblem:
+    def part(name: str, codec: Codec) -> Any:
+        return codec.read(codecs.field_of(found, name, place), f"{place}.{name}")
+
+    rows = [*part("constraints", sequence(CONSTRAINT))]
+    rows += part("rational_constraints", sequence(RATIONAL_CONSTRAINT))
+    bounds = part("lower", array), part("upper", array)
+    names = part("names", sequence(text))
+    return RationalProblem(part("objective", RATIONAL), rows, *bounds, names, part("sense", text))
+
+
+def _result(**parts: Any) -> RationalResult:
+    """Build the result if certificate and point prove the bounds that the text states."""
+    result = RationalResult(**parts)
+    proof, problem = result.certificate, result.problem
+    proved, attained, point = proof.verify(problem).bound, math.inf, None
+    ranges = proof.proved_ranges(problem)
+    if result.attained is not None and not isinstance(ranges, str):
+        lifted = problem.lifted(ranges, proof.level)
+        point = result.attained.recheck(lifted)
+        if point is not None:
+            attained = attained_value(problem, ranges, proof.level, point.value)
+            falls = result.status is Status.UNBOUNDED and proof.level is None
+            attained = -math.inf if falls and falling_ray(lifted, point) is not None else attained
+    check_bounds(result.lower_bound, result.upper_bound, proved, attained)
+    claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
+    if not claims.get(result.status, True):
+        raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
+    return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
+
+
+RATIONAL = record(Rational, whole=POLYNOMIAL, ratios=sequence(Codec(_write_ratio, _read_ratio)))
+RATIONAL_CONSTRAINT = record(RationalConstraint, expression=RATIONAL, kind=KIND, name=text)
+RATIONAL_PROBLEM = Codec(_write_problem, _read_problem)
+RANGE = record(RangeProof, sign=whole, below=CERTIFICATE, above=optional(CERTIFICATE))
+RATIONAL_CERTIFICATE = record(
+    RationalCertificate,
+    fingerprint=text,
+    bound=number,
+    ranges=sequence(RANGE),
+    level=optional(number),
+    certificate=optional(CERTIFICATE),
+)
+RATIONAL_RESULT = record(
+    _result,
+    problem=RATIONAL_PROBLEM,
+    options=OPTIONS,
+    status=STATUS,
+    lower_bound=number,
+    upper_bound=number,
+    x=optional(array),
+    certificate=RATIONAL_CERTIFICATE,
+    attained=optional(PROVED_POINT),
+    notes=sequence(text),
+)

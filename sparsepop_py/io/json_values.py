@@ -1,0 +1,237 @@
+"""Problems and results as JSON: their fields, and what reading proves again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import ProblemError
+from sparsepop_py.io import json_codecs as codecs
+from sparsepop_py.io.json_certificates import CERTIFICATE
+from sparsepop_py.io.json_codecs import (
+    Codec,
+    array,
+    number,
+    optional,
+    record,
+    sequence,
+    text,
+    whole,
+)
+from sparsepop_py.options import Options
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.result import HistoryEntry, Point, Result, Status
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
+
+__all__ = [
+    "CONSTRAINT",
+    "KIND",
+    "OPTIONS",
+    "POLYNOMIAL",
+    "PROBLEM",
+    "PROVED_POINT",
+    "RESULT",
+    "STATUS",
+    "check_bounds",
+]
+
+_DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
+
+
+# ---- problems -----------------------------------------------------------------------------
+
+
+def _polynomial(words: Any, coefficients: Any, dimension: int) -> Polynomial:
+    if words.ndim != 2 or coefficients.shape != (words.shape[0],) or dimension < 1:
+        raise ProblemError(
+            f"polynomial: found words {words.shape} and coefficients {coefficients.shape}, "
+            "expected one word a coefficient"
+        )
+    if words.dtype != np.int32 or words.shape[1] < 1 or coefficients.dtype != np.float64:
+        raise ProblemError("polynomial: found other types, expected i4 words and f8 coefficients")
+    if words.size and not (words.min() >= 0 and words.max() <= dimension):
+        raise ProblemError(f"polynomial: found a variable outside 1..{dimension}")
+    return Polynomial.from_words(np.sort(words, axis=1), coefficients, dimension)
+
+
+def _kind(found: Any, place: str) -> Kind:
+    if not isinstance(found, str) or found not in Kind.__members__:
+        raise codecs.wrong(place, found, "one of " + ", ".join(Kind.__members__))
+    return Kind[found]
+
+
+def _problem(names: tuple[str, ...], squares: Any, **parts: Any) -> Problem:
+    return Problem(**parts, names=names, squares=squares or None)
+
+
+POLYNOMIAL = record(_polynomial, words=array, coefficients=array, dimension=whole)
+KIND = Codec(lambda kind: kind.name, _kind)
+CONSTRAINT = record(
+    Constraint, polynomial=POLYNOMIAL, kind=KIND, name=text, entries=sequence(POLYNOMIAL)
+)
+_WEIGHTED = Codec(
+    lambda pair: [number.write(pair[0]), POLYNOMIAL.write(pair[1])],
+    lambda found, place: _pair(found, place),
+)
+
+
+def _pair(found: Any, place: str) -> tuple[float, Polynomial]:
+    if not isinstance(found, list) or len(found) != 2:
+        raise codecs.wrong(place, found, "a weight and a polynomial")
+    return number.read(found[0], place), POLYNOMIAL.read(found[1], place)
+
+
+PROBLEM = record(
+    _problem,
+    objective=POLYNOMIAL,
+    constraints=sequence(CONSTRAINT),
+    lower=array,
+    upper=array,
+    names=sequence(text),
+    squares=sequence(_WEIGHTED),
+    sense=text,
+)
+
+
+# ---- results ------------------------------------------------------------------------------
+
+
+def _simple(kind: type) -> Codec:
+    """Options and switches: numbers, strings and lists as they are."""
+    names = [f.name for f in fields(kind) if f.name not in ("executor", "switches")]
+
+    def plain(value: Any) -> Any:
+        return [plain(v) for v in value] if isinstance(value, (list, tuple)) else _scalar(value)
+
+    def read(found: Any, place: str) -> Any:
+        given = codecs.fields_of(found, place)
+        values = {name: given[name] for name in names if name in given}  # others: as by default
+        made = {k: tuple(v) if isinstance(v, list) else _special(v) for k, v in values.items()}
+        if found.get("switches") is not None:
+            made["switches"] = _switches().read(found["switches"], place)
+        try:
+            return kind(**made)
+        except TypeError as error:
+            raise ProblemError(f"{place}: {error}") from error
+
+    def write(value: Any) -> dict[str, Any]:
+        made = {name: plain(getattr(value, name)) for name in names}
+        if kind is Options:
+            made["switches"] = value.switches and _switches().write(value.switches)
+        return made
+
+    return Codec(write, read)
+
+
+def _switches() -> Codec:
+    # Loaded where it is used: reading stored results must not load relaxations.
+    from sparsepop_py.relaxation.sparsepop.relaxation import Switches
+
+    return optional(_simple(Switches))
+
+
+def _scalar(value: Any) -> Any:
+    value = value.item() if isinstance(value, np.generic) else value
+    return number.write(value) if isinstance(value, float) else value
+
+
+def _special(value: Any) -> Any:
+    return float(value) if value in ("inf", "-inf", "nan") else value
+
+
+def _status(found: Any, place: str) -> Status:
+    if not isinstance(found, str) or found not in Status.__members__:
+        raise codecs.wrong(place, found, "one of " + ", ".join(Status.__members__))
+    return Status[found]
+
+
+def check_bounds(lower: float, upper: float, proved: float, attained: float) -> None:
+    """Raise if stated bounds are better than what is proved and attained.
+
+    Parameters
+    ----------
+    lower, upper : float
+        As stated.
+    proved, attained : float
+        As computed again.
+
+    Raises
+    ------
+    ProblemError
+    """
+    if lower > proved:
+        raise ProblemError(
+            f"result.lower_bound: found {lower!r}, expected at most {proved!r}, "
+            "which its certificate proves"
+        )
+    near = math.isclose(upper, attained, rel_tol=_DIGITS, abs_tol=_DIGITS)
+    if upper < attained and not near:
+        raise ProblemError(
+            f"result.upper_bound: found {upper!r}, expected at least {attained!r}, "
+            "which its point attains"
+        )
+
+
+def _result(**parts: Any) -> Result:
+    """Build the result if certificate and point prove the bounds that the text states."""
+    result = Result(**parts, relaxation=None, solution=None)
+    proved = -math.inf
+    if result.certificate is not None:
+        proved = result.certificate.verify(result.problem).bound
+    attained = math.inf
+    point = None if result.attained is None else result.attained.recheck(result.problem)
+    if point is not None:
+        ends = result.status is not Status.UNBOUNDED
+        ray = None if ends else falling_ray(result.problem, point, result.ray)
+        attained = point.value if ray is None else -math.inf
+    check_bounds(result.lower_bound, result.upper_bound, proved, attained)
+    claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
+    if not claims.get(result.status, True):
+        raise ProblemError(f"result.status: found {result.status!s}, expected one that is proved")
+    # the point as it was proved again: nothing that a file says of it is believed
+    return replace(result, upper_bound=max(result.upper_bound, attained), attained=point)
+
+
+STATUS = Codec(lambda status: status.name, _status)
+POINT = record(Point, x=array, value=number, violation=number)
+PROVED_POINT = record(
+    ProvedPoint, x=array, value=number, radius=number, proof=text, rows=array, solved=array
+)
+HISTORY_ENTRY = record(
+    HistoryEntry,
+    name=text,
+    order=whole,
+    lower_bound=number,
+    upper_bound=number,
+    seconds=number,
+    largest_block=whole,
+    moments=whole,
+    nodes=whole,
+)
+OPTIONS = _simple(Options)
+_RAY = Codec(
+    lambda ray: [number.write(v) for v in ray],
+    lambda found, place: np.array(sequence(number).read(found, place), float),
+)
+RESULT = record(
+    _result,
+    problem=PROBLEM,
+    options=OPTIONS,
+    status=STATUS,
+    lower_bound=number,
+    upper_bound=number,
+    x=optional(array),
+    certificate=optional(CERTIFICATE),
+    attained=optional(PROVED_POINT),
+    points=sequence(POINT),
+    solver_value=number,
+    history=sequence(HISTORY_ENTRY),
+    timings=codecs.mapping(number),
+    notes=sequence(text),
+    ray=optional(_RAY),
+)

@@ -1,0 +1,1 @@
+"""Problems with ratios: signs of denominators, the polynomial problem, the way back."""

@@ -1,0 +1,191 @@
+"""Signs of denominators: by interval arithmetic, else by a polynomial problem of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.errors import DenominatorError
+from sparsepop_py.options import Options
+from sparsepop_py.presolve.initial_box import find_box
+from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rational_problem import RationalProblem
+from sparsepop_py.result import Result, Status
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify, prove
+from sparsepop_py.verified.certificate.rational_bound import RangeProof
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay
+
+__all__ = ["prove_ranges", "sharpened"]
+
+Solve = Callable[[Problem, Options], Result]
+_SECONDS = 20.0  # for one denominator, where no limit is given
+_QUICK, _FAR, _DIRECTIONS = 1.0, 1e4, 64  # seconds; where polynomials with a minimum are positive
+_SHARP, _SHARE = 2.0, 0.2  # seconds to sharpen one range; of the time limit, for all of them
+
+
+def prove_ranges(
+    problem: RationalProblem, options: Options, solve: Solve
+) -> tuple[RangeProof, ...]:
+    """Prove the sign of each denominator on the base.
+
+    Parameters
+    ----------
+    problem : RationalProblem
+    options : Options
+    solve : callable
+        Solves a polynomial problem.
+
+    Returns
+    -------
+    tuple of RangeProof
+
+    Raises
+    ------
+    DenominatorError
+        Naming the denominator and what is proved of it.
+    """
+    base = problem.base
+    proof, box = find_box(base, None, options)
+    found = []
+    for q in problem.denominators:
+        sides = {sign: _by_intervals(base, q * float(sign), proof, box) for sign in (1, -1)}
+        sign = next((s for s, c in sides.items() if c is not None and c.bound > 0), None)
+        if sign is None:
+            sign, sides[sign] = _by_relaxations(base, q, options, solve)
+        below = sides[sign]
+        assert below is not None
+        found.append(RangeProof(sign, below, sides[-sign]))
+    return tuple(found)
+
+
+def sharpened(
+    problem: RationalProblem,
+    proofs: tuple[RangeProof, ...],
+    places: tuple[int, ...],
+    options: Options,
+    solve: Solve,
+) -> tuple[RangeProof, ...]:
+    """Bound denominators away from zero as far as relaxations and branching prove.
+
+    Where a reciprocal is large the objective often has its minimum, and a bound of the
+    reciprocal that is not sharp leaves a gap.
+
+    Parameters
+    ----------
+    problem : RationalProblem
+    proofs : tuple of RangeProof
+    places : tuple of int
+        Denominators to be treated.
+    options : Options
+    solve : callable
+
+    Returns
+    -------
+    tuple of RangeProof
+    """
+    if not places or options.effort == "plain":
+        return proofs
+    limit = np.inf if options.time_limit is None else _SHARE * options.time_limit / len(places)
+    attempt = replace(
+        _for_denominators(options), effort="auto", gap=1e-7, time_limit=min(_SHARP, limit)
+    )
+    found = list(proofs)
+    for place in places:
+        proof, q = proofs[place], problem.denominators[place]
+        below = _better(problem.base, q * float(proof.sign), attempt, solve)
+        if below is not None and below.bound > proof.below.bound:
+            found[place] = replace(proof, below=below)
+    return tuple(found)
+
+
+def _better(
+    base: Problem, objective: Polynomial, attempt: Options, solve: Solve
+) -> Certificate | None:
+    """Bound a polynomial over all of space where it may have one there, else over the base."""
+    found = _everywhere(base, objective, attempt, solve)
+    return solve(base.with_objective(objective), attempt).certificate if found is None else found
+
+
+def _everywhere(
+    base: Problem, objective: Polynomial, attempt: Options, solve: Solve
+) -> Certificate | None:
+    """Prove the minimum over all of space, as an exact sum of squares; None where this fails.
+
+    Such a proof is sharp and needs no box. It is not tried if the polynomial is negative far out.
+    """
+    generator = np.random.default_rng(attempt.seed)
+    far = _FAR * generator.standard_normal((_DIRECTIONS, objective.dimension))
+    if objective.degree % 2 or not np.all(objective(far) > 0):
+        return None
+    quick = replace(attempt, effort="presolve", time_limit=_QUICK)
+    result = solve(Problem(objective), quick)
+    if result.status is not Status.OPTIMAL or result.certificate is None:
+        return None
+    moved = replace(result.certificate, fingerprint=base.with_objective(objective).fingerprint)
+    return moved if moved.verify(base.with_objective(objective)).ok else None
+
+
+def _for_denominators(options: Options) -> Options:
+    """Keep what does not belong to the objective of the whole problem."""
+    return replace(
+        options,
+        gap=1e-6,
+        gap_kind="relative",
+        branch_on=None,
+        order=None,
+        effort="presolve",
+        switches=None,
+    )
+
+
+def _by_intervals(
+    base: Problem, objective: Polynomial, proof: BoxProof, box: Interval
+) -> Certificate | None:
+    """Bound a polynomial by its range over the box that presolve proves."""
+    replay = Replay(base.with_objective(objective), None)
+    return certify(replay, Node(proof), prove(replay, box, None, False))
+
+
+def _by_relaxations(
+    base: Problem, q: Polynomial, options: Options, solve: Solve
+) -> tuple[int, Certificate]:
+    """Bound q from below, or -q where q is attained below zero."""
+    limit = _SECONDS if options.time_limit is None else min(_SECONDS, options.time_limit / 2)
+    first = replace(_for_denominators(options), time_limit=limit)
+    efforts = [first, replace(first, effort="auto")]
+    for sign in (1, -1):
+        proof = _everywhere(base, q * float(sign), first, solve)
+        if proof is not None and proof.bound > 0:
+            return sign, proof
+    low, high = -np.inf, np.inf  # what is proved of q
+    seen: list[str] = []
+    for attempt in efforts:
+        result = solve(base.with_objective(q), attempt)
+        low = max(low, result.lower_bound)
+        if low > 0 and result.certificate is not None:
+            return 1, result.certificate
+        if result.upper_bound <= 0:
+            negative = solve(base.with_objective(-q), attempt)
+            high = min(high, -negative.lower_bound)
+            if high < 0 and negative.certificate is not None:
+                return -1, negative.certificate
+            if negative.upper_bound <= 0:
+                seen = [_attained(result), _attained(negative)]
+                break
+    raise DenominatorError(
+        f"denominator {q}: its sign is not proved where the polynomial constraints and bounds "
+        f"hold, only {low:.12g} <= q <= {high:.12g}"
+        + (f"; it is not positive at {seen[0]} and not negative at {seen[1]}" if seen else "")
+        + "; expected bounds or constraints that keep it away from zero"
+    )
+
+
+def _attained(result: Result) -> str:
+    if result.x is None:
+        return "some point"
+    more = ", ..." if result.x.size > 6 else ""
+    return f"x = ({', '.join(f'{v:.6g}' for v in result.x[:6])}{more})"

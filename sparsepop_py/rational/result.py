@@ -1,0 +1,170 @@
+"""Result of a problem with ratios: status, proved bound, attained value."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.options import Options
+from sparsepop_py.problem.rational_problem import Range, RationalProblem
+from sparsepop_py.result import HistoryEntry, Result, Status
+from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
+from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+if TYPE_CHECKING:
+    from sparsepop_py.relaxation.moment import Relaxation
+
+__all__ = ["RationalResult", "attained_value"]
+
+
+def attained_value(
+    problem: RationalProblem, ranges: list[Range], level: float | None, found: float
+) -> float:
+    """Bound the objective of a problem with ratios at a point of its polynomial problem.
+
+    Parameters
+    ----------
+    problem : RationalProblem
+    ranges : list of Range
+    level : float or None
+        As for :meth:`RationalProblem.lifted`.
+    found : float
+        The objective of the polynomial problem at the point, or more.
+
+    Returns
+    -------
+    float
+        Rounded upwards. With a level c: p / q = c + found / |q| at most.
+    """
+    if level is None or not np.isfinite(found):
+        return found
+    _, q = problem.single_ratio(level)
+    size = ranges[problem.place(q)]
+    part = Fraction(0)
+    if found > 0:
+        part = Fraction(found) / Fraction(size.least)
+    elif np.isfinite(size.most):
+        part = Fraction(found) / Fraction(size.most)
+    constant = Fraction(problem.objective.whole.constant_term)
+    return float(Interval.of_fraction(constant + Fraction(level) + part).hi)
+
+
+@dataclass(frozen=True, eq=False)
+class RationalResult:
+    """Result of :func:`sparsepop_py.solve` for a problem with ratios.
+
+    Parameters
+    ----------
+    problem : RationalProblem
+    options : Options
+    status : Status
+    lower_bound : float
+        Proved: no feasible point has a smaller objective.
+    upper_bound : float
+        Attained: a feasible point with at most this objective provably exists.
+    x : (n,) float or None
+        The attained point, else the best nearly feasible one, else None.
+    certificate : RationalCertificate
+        The argument behind ``lower_bound``, with the signs of all denominators.
+    attained : ProvedPoint or None
+        The argument behind ``upper_bound``: a point of the polynomial problem
+        ``problem.lifted(ranges, certificate.level)``; its first n coordinates are x.
+    polynomial : Result or None
+        Result of the polynomial problem; not stored in files.
+    notes : tuple of str
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> f = 1 / (1 + x**2) + x * y / (1 + y**2)
+    >>> result = sp.solve(sp.RationalProblem(f, lower=-1, upper=1))
+    >>> result.status, abs(result.lower_bound) < 1e-6, result.certificate.verify(result.problem).ok
+    (<Status.OPTIMAL: 'OPTIMAL'>, True, True)
+    """
+
+    problem: RationalProblem
+    options: Options
+    status: Status
+    lower_bound: float
+    upper_bound: float
+    x: NDArray[np.float64] | None
+    certificate: RationalCertificate
+    attained: ProvedPoint | None
+    polynomial: Result | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def gap(self) -> float:
+        """``upper_bound - lower_bound``; inf when one of them is missing, 0 if infeasible."""
+        if self.status is Status.INFEASIBLE:
+            return 0.0
+        gap = self.upper_bound - self.lower_bound
+        return max(0.0, gap) if np.isfinite(gap) else np.inf
+
+    @property
+    def message(self) -> str:
+        """Meaning of the status, in a sentence."""
+        return self.status.message
+
+    @property
+    def relaxation(self) -> Relaxation | None:
+        """The relaxation of the polynomial problem that was solved last."""
+        return None if self.polynomial is None else self.polynomial.relaxation
+
+    @property
+    def history(self) -> tuple[HistoryEntry, ...]:
+        """Steps of the search on the polynomial problem."""
+        return () if self.polynomial is None else self.polynomial.history
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """CPU seconds of each stage on the polynomial problem."""
+        return {} if self.polynomial is None else self.polynomial.timings
+
+    def summary(self) -> str:
+        """Describe the result in a few lines of text.
+
+        Returns
+        -------
+        str
+        """
+        lines = [
+            repr(self.problem)[1:-1],
+            f"status        {self.status}: {self.status.message}",
+            f"lower bound   {rounded(self.lower_bound, False, 11, scientific=False)}  proved",
+            f"upper bound   {rounded(self.upper_bound, True, 11, scientific=False)}  "
+            + ("attained" if self.attained else "no attained point"),
+            f"gap           {self.gap:.3g}",
+        ]
+        if self.problem.sense == "max":
+            lines.append("              (of the negative of the objective that is maximised)")
+        if self.x is not None:
+            shown = ", ".join(f"{v:.8g}" for v in self.x[:8])
+            more = f", ... ({self.x.size} entries)" if self.x.size > 8 else ""
+            lines.append(f"x             ({shown}{more})")
+        for proof, q in list(zip(self.certificate.ranges, self.problem.denominators, strict=True))[
+            :8
+        ]:
+            least = proof.below.bound
+            side = f">= {least:.12g}" if proof.sign > 0 else f"<= {-least:.12g}"
+            lines.append(f"denominator   {str(q)[:60]} {side}  proved")
+        return "\n".join(lines + [f"note: {note}" for note in self.notes])
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def __repr__(self) -> str:
+        low = rounded(self.lower_bound, False, scientific=False)
+        high = rounded(self.upper_bound, True, scientific=False)
+        return f"<RationalResult {self.status}: {low} <= minimum <= {high}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.summary())}</pre>"

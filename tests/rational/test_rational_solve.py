@@ -1,0 +1,150 @@
+"""Problems with ratios: closed forms, literature, refusals."""
+
+import math
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+
+
+def closed(problem, value, options=None, accuracy=3e-6):
+    result = sp.solve(problem, options)
+    assert result.status is sp.Status.OPTIMAL
+    assert result.lower_bound <= value <= result.upper_bound
+    assert result.upper_bound - result.lower_bound <= accuracy
+    assert result.certificate.verify(problem).ok
+    assert result.problem.violation(result.x) <= 1e-6
+    return result
+
+
+def test_one_ratio_without_bounds():
+    (x,) = sp.variables(1)
+    result = closed(sp.RationalProblem(x / (1 + x**2)), -0.5)  # (x + 1)^2 >= 0
+    assert result.x[0] == pytest.approx(-1, abs=1e-2)
+    assert result.certificate.level is not None
+
+
+def test_one_ratio_beside_a_constant():
+    (x,) = sp.variables(1)
+    closed(sp.RationalProblem(3 - 2 * x / (1 + x**2)), 2.0)
+
+
+def test_a_negative_denominator():
+    x, y = sp.variables(2)
+    result = closed(sp.RationalProblem(x / (y - 5), lower=-2, upper=2), -2 / 3)
+    assert result.certificate.ranges[0].sign == -1
+
+
+def test_linear_fractional_on_a_disc():
+    # y / (x + 2) on the unit disc: the tangent from (-2, 0) has slope 1 / sqrt(3)
+    x, y = sp.variables(2)
+    closed(sp.RationalProblem(y / (x + 2), [x**2 + y**2 <= 1]), -1 / math.sqrt(3))
+
+
+def test_a_sum_of_ratios_in_different_variables():
+    x, y = sp.variables(2)
+    objective = x / (1 + x**2) + (y**2 - y) / (2 + y**2)
+    # second: (y^2 - y) / (2 + y^2) has its minimum where y^2 + 4 y - 2 = 0
+    root = math.sqrt(6) - 2
+    value = -0.5 + (root**2 - root) / (2 + root**2)
+    result = closed(sp.RationalProblem(objective, lower=-4, upper=4), value)
+    assert result.certificate.level is None and len(result.certificate.ranges) == 2
+
+
+def test_bugarin_henrion_lasserre_rosenbrock():
+    # Math. Prog. Comp. 8 (2016), section 3: max sum 1 / (100 (x_{i+1} - x_i^2)^2 + (x_i - 1)^2 + 1)
+    # is n - 1, attained at (1, ..., 1).
+    n = 4
+    x = sp.variables(n)
+    terms = [
+        1 / (100 * (x[i + 1] - x[i] ** 2) ** 2 + (x[i] - 1) ** 2 + 1) for i in range(n - 1)
+    ]  # fmt: skip
+    problem = sp.RationalProblem(-sum(terms[1:], terms[0]), lower=-16, upper=16)
+    closed(problem, -(n - 1.0), sp.Options(effort="auto", time_limit=30))
+
+
+def test_constraints_of_one_ratio_and_of_several():
+    # x / (1 + y^2) >= 1 and 1 / (1 + x^2) + 1 / (1 + y^2) >= 1/2: x >= 1 + y^2; minimise x + y:
+    # on x = 1 + y^2 the sum has its minimum 3/4 at y = -1/2, where the second row holds.
+    x, y = sp.variables(2)
+    rows = [x / (1 + y**2) >= 1, 1 / (1 + x**2) + 1 / (1 + y**2) >= 0.5]
+    result = closed(sp.RationalProblem(x + y, rows, lower=-3, upper=3), 0.75)
+    np.testing.assert_allclose(result.x, [1.25, -0.5], atol=1e-3)
+
+
+def test_an_equation_with_a_negative_denominator():
+    # (x + 1) / (x - 4) == -1 on [-2, 2] means x = 3/2
+    (x,) = sp.variables(1)
+    closed(sp.RationalProblem(x, [(x + 1) / (x - 4) == -1], lower=-2, upper=2), 1.5)
+
+
+def test_maximising_row_with_a_negative_denominator():
+    # x / (x - 4) >= 1/3 on [-2, 2] means 3 x <= x - 4, x <= -2: one point
+    (x,) = sp.variables(1)
+    closed(sp.RationalProblem(x, [x / (x - 4) >= 0.25], lower=-2, upper=2), -2.0)
+    problem = sp.RationalProblem(-x, [x / (x - 4) >= 0.25], lower=-2, upper=2)
+    closed(problem, 4 / 3)  # 4 x <= x - 4
+
+
+def test_an_empty_base_and_an_empty_row():
+    x, y = sp.variables(2)
+    empty = sp.RationalProblem(x / (y - 5), [x + y >= 10], lower=-2, upper=2)
+    result = sp.solve(empty)
+    assert result.status is sp.Status.INFEASIBLE and result.certificate.verify(empty).ok
+    row = sp.RationalProblem(x, [x / (1 + y**2) >= 3], lower=-2, upper=2)
+    result = sp.solve(row)
+    assert result.status is sp.Status.INFEASIBLE and result.certificate.verify(row).ok
+
+
+def test_denominators_whose_sign_is_not_proved_are_refused_by_name():
+    x, y = sp.variables(2)
+    with pytest.raises(sp.DenominatorError, match=r"denominator x1 - x2: .*-4 <= q <= 4"):
+        sp.solve(sp.RationalProblem(1 / (x - y), lower=-2, upper=2))
+    with pytest.raises(sp.DenominatorError, match="denominator x1"):
+        sp.solve(sp.RationalProblem(y / x, lower=0, upper=2))  # zero at the edge
+
+
+def test_a_sign_that_intervals_do_not_see():
+    # 1.1 - x y > 0 on the disc of radius 1.4, where x y <= 0.98
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(x / (1.1 - x * y), [x**2 + y**2 <= 1.96])
+    result = sp.solve(problem)
+    assert result.status is sp.Status.OPTIMAL and result.certificate.verify(problem).ok
+    assert result.certificate.ranges[0].below.bound == pytest.approx(0.12, abs=1e-4)
+
+
+def test_unlike_problems_are_refused():
+    (x,) = sp.variables(1)
+    problem = sp.RationalProblem(x / (1 + x**2), lower=-3, upper=3)
+    other = sp.RationalProblem(x / (1 + 2 * x**2), lower=-3, upper=3)
+    certificate = sp.solve(problem).certificate
+    assert certificate.verify(other).reason == "the certificate belongs to another problem"
+
+
+def test_no_bound_lies_above_sampled_points():
+    generator = np.random.default_rng(5)
+    for _ in range(6):
+        x, y = sp.variables(2)
+        a, b, c, d = (float(v) for v in generator.integers(-3, 4, 4))
+        objective = (a * x * y + b * x - 1) / (2 + x**2 + 0.3 * y) + (c * y + d) / (4 - x * y)
+        rows = [(x + 2) / (3 - y) >= 0.5]
+        problem = sp.RationalProblem(objective, rows, lower=-1, upper=1)
+        result = sp.solve(problem)
+        points = generator.uniform(-1, 1, (4000, 2))
+        feasible = rows[0].expression(points) >= 0
+        assert feasible.any()
+        assert result.lower_bound <= objective(points)[feasible].min()
+        assert result.certificate.verify(problem).ok
+
+
+def test_wrong_arguments():
+    x, y = sp.variables(2)
+    with pytest.raises(sp.ProblemError, match=r"sp\.RationalProblem|RationalProblem"):
+        sp.Problem(x / (1 + y**2))
+    with pytest.raises(sp.ProblemError, match="objective: found str"):
+        sp.RationalProblem("x")
+    with pytest.raises(sp.ProblemError, match="width"):
+        sp.solve(sp.RationalProblem(1 / (1 + x**2)), sp.Options(gap_kind="width"))
+    with pytest.raises(sp.ProblemError, match="start: found shape"):
+        sp.solve(sp.RationalProblem(1 / (1 + x**2)), start=[1.0])

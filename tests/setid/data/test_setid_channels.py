@@ -1,0 +1,142 @@
+"""Names and units of channels, columns of times, DataFrames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import setid
+from setid.data.times import sampling_time
+
+EUROPEAN = "t;Ventil;Pegel\ns;V;mm\n0;1,5;0\n0,1;2;3,25\n0,2;-1;\n0,3;0;1e1\n"
+
+
+def european(tmp_path: Path, text: str = EUROPEAN) -> Path:
+    path = tmp_path / "record.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_decimal_commas_second_headers_and_times(tmp_path: Path) -> None:
+    data = setid.IOData.from_csv(
+        european(tmp_path), "Ventil", "Pegel", decimal=",", header=2, time="t"
+    )
+    assert data.Ts == 0.1 and data.time_unit == "s"
+    assert data.u.ravel().tolist() == [1.5, 2.0, -1.0, 0.0]
+    assert np.array_equal(data.y.ravel(), [0.0, 3.25, np.nan, 10.0], equal_nan=True)
+    assert data.input_labels == ("Ventil [V]",) and data.output_labels == ("Pegel [mm]",)
+    assert "Ts = 0.1 s" in repr(data)
+
+
+def test_names_follow_the_channels_through_parts(tmp_path: Path) -> None:
+    data = setid.IOData(
+        np.arange(8.0).reshape(4, 2),
+        [1, 2, 3, 5],
+        input_names=["valve", "pump"],
+        input_units=["V", ""],
+        output_names="level",
+        time_unit="min",
+    )
+    for part in (*data.split(2), data.decimate(2), data.detrend(), setid.IOData.concat([data] * 2)):
+        assert part.input_labels == ("valve [V]", "pump") and part.output_labels == ("level",)
+        assert part.time_unit == "min"
+    other = setid.IOData(data.u[:, ::-1], data.y, input_names=["pump", "valve"])
+    with pytest.raises(setid.DataError, match=r"records\[1\]\.input_names"):
+        setid.IOData.concat([data, other])
+
+
+def test_names_stand_on_tables_and_axes() -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    data = setid.IOData(
+        [4, -3, 2, 1],
+        [0, -6.25, 1.175, 2.0875],
+        input_names="valve",
+        output_names="level",
+        output_units="m",
+        time_unit="s",
+    )
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    assert "y1 = level [m], u1 = valve" in result.table()
+    drawn = data.plot()
+    assert [ax.get_ylabel() for ax in drawn] == ["level [m]", "valve"]
+    assert drawn[-1].get_xlabel() == "time [s]"
+    assert result.predict().plot()[0].get_ylabel() == "level [m]"
+    plain = setid.IOData(data.u, data.y)
+    result = setid.identify(plain, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    assert "level" not in result.table() and "y1 =" not in result.table()
+
+
+@pytest.mark.parametrize(
+    ("names", "why"),
+    [(["a", "a"], "distinct"), (["a"], "2, one a channel"), (3, "2, one a channel")],
+)
+def test_names_that_do_not_fit_are_refused(names: object, why: str) -> None:
+    with pytest.raises(setid.DataError, match=f"input_names.*{why}"):
+        setid.IOData(np.eye(2), [1, 2], input_names=names)  # type: ignore[arg-type]
+
+
+def test_jitter_is_reported_and_gaps_are_refused() -> None:
+    # 0.31 is 0.01 off the third multiple of 0.1: 10 % of the sampling time
+    step, notes = sampling_time(np.array([0.0, 0.1, 0.2, 0.31, 0.4]), 0.1, "clock")
+    assert step == 0.1 and "0.01 (10 % of Ts)" in notes[0]
+    with pytest.raises(setid.DataError, match="interval of 0.2 between samples 1 and 2"):
+        sampling_time(np.array([0.0, 0.1, 0.3, 0.4, 0.5]), 0.1, "clock")
+    with pytest.raises(setid.DataError, match="interval of 0 between samples 0 and 1"):
+        sampling_time(np.array([0.0, 0.0, 0.1, 0.2, 0.3]), None, "clock")
+    with pytest.raises(setid.DataError, match="expected Ts = 0.2"):
+        sampling_time(np.array([0.0, 0.1, 0.2]), 0.2, "clock")
+    with pytest.raises(setid.DataError, match="no time at sample 1"):
+        sampling_time(np.array([0.0, np.nan, 0.2]), None, "clock")
+    with pytest.raises(setid.DataError, match="increasing"):
+        sampling_time(np.array([0.2, 0.1, 0.0]), None, "clock")
+
+
+def test_times_of_a_table_that_lost_a_row_are_refused(tmp_path: Path) -> None:
+    lost = european(tmp_path, EUROPEAN.replace("0,2;-1;\n", ""))
+    with pytest.raises(setid.DataError, match=r"record\.csv, column 't': found an interval"):
+        setid.IOData.from_csv(lost, "Ventil", "Pegel", decimal=",", header=2, time="t")
+
+
+def test_records_from_frames() -> None:
+    pd = pytest.importorskip("pandas")
+    frame = pd.DataFrame(
+        {
+            "when": pd.date_range("2020-01-01", periods=4, freq="500ms"),
+            "valve": pd.array([1, 2, None, 4], dtype="Int64"),
+            "level": [0.5, np.nan, 1.0, 2.0],
+            "word": list("abcd"),
+        }
+    )
+    data = setid.IOData.from_frame(frame, "valve", "level", time="when", time_unit="s")
+    assert data.Ts == 0.5 and data.input_names == ("valve",) and data.output_names == ("level",)
+    assert np.array_equal(data.u.ravel(), [1, 2, np.nan, 4], equal_nan=True)
+    with pytest.raises(setid.DataError, match="'gauge'"):
+        setid.IOData.from_frame(frame, "gauge", "level")
+    with pytest.raises(setid.DataError, match="'word'.*real numbers"):
+        setid.IOData.from_frame(frame, "word", "level")
+    with pytest.raises(setid.DataError, match="DataFrame"):
+        setid.IOData.from_frame([1, 2], "valve", "level")
+
+
+class Columns(dict[str, object]):
+    """A table with columns by name, as others than pandas have them."""
+
+    @property
+    def columns(self) -> list[str]:
+        return list(self)
+
+
+def test_records_from_any_table_with_columns_by_name() -> None:
+    table = Columns(
+        t=np.array(["2020-01-01T00:00:00", "2020-01-01T00:00:02", "2020-01-01T00:00:04"], "M8[s]"),
+        u=np.array([None, 3.0, 1.0], object),
+        y=np.array([1, 2, 1]),
+        flag=np.array([True, False, True]),
+    )
+    data = setid.IOData.from_frame(table, "u", "y", time="t")
+    assert data.Ts == 2.0 and data.input_names == ("u",)
+    assert np.array_equal(data.u.ravel(), [np.nan, 3.0, 1.0], equal_nan=True)
+    with pytest.raises(setid.DataError, match="'flag'.*real numbers"):
+        setid.IOData.from_frame(table, "flag", "y")

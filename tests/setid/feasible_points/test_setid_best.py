@@ -1,0 +1,90 @@
+"""Members chosen by simulation or prediction error, and their fits beside least squares'."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, lsq_linear, minimize
+
+import setid
+from setid.feasible_points.best import best
+from setid.feasible_points.members import is_member, members
+from setid.formulation.regression import regression_of_data
+from setid.simulation.responses import run
+
+MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
+
+
+def biased(bound: float = 0.2) -> setid.Identification:
+    """Output noise taken for equation errors, which pull one-step models off."""
+    u = np.sign(np.sin(0.7 * np.arange(120) ** 1.1))
+    y = setid.simulate(MODEL, [-0.9, 1.0], u)[:, 0]
+    y += 0.4 * np.random.default_rng(3).uniform(-1, 1, y.size)
+    data = setid.IOData(u, y)
+    least = setid.linf(data, MODEL).cost
+    return setid.identify(data, MODEL, setid.Noise(equation=least * (1 + bound)))
+
+
+def test_best_prediction_is_least_squares_over_the_polytope() -> None:
+    result = biased(0.01)
+    data = result.formulation.data
+    rows = regression_of_data(data, MODEL)
+    bound = float(result.formulation.noise.bounds(data)[2].max())
+    limits = [
+        {"type": "ineq", "fun": lambda t: bound - rows.target - rows.regressors @ t},
+        {"type": "ineq", "fun": lambda t: bound + rows.target + rows.regressors @ t},
+    ]
+    oracle = minimize(
+        lambda t: np.sum((rows.target + rows.regressors @ t) ** 2),
+        result.feasible,
+        constraints=limits,
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    free = lsq_linear(rows.regressors, -rows.target).x
+    assert not is_member(result.formulation, free)  # the rows matter here
+    found = best(result, "prediction")
+    assert found.proved
+    assert found.error == pytest.approx(np.sqrt(oracle.fun / rows.target.size), rel=1e-6)
+
+
+def test_best_simulation_beats_every_member_of_a_fine_sample() -> None:
+    result = biased()
+    data = result.formulation.data
+    found = best(result, "simulation")
+
+    def error(theta: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((run(MODEL, theta, data) - data.y)[1:] ** 2)))
+
+    sampled = [error(t) for t in members(result, 300)]
+    assert found.proved and is_member(result.formulation, found.theta)
+    assert found.error == pytest.approx(error(found.theta))
+    assert found.error <= min(sampled) * (1 + 1e-6)
+    assert found.error < 0.9 * error(result.centre.theta)
+
+
+def test_a_consistent_output_error_fit_is_taken_as_it_is() -> None:
+    result = biased(2.0)
+    data = result.formulation.data
+    fitted = least_squares(lambda t: (run(MODEL, t, data) - data.y)[1:, 0], [-0.9, 1.0])
+    assert is_member(result.formulation, fitted.x)
+    assert result.best("simulation").theta == pytest.approx(fitted.x, rel=1e-5)
+
+
+def test_comparison_shows_the_fits_of_member_centre_and_least_squares() -> None:
+    result = biased()
+    validation = result.formulation.data
+    found = setid.compare(result, validation, "simulation", "sampled")
+    assert set(found.fits) == {"best member", "centre", "least squares"}
+    y, theta = validation.y, setid.least_squares(validation, MODEL).theta
+    v = run(MODEL, theta, validation)
+    expected = 100 * (1 - np.linalg.norm((y - v)[1:]) / np.linalg.norm(y[1:] - y[1:].mean()))
+    assert found.fits["least squares"][0] == pytest.approx(expected)
+    assert found.fit[0] == found.fits["best member"][0] > found.fits["centre"][0]
+    assert "meant for prediction" in found.summary()
+    assert "meant for prediction" not in setid.compare(result, mode="prediction").summary()
+
+
+def test_a_goal_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(setid.SetidError, match="goal: found 'fit'"):
+        best(biased(), "fit")  # type: ignore[arg-type]

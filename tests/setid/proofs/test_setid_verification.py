@@ -1,0 +1,279 @@
+"""Forged evidence, one forgery for each check: ``verify`` refuses what does not follow.
+
+Each forgery claims something false about the record of four samples, or rests on a proof that
+is missing. The true intervals of the equation-error set are the closed form of the vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from typing import Any
+
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+from setid.identify import identify
+from setid.proofs.evidence import EndProof, Evidence
+from setid.proofs.intervals import IntervalStatus
+from setid.proofs.verification import _reached, verify
+
+DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+FIRST = setid.TransferFunction(na=1, nb=1)
+QUIET = setid.Options(progress=False)
+
+
+def found(noise: setid.Noise, priors: Any = (), data: setid.IOData = DATA) -> Evidence:
+    return identify(data, FIRST, noise, priors, QUIET).evidence
+
+
+@pytest.fixture(scope="module")
+def linear() -> Evidence:
+    return found(setid.Noise(equation=0.5))
+
+
+@pytest.fixture(scope="module")
+def bilinear() -> Evidence:
+    return found(setid.Noise(output=0.5))
+
+
+@pytest.fixture(scope="module")
+def reported() -> Evidence:
+    u = np.linspace(-1.0, 1.0, 9)
+    model = setid.Hammerstein(setid.TransferFunction(1, 1), 2)
+    options = setid.Options(unidentifiable="report", progress=False)
+    y = np.zeros(9)
+    for k in range(9):
+        y[k] = (0.5 * y[k - 1] if k else 0.0) + u[k] + 0.5 * u[k] ** 2
+    noise = setid.Noise(equation=0.01)
+    return identify(setid.IOData(u, y), model, noise, (), options).evidence
+
+
+def with_interval(claims: Evidence, name: str, **changes: Any) -> Evidence:
+    item = replace(claims.intervals[name], **changes)
+    return replace(claims, intervals={**claims.intervals, name: item})
+
+
+def nudged(claims: Evidence, name: str, which: str, end: int, inwards: bool) -> Evidence:
+    """Move one end by a billionth, to where it claims too much."""
+    ends = list(getattr(claims.intervals[name], which))
+    ends[end] += 1e-9 if (end == 0) == inwards else -1e-9
+    return with_interval(claims, name, **{which: tuple(ends)})
+
+
+# ---- all kinds of evidence ------------------------------------------------------------------
+
+
+def test_true_evidence_is_accepted(
+    linear: Evidence, bilinear: Evidence, reported: Evidence
+) -> None:
+    for claims in (linear, bilinear, reported):
+        assert verify(claims).ok, verify(claims).reason
+
+
+def test_evidence_of_other_data_is_refused(linear: Evidence) -> None:
+    other = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0])
+    assert not verify(linear, other).ok
+
+
+def test_names_may_not_be_exchanged(linear: Evidence) -> None:
+    a1, b0 = linear.intervals["a1"], linear.intervals["b0"]
+    for exchanged in (
+        {"b0": replace(a1, name="b0"), "a1": replace(b0, name="a1")},
+        {"a1": replace(a1, name="b0"), "b0": replace(b0, name="a1")},
+        {"a1": a1},
+    ):
+        assert not verify(replace(linear, intervals=exchanged)).ok
+
+
+@pytest.mark.parametrize("kind", ["linear", "bilinear"])
+@pytest.mark.parametrize("name", ["a1", "b0"])
+@pytest.mark.parametrize("end", [0, 1])
+def test_no_outer_end_may_be_tighter_than_what_follows(
+    request: pytest.FixtureRequest, kind: str, name: str, end: int
+) -> None:
+    claims = request.getfixturevalue(kind)
+    assert not verify(nudged(claims, name, "outer", end, inwards=True)).ok
+
+
+@pytest.mark.parametrize("kind", ["linear", "bilinear"])
+@pytest.mark.parametrize("name", ["a1", "b0"])
+@pytest.mark.parametrize("end", [0, 1])
+def test_no_inner_end_may_be_wider_than_what_is_attained(
+    request: pytest.FixtureRequest, kind: str, name: str, end: int
+) -> None:
+    claims = request.getfixturevalue(kind)
+    assert not verify(nudged(claims, name, "inner", end, inwards=False)).ok
+
+
+def test_a_set_with_members_is_not_empty(linear: Evidence, bilinear: Evidence) -> None:
+    for claims in (linear, bilinear):
+        items = {
+            name: replace(item, outer=(inf, -inf), inner=None, status=IntervalStatus.EMPTY)
+            for name, item in claims.intervals.items()
+        }
+        assert not verify(replace(claims, intervals=items)).ok
+
+
+# ---- linear bounds ----------------------------------------------------------------------------
+
+
+def test_linear_bounds_are_complete_and_checked(linear: Evidence) -> None:
+    assert not verify(replace(linear, bounds=linear.bounds[:2])).ok
+    moved = found(setid.Noise(equation=0.4)).bounds
+    assert not verify(replace(linear, bounds=(moved[0], *linear.bounds[1:]))).ok
+
+
+def unbounded_line() -> Evidence:
+    """The input alternates, so that b0 - b1 alone is seen: whole lines are consistent."""
+    data = setid.IOData([1.0, -1.0, 1.0], [0.0, 0.0, 0.0])
+    model = setid.TransferFunction(na=0, nb=2)
+    return identify(data, model, setid.Noise(equation=0.5), (), QUIET).evidence
+
+
+@pytest.mark.parametrize("status", [IntervalStatus.UNBOUNDED, IntervalStatus.UNIDENTIFIABLE])
+def test_bounded_linear_parameters_are_not_unbounded(
+    linear: Evidence, status: IntervalStatus
+) -> None:
+    assert str(unbounded_line().intervals["b0"].status) == "unidentifiable"
+    assert not verify(with_interval(linear, "b0", status=status)).ok
+
+
+def test_a_ray_on_one_side_is_not_a_line() -> None:
+    claims = identify(
+        setid.IOData([1.0, -1.0, 1.0], [0.0, 0.0, 0.0]),
+        setid.TransferFunction(na=0, nb=2),
+        setid.Noise(equation=0.5),
+        setid.Box({"b0": (0.0, None)}),
+        QUIET,
+    ).evidence
+    assert str(claims.intervals["b0"].status) == "unbounded" and verify(claims).ok
+    status = IntervalStatus.UNIDENTIFIABLE
+    assert not verify(with_interval(claims, "b0", status=status)).ok
+
+
+# ---- boxes, certificates and points -------------------------------------------------------------
+
+
+def test_boxes_are_checked(bilinear: Evidence) -> None:
+    other = found(setid.Noise(output=0.4))
+    assert not verify(replace(bilinear, box=other.box)).ok
+    assert not verify(replace(bilinear, problem=other.problem)).ok
+
+
+def test_an_empty_box_proves_no_interval() -> None:
+    claims = found(setid.Noise(output=0.01))
+    assert claims.box is not None and claims.box.empty and claims.empty and verify(claims).ok
+    items = {
+        name: replace(item, outer=(0.0, 1.0), status=IntervalStatus.PARTIAL)
+        for name, item in claims.intervals.items()
+    }
+    assert not verify(replace(claims, intervals=items)).ok
+
+
+def test_ends_are_complete_and_their_proofs_checked(bilinear: Evidence) -> None:
+    ends = bilinear.ends
+    assert not verify(replace(bilinear, ends=ends[:2])).ok
+    assert not verify(replace(bilinear, ends=(*ends, ends[0]))).ok
+    assert not verify(replace(bilinear, ends=())).ok  # the box alone is wider
+    swapped = EndProof(ends[1].certificate, ends[0].attained)
+    assert not verify(replace(bilinear, ends=(swapped, *ends[1:]))).ok
+    for number, end in enumerate(ends):
+        missing = (*ends[:number], EndProof(None, end.attained), *ends[number + 1 :])
+        name = ("a1", "b0")[number // 2]
+        side = number % 2
+        wide = list(bilinear.intervals[name].outer)
+        assert bilinear.box is not None
+        if (bilinear.box.lower, bilinear.box.upper)[side][number // 2] != wide[side]:
+            assert not verify(replace(bilinear, ends=missing)).ok
+
+
+def test_attained_points_are_proved_again(bilinear: Evidence) -> None:
+    for number, end in enumerate(bilinear.ends):
+        point = end.attained
+        assert point is not None
+        far = replace(point, x=point.x + 1.0)
+        ends = list(bilinear.ends)
+        ends[number] = EndProof(end.certificate, far)
+        assert not verify(replace(bilinear, ends=tuple(ends))).ok
+
+
+def test_the_radius_of_a_point_counts() -> None:
+    """The point is somewhere within the radius: x_1 reaches 0.75, -x_1 reaches -0.25 at least."""
+    x = sp.variables(1)[0]
+    problem = sp.Problem(x, [], 0.0, 1.0)
+    none = np.zeros(0, dtype=np.int64)
+    point = sp.ProvedPoint(np.array([0.5]), 0.75, 0.25, "krawczyk", none, none)
+    assert _reached(problem, point, 0) >= 0.75 and _reached(problem, point, 1) >= -0.25
+
+
+# ---- parameters without bounds ------------------------------------------------------------------
+
+
+def test_unbounded_parameters_need_a_proof(bilinear: Evidence) -> None:
+    data = setid.IOData([1, 0, -1, 1, 0, 1], [2.1, 0, -1.9, 2, 0.1, 2])
+    model = setid.TransferFunction(1, 2)
+    claims = identify(data, model, setid.Noise(output=0.2), (), QUIET).evidence
+    assert claims.unbounded is not None and verify(claims).ok
+    assert not verify(replace(claims, unbounded=None)).ok
+    assert not verify(with_interval(claims, "b0", status=IntervalStatus.UNBOUNDED)).ok
+    forged = replace(bilinear, unbounded=claims.unbounded)
+    for status in (IntervalStatus.UNBOUNDED, IntervalStatus.UNIDENTIFIABLE):
+        for base in (bilinear, forged):
+            assert not verify(with_interval(base, "a1", status=status)).ok
+
+
+# ---- evidence with a normalisation --------------------------------------------------------------
+
+
+def other_reference(reported: Evidence, noise: float) -> Evidence:
+    """Evidence of the same reference structure with other noise."""
+    assert reported.reference is not None
+    model = reported.reference.formulation.model
+    data = reported.formulation.data
+    return identify(data, model, setid.Noise(equation=noise), (), QUIET).evidence
+
+
+def taking_over(claims: Evidence, reference: Evidence) -> Evidence:
+    """Claim the intervals of a reference, except of what is not unique."""
+    items = {
+        name: item
+        if str(item.status) == "unidentifiable"
+        else replace(reference.intervals[name], witnesses=(None, None))
+        for name, item in claims.intervals.items()
+    }
+    return replace(claims, reference=reference, intervals=items)
+
+
+def test_a_reference_needs_its_proof(reported: Evidence) -> None:
+    assert reported.reference is not None and reported.nonzero is not None
+    assert verify(taking_over(reported, reported.reference)).ok
+    assert not verify(replace(reported, nonzero=None)).ok
+
+
+FORGERIES: dict[str, Callable[[Evidence], Evidence]] = {
+    "other noise": lambda claims: taking_over(claims, other_reference(claims, 0.005)),
+    "an interval of its own": lambda claims: with_interval(claims, "a1", outer=(-0.5, -0.5)),
+    "emptiness of its own": lambda claims: replace(
+        claims,
+        intervals={
+            name: replace(item, outer=(inf, -inf), inner=None, status=IntervalStatus.EMPTY)
+            for name, item in claims.intervals.items()
+        },
+    ),
+    "a believed reference": lambda claims: taking_over(
+        claims,
+        with_interval(claims.reference, "a1", outer=(-0.5, -0.5)),  # type: ignore[arg-type]
+    ),
+    "a linear structure": lambda claims: replace(
+        claims, reference=found(setid.Noise(equation=0.5))
+    ),
+}
+
+
+@pytest.mark.parametrize("what", FORGERIES)
+def test_references_are_checked(reported: Evidence, what: str) -> None:
+    assert not verify(FORGERIES[what](reported)).ok

@@ -1,0 +1,155 @@
+"""Identifications as JSON, pickles, copies and frames come back as they went out, verified."""
+
+from __future__ import annotations
+
+import copy
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import setid
+
+FAST = setid.Options(time_limit=5.0, progress=False)
+FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
+
+
+def record(noise: setid.Noise, model: object = FIRST, theta: object = (-0.6, 1.0)) -> setid.IOData:
+    u = np.random.default_rng(0).uniform(-1, 1, 25)
+    return setid.simulate_record(model, theta, u, noise, 1).data  # type: ignore[arg-type]
+
+
+def equation() -> setid.Identification:
+    noise = setid.Noise(equation=0.05)
+    named = setid.parameters(FIRST)
+    priors = [setid.Stable(), setid.Box({"b1": (None, 9.0)}), named["a1"] + named["b1"] >= -3]
+    return setid.identify(record(noise), FIRST, noise, priors, FAST)
+
+
+def sensors() -> setid.Identification:
+    noise = setid.Noise(output=0.05, input=0.02)
+    return setid.identify(record(noise), FIRST, noise, (), FAST)
+
+
+def block() -> setid.Identification:
+    noise = setid.Noise(output=0.01)
+    model = setid.Hammerstein(FIRST, 2)
+    data = record(noise, model, (-0.6, 1.0, 1.0, 0.3))
+    options = setid.Options(time_limit=5.0, progress=False, unidentifiable="report")
+    return setid.identify(data, model, noise, (), options)
+
+
+def polynomial() -> setid.Identification:
+    noise = setid.Noise(equation=0.05, constraints=[setid.EnergyBound("equation", 5.0)])
+    model = setid.PolynomialNARX(["y1", "u1", "y1*u1"], ny=1, nu=1)
+    data = record(setid.Noise(equation=0.05), model, (0.5, 1.0, 0.2))
+    return setid.identify(data, model, noise, (), FAST)
+
+
+def refuted() -> setid.Identification:
+    noise = setid.Noise(output=0.001)
+    return setid.identify(record(setid.Noise(output=0.5)), FIRST, noise, (), FAST)
+
+
+CASES = [equation, sensors, block, polynomial, refuted]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_json_pickle_and_copies_keep_every_claim(case: object) -> None:
+    result: setid.Identification = case()  # type: ignore[operator]
+    text = result.to_json()
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    back = setid.Identification.from_json(text)
+    for other in (back, pickle.loads(pickle.dumps(result)), copy.deepcopy(result)):
+        assert repr(other) == repr(result) and other.summary() == result.summary()
+        assert other.verify(result.formulation.data)
+        assert len(other.witnesses) == len(result.witnesses)
+        for mine, theirs in zip(other.witnesses, result.witnesses, strict=True):
+            assert np.array_equal(mine, theirs)
+    assert back.to_json() == text
+
+
+def test_a_result_that_was_read_serves_as_before() -> None:
+    result = sensors()
+    back = setid.Identification.from_json(result.to_json())
+    assert np.array_equal(setid.step_band(back, 10).high, setid.step_band(result, 10).high)
+    assert back.best().theta == pytest.approx(result.best().theta)
+    assert back.options == result.options
+
+
+def changed(result: setid.Identification, *path: object, value: object) -> str:
+    found = json.loads(result.to_json())
+    place = found["result"]
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    return json.dumps(found)
+
+
+def test_claims_that_do_not_follow_are_refused() -> None:
+    linear, general = equation(), sensors()
+    for result in (linear, general):
+        low, high = result.intervals["a1"].outer
+        narrower = [low + 0.4 * (high - low), high]
+        with pytest.raises(setid.SetidError, match="outer interval of a1 does not follow"):
+            text = changed(result, "intervals", 0, "outer", value=narrower)
+            setid.Identification.from_json(text)
+        with pytest.raises(setid.SetidError, match="inner interval of a1 is not attained"):
+            text = changed(result, "intervals", 0, "inner", value=[low - 1.0, high + 1.0])
+            setid.Identification.from_json(text)
+        with pytest.raises(setid.SetidError, match="outer|fingerprint|not that of|does not follow"):
+            y = json.loads(result.to_json())["result"]["data"]["fields"]["y"]
+            y["data"][3] += 1e-3
+            setid.Identification.from_json(changed(result, "data", "fields", "y", value=y))
+
+
+def test_witnesses_that_are_no_members_are_refused() -> None:
+    result = sensors()
+    found = json.loads(result.to_json())["result"]["intervals"][0]["witnesses"][0]
+    found["data"][0] += 1.0
+    with pytest.raises(setid.SetidError, match="violates the rows"):
+        setid.Identification.from_json(changed(result, "intervals", 0, "witnesses", 0, value=found))
+    # a1, b1, 25 samples of the output noise, 24 of the input noise: the last input enters no row
+    with pytest.raises(setid.SetidError, match="expected \\(51,\\), finite"):
+        found |= {"shape": [2], "data": [0.0, 0.0]}
+        setid.Identification.from_json(changed(result, "intervals", 0, "witnesses", 0, value=found))
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "JSON"),
+        ("[]", "format"),
+        ('{"format":"setid","version":1,"is":"identification"}', "format"),
+        ('{"format":"setid","version":1,"is":"result","result":{}}', "stored identification"),
+    ],
+)
+def test_other_texts_are_refused(text: str, why: str) -> None:
+    with pytest.raises(setid.SetidError, match=why):
+        setid.Identification.from_json(text)
+
+
+def test_only_classes_of_setid_are_made() -> None:
+    text = changed(equation(), "model", value={"is": "Popen", "fields": {"args": "true"}})
+    with pytest.raises(setid.SetidError, match="found a 'Popen', expected a class of setid"):
+        setid.Identification.from_json(text)
+
+
+def test_functions_have_no_text() -> None:
+    noise = setid.Noise(output=0.01)
+    model = setid.Hammerstein(FIRST, [np.tanh], "gamma1")
+    data = record(noise, model, (-0.6, 1.0))
+    result = setid.identify(data, model, noise, (), FAST)
+    with pytest.raises(setid.SetidError, match=r"model\.maps.*of which there is no text"):
+        result.to_json()
+
+
+def test_frame_of_intervals() -> None:
+    pytest.importorskip("pandas")
+    result = equation()
+    frame = result.to_frame()
+    assert list(frame.index) == ["a1", "b1"]
+    assert tuple(frame.loc["b1", ["outer_low", "outer_high"]]) == result.intervals["b1"].outer
+    assert frame.loc["a1", "status"] == "certified"
+    assert np.isnan(refuted().to_frame().loc["a1", "inner_low"])

@@ -1,0 +1,79 @@
+"""What is proved without a prior holds with it, and the evidence for it is checked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+
+MODEL = setid.TransferFunction(3, 1, 1)
+THETA = (-1.5, 0.85, -0.2, 0.7)  # poles inside the unit circle
+NOISE = setid.Noise(equation=0.02)
+
+
+@pytest.fixture(scope="module")
+def data() -> setid.IOData:
+    """Equation errors: without the prior, linear programs settle everything exactly."""
+    u = np.random.default_rng(5).uniform(-1.0, 1.0, 25)
+    return setid.simulate_record(MODEL, THETA, u, NOISE, 5).data
+
+
+@pytest.fixture(scope="module")
+def cut_short(data: setid.IOData) -> setid.Identification:
+    """The step-up recursion makes the problem bilinear, which one relaxation leaves open."""
+    options = setid.Options(engine=sp.Options(effort="plain", refine="none"), progress=False)
+    return setid.identify(data, MODEL, NOISE, setid.Stable(), options)
+
+
+def test_a_prior_never_widens(data: setid.IOData, cut_short: setid.Identification) -> None:
+    free = setid.identify(data, MODEL, NOISE)
+    assert cut_short.fewer_priors is not None and cut_short.verify(data).ok
+    for name, value in zip(MODEL.parameters, THETA, strict=True):
+        low, high = cut_short.intervals[name].outer
+        assert free.intervals[name].outer[0] <= low <= value <= high
+        assert high <= free.intervals[name].outer[1]
+
+
+def test_the_evidence_is_kept_in_files(cut_short: setid.Identification) -> None:
+    again = setid.Identification.from_json(cut_short.to_json())
+    assert again.fewer_priors is not None and again.table() == cut_short.table()
+
+
+def test_an_empty_set_stays_empty_with_a_prior(data: setid.IOData) -> None:
+    noise = setid.Noise(equation=1e-6)
+    options = setid.Options(progress=False)
+    found = setid.identify(data, setid.TransferFunction(3, 1, 0), noise, setid.Stable(), options)
+    assert found.empty and found.verify(data).ok
+
+
+@pytest.mark.parametrize("what", ["wider priors", "other noise", "a claim of its own", "a chain"])
+def test_forged_evidence_is_refused(
+    data: setid.IOData, cut_short: setid.Identification, what: str
+) -> None:
+    claims = cut_short.evidence
+    fewer = claims.fewer_priors
+    assert fewer is not None
+    if what == "wider priors":  # a box that was never assumed
+        box = setid.Box({"b1": (0.0, 0.1)})
+        forged = setid.identify(data, MODEL, NOISE, box).evidence
+    elif what == "other noise":
+        forged = setid.identify(data, MODEL, setid.Noise(equation=0.019)).evidence
+    elif what == "a claim of its own":
+        item = replace(fewer.intervals["b1"], outer=(0.69, 0.71))
+        forged = replace(fewer, intervals={**fewer.intervals, "b1": item})
+    else:
+        forged = replace(fewer, fewer_priors=fewer)
+    assert not setid.verify(replace(claims, fewer_priors=forged)).ok
+
+
+def test_ends_that_the_evidence_does_not_give_are_refused(
+    cut_short: setid.Identification,
+) -> None:
+    claims = cut_short.evidence
+    item = claims.intervals["a1"]
+    tighter = replace(item, outer=(item.outer[0], float(np.nextafter(item.outer[1], -9.0))))
+    assert not setid.verify(replace(claims, intervals={**claims.intervals, "a1": tighter})).ok
