@@ -104,6 +104,8 @@ def content(found: Any, place: str) -> tuple[str, Any]:
     if (name, version) == ("sparsepop-py", 2):
         modernise(found)
     name = text(item(found, "is", place), f"{place}.is")
+    if name.startswith("rational_") and version < 4:
+        raise Malformed(f"{place}: {name!r:.40} in a file of version {version}")
     return name, item(found, name, place)
 
 

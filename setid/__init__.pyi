@@ -26,9 +26,14 @@ from .bands.residuals import (
 )
 from .bands.responses import (
     FrequencyBand,
-    StepBand,
     frequency_band,
+)
+from .bands.steps import (
+    StepBand,
     step_band,
+)
+from .bands.verdicts import (
+    BandReport,
 )
 from .consistency import (
     Consistency,
@@ -158,6 +163,7 @@ from .priors import (
     DCGain,
     Known,
     MinimumPhase,
+    Physical,
     PoleIn,
     Sign,
     Stable,
@@ -186,6 +192,10 @@ from .proofs.parameter_box import (
 from .recursive import (
     Recursive,
     UpdateCost,
+)
+from .reparametrise import (
+    Reparametrisation,
+    reparametrise,
 )
 from .result.identification import (
     Identification,
@@ -219,6 +229,7 @@ __all__ = [
     "BestMember",
     "BlockStructured",
     "Box",
+    "BandReport",
     "Central",
     "Comparison",
     "Consistency",
@@ -253,6 +264,7 @@ __all__ = [
     "OutputBand",
     "ParameterBox",
     "ParameterInterval",
+    "Physical",
     "PoleIn",
     "PolynomialNARX",
     "PriorError",
@@ -260,6 +272,7 @@ __all__ = [
     "RateLimit",
     "Recursive",
     "Regression",
+    "Reparametrisation",
     "Residuals",
     "Rows",
     "Selection",
@@ -315,6 +328,7 @@ __all__ = [
     "recursive_least_squares",
     "register_prior",
     "register_structure",
+    "reparametrise",
     "residuals",
     "select",
     "sensitivity",

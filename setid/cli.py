@@ -1,12 +1,12 @@
+# PYTHON_ARGCOMPLETE_OK
 """The command line: ``setid identify RECORD.csv ...`` and ``setid consistency RECORD.csv ...``."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
+import webbrowser
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import sparsepop_py as sp
@@ -27,18 +27,23 @@ from setid.priors.registry import read_prior
 from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
+from setid.serve.server import serve
 from setid.study import Study
+from setid.verify_command import add_verify, certificate_text
 from sparsepop_py.cli import (
     EXIT_INPUT,
     EXIT_MISSING,
     EXIT_OPEN,
     EXIT_PROVED,
-    check_picture,
+    add_json,
+    check_outputs,
     json_number,
+    print_or_write,
     run_commands,
     version,
 )
 from sparsepop_py.errors import check_writable
+from sparsepop_py.files import write_text
 from sparsepop_py.study.command import add_study
 
 __all__ = [
@@ -66,6 +71,7 @@ _CODES = """exit codes:
   2  the input is wrong (the message is on standard error)
   3  software is missing (the message says what to install)
   4  it is proved that no parameter is consistent with the data: order or bounds are wrong
+  5  an output cannot be written (what was found is printed before)
 
 columns: by name from the first line, or by number from 0. Without --input and --output
 the columns u and y are taken, or 0 and 1 in a file without names.
@@ -122,14 +128,42 @@ def _parser() -> argparse.ArgumentParser:
         _add_data(command)
         add_structure(command)
         command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
-        command.add_argument("--json", metavar="OUT.json", help="write the result; - prints it")
+        command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
+        add_json(command)
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
             command.add_argument(
+                "--certificate",
+                metavar="OUT.json",
+                help="write record, rows and proofs, for setid verify and checker/check.py",
+            )
+            command.add_argument(
                 "--verify", action="store_true", help="check every claim again, without any solver"
             )
+    add_verify(commands)
     add_study(commands, Study)
+    _add_serve(commands)
     return parser
+
+
+def _add_serve(commands: Any) -> None:
+    text = "open a page for identification in the browser, on this machine alone"
+    command = commands.add_parser("serve", help=text, description=f"{text[0].upper()}{text[1:]}.")
+    command.set_defaults(run=_serve)
+    command.add_argument("--port", type=int, default=8321, help="0 takes any that is free (8321)")
+    command.add_argument("--no-browser", action="store_true", help="print the address alone")
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    def announce(address: str) -> None:
+        print(f"setid serves {address} (Ctrl-C ends it)", flush=True)
+        if not arguments.no_browser:
+            webbrowser.open(address)
+
+    if not 0 <= arguments.port < 2**16:
+        raise SetidError(f"--port: found {arguments.port}, expected a number from 0 to 65535")
+    serve(arguments.port, announce)
+    return EXIT_PROVED
 
 
 def _add_data(command: argparse.ArgumentParser) -> None:
@@ -195,22 +229,16 @@ def _noise(arguments: argparse.Namespace) -> Noise:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    return Options(time_limit=arguments.time_limit)
+    return Options(time_limit=arguments.time_limit, cpu_limit=arguments.cpu_limit)
 
 
 # ---- identify ---------------------------------------------------------------------------
 
 
-def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse results that cannot be written, before the work and not after it."""
-    if getattr(arguments, "plot", None):
-        check_picture(arguments.plot)
-    if arguments.json and arguments.json != "-":
-        check_writable(arguments.json, "--json")
-
-
 def _identify(arguments: argparse.Namespace) -> int:
-    _check_outputs(arguments)
+    check_outputs(arguments)
+    if arguments.certificate:
+        check_writable(arguments.certificate, "--certificate")
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
     checked = result.verify(data) if arguments.verify else None
@@ -218,7 +246,9 @@ def _identify(arguments: argparse.Namespace) -> int:
     text = f"{arguments.record}: {data!r}\n{result.summary()}"
     if checked is not None:
         text += f"\n{_VERIFIED if checked else f'NOT VERIFIED: {checked.reason}'}"
-    _write(arguments.json, record, text)
+    print_or_write(arguments.json, record, text)
+    if arguments.certificate:
+        write_text(arguments.certificate, certificate_text(result) + "\n")
     if arguments.plot:
         _save(result, arguments.plot)
     if checked is not None and not checked:
@@ -260,11 +290,11 @@ def _as_record(path: str, result: Identification, checked: Verification | None) 
 
 
 def _consistency(arguments: argparse.Namespace) -> int:
-    _check_outputs(arguments)
+    check_outputs(arguments)
     data, model, noise, priors = _parts(arguments)
     found = consistency(data, model, noise, priors, _options(arguments))
     text = f"{arguments.record}: {data!r}\n{found.summary()}"
-    _write(arguments.json, _as_scale(arguments.record, found), text)
+    print_or_write(arguments.json, _as_scale(arguments.record, found), text)
     return {True: EXIT_PROVED, None: EXIT_OPEN, False: EXIT_EMPTY}[found.explains]
 
 
@@ -280,19 +310,6 @@ def _as_scale(path: str, found: Consistency) -> dict[str, Any]:
         "samples": [list(map(int, pair)) for pair in found.samples],
         "assumptions": list(found.assumptions),
     }
-
-
-def _write(path: str | None, record: dict[str, Any], text: str) -> None:
-    """Print the text and write the record; for ``-`` print the record alone."""
-    if path is None:
-        print(text)
-        return
-    encoded = json.dumps(record, indent=2, allow_nan=False)
-    if path == "-":
-        print(encoded)
-    else:
-        Path(path).write_text(encoded + "\n", encoding="utf-8")
-        print(text)
 
 
 _DISCRETE = ("na", "nb", "nk")

@@ -9,7 +9,9 @@ settled: a gap as wide as the attained interval tells nothing.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
@@ -32,6 +34,7 @@ from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
 from setid.terms import sparse_terms, without, without_idle
+from sparsepop_py.executors.dispatch import completed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -159,6 +162,7 @@ def select(
     remove_idle: bool = False,
     l1: bool = False,
     width: float | None = None,
+    executor: Executor | None = None,
 ) -> Selection:
     """Find the simplest structure that the data do not refute.
 
@@ -187,6 +191,9 @@ def select(
         Largest half width, relative, that is wanted. Where intervals are wider, ``advice`` says
         whether a better sensor or a higher degree pays, from the least noise that explains the
         record with this structure and with the next.
+    executor : concurrent.futures.Executor, optional
+        Tries all structures at once, each as one task with an equal share of the time limit.
+        Those behind the first that is kept are dropped, so the steps are the same.
 
     Returns
     -------
@@ -214,23 +221,85 @@ def select(
     if not sizes or not tops:
         raise SetidError("orders, degrees: found none, expected at least one of each")
     known, settings = list(priors), options or Options()
-    until, steps = settings.deadline(), list[SelectionStep]()
     tried = list(product(sizes, tops))
+    given = data, noise, known, settings
+    found = (
+        _in_turn(make, tried, given, l1)
+        if executor is None
+        else _at_once(make, tried, given, executor, l1)
+    )
+    steps = list[SelectionStep]()
+    with closing(found):
+        for step in found:
+            steps.append(step)
+            if step.decision == "kept":
+                break
+    if not steps or steps[-1].decision != "kept":
+        return Selection(tuple(steps), None, {})
+    step, place = steps[-1], len(steps)
+    more = _without_idle(step, given) if remove_idle else []
+    last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
+    following = tried[place] if place < len(tried) else (step.order, step.degree + 1)
+    advice = "" if width is None else _width(last, width, make, following, given)
+    return Selection(tuple([*steps, *more]), last, _coefficients(last.result), advice)
+
+
+_Given = tuple[IOData, Noise, list[Any], Options]
+_Steps = Generator[SelectionStep, None, None]
+
+
+def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool) -> _Steps:
+    """Try one structure after the other; those soon refuted leave their time to the others."""
+    data, noise, known, settings = given
+    until = settings.deadline()
     for place, (order, degree) in enumerate(tried):
-        if until < inf:  # a structure that is soon refuted leaves its share to the others
+        if until < inf:
             share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
             settings = replace(settings, time_limit=share)
-        step = _try(make, order, degree, (data, noise, known, settings), l1)
-        steps.append(step)
-        if step.decision == "kept":
-            given = data, noise, known, settings
-            more = _without_idle(step, given) if remove_idle else []
-            last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
-            following = tried[place + 1] if place + 1 < len(tried) else (order, degree + 1)
-            advice = "" if width is None else _width(last, width, make, following, given)
-            steps += more
-            return Selection(tuple(steps), last, _coefficients(last.result), advice)
-    return Selection(tuple(steps), None, {})
+        yield _try((data, make(order, degree), noise, known, settings, l1), order, degree)
+
+
+def _at_once(
+    make: Family, tried: list[tuple[int, int]], given: _Given, executor: Executor, l1: bool
+) -> _Steps:
+    """Try all structures at once; yield them in their order."""
+    data, noise, known, settings = given
+    if settings.time_limit is not None:
+        settings = replace(settings, time_limit=max(settings.time_limit / len(tried), _LEAST))
+    settings = replace(settings, progress=False)
+    tasks = ((k, (data, make(*tried[k]), noise, known, settings, l1)) for k in range(len(tried)))
+    ready: dict[int, tuple[Identification, str]] = {}
+    place = 0
+    with closing(completed(executor, _identify_task, tasks)) as found:
+        for done in found:
+            if done.value is None:
+                raise SetidError(f"executor: structure {tried[done.key]} was given up: {done.lost}")
+            ready[done.key] = done.value
+            while place in ready:
+                yield _step(ready.pop(place), *tried[place])
+                place += 1
+
+
+def _try(task: tuple[Any, ...], order: int, degree: int) -> SelectionStep:
+    return _step(_identify_task(task), order, degree)
+
+
+def _step(found: tuple[Identification, str], order: int, degree: int) -> SelectionStep:
+    result, text = found
+    decision, reason = _decision(result)
+    return SelectionStep(order, degree, decision, text + reason, result)
+
+
+def _identify_task(task: tuple[Any, ...]) -> tuple[Identification, str]:
+    """Identify in a worker process: the result, and what was left out."""
+    data, whole, noise, priors, options, l1 = task
+    names = sparse_terms(data, whole, noise) if l1 else ()
+    if names:  # fewer terms that explain the record: then all of them do
+        model, fixed = without(whole, names)
+        result = identify(data, model, noise, [*priors, *fixed], options)
+        if _decision(result)[0] == "kept":
+            return result, f"without {len(names)} of {len(whole.parameters)} terms: "
+    return identify(data, whole, noise, priors, options), ""
 
 
 def _naturals(given: Any, field: str, least: int) -> list[int]:
@@ -249,21 +318,6 @@ def _family(family: Any, data: IOData) -> Family:
             "or a callable (order, degree) -> structure"
         )
     return family
-
-
-def _try(make: Family, order: int, degree: int, given: tuple[Any, ...], l1: bool) -> SelectionStep:
-    data, noise, priors, options = given
-    whole = make(order, degree)
-    names = sparse_terms(data, whole, noise) if l1 else ()
-    if names:  # fewer terms that explain the record: then all of them do
-        model, fixed = without(whole, names)
-        result = identify(data, model, noise, [*priors, *fixed], options)
-        decision, reason = _decision(result)
-        if decision == "kept":
-            text = f"without {len(names)} of {len(whole.parameters)} terms: {reason}"
-            return SelectionStep(order, degree, decision, text, result)
-    result = identify(data, whole, noise, priors, options)
-    return SelectionStep(order, degree, *_decision(result), result)
 
 
 def _without_idle(step: SelectionStep, given: tuple[Any, ...]) -> list[SelectionStep]:

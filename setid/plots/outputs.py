@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from setid.plots.axes import COLOUR, fill_between, ink, over_time
+from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time
 
 if TYPE_CHECKING:
     from setid.bands.outputs import Comparison, OutputBand
@@ -14,9 +15,14 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 
+Reals = NDArray[np.float64]
+
 
 def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
-    """Draw readings, nominal output, and both bands; one axis an output.
+    """Draw readings, nominal output and bands; one axis an output.
+
+    The vertical axis follows the readings; a band that goes far beyond is clipped, and a caption
+    says at how many samples.
 
     Parameters
     ----------
@@ -33,14 +39,17 @@ def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
     colour = COLOUR[band.kind]
     for i, axis in enumerate(axes):
         wide = band.reading_low[:, i], band.reading_high[:, i]
-        fill_between(axis, time, *wide, colour, f"readings ({band.kind})", 0.15)
-        fill_between(
-            axis, time, band.low[:, i], band.high[:, i], colour, f"models ({band.kind})", 0.35
-        )
+        models = band.low[:, i], band.high[:, i]
+        fill_between(axis, time, *far(*wide), colour, f"readings ({band.kind})", 0.15)
+        fill_between(axis, time, *far(*models), colour, f"models ({band.kind})", 0.35)
+        attained = _attained(band, i)
+        if attained is not None:
+            fill_between(axis, time, *attained, ATTAINED, "models (attained)", 0.5)
         axis.plot(time, band.nominal[:, i], color=colour, lw=1, label="nominal")
         axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
+        clip(axis, data.y[:, i], wide)
         axis.set_ylabel(data.output_labels[i])
-    axes[0].legend(loc="best", ncols=4, fontsize="small")
+    axes[0].legend(loc="best", ncols=5, fontsize="small")
     return axes
 
 
@@ -66,6 +75,14 @@ def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
         axis.set_title(f"fit {found.fit[i]:.1f} %")
     axes[0].legend(loc="best", ncols=2, fontsize="small")
     return axes
+
+
+def _attained(band: OutputBand, i: int) -> tuple[Reals, Reals] | None:
+    """What members reach of one output, None where that is not known."""
+    if band.attained_low is None or band.attained_high is None:
+        return None
+    low, high = band.attained_low[:, i], band.attained_high[:, i]
+    return (low, high) if np.any(np.isfinite(high - low)) else None
 
 
 def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:

@@ -441,7 +441,7 @@ class Identification(FeasibleSet):
         output, input : int
             Channels, from 1.
         """
-        from setid.bands.responses import step_band
+        from setid.bands.steps import step_band
 
         return step_band(self, length, kind, output, input).plot()
 

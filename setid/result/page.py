@@ -17,7 +17,8 @@ import numpy as np
 import sparsepop_py as sp
 from setid.bands.outputs import Mode, compare
 from setid.bands.residuals import residuals
-from setid.bands.responses import frequency_band, step_band
+from setid.bands.responses import frequency_band
+from setid.bands.steps import step_band
 from setid.data.record import IOData
 from setid.errors import SetidError
 from setid.feasible_points.best import best

@@ -20,6 +20,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.rational.denominators import prove_ranges, sharpened
+from sparsepop_py.rational.descent import descended, sampled
 from sparsepop_py.rational.result import RationalResult, attained_value
 from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.certificate.rational_bound import RangeProof, RationalCertificate
@@ -29,7 +30,7 @@ __all__ = ["solve_rational"]
 Solve = Callable[..., Result]
 _LEVELS = 8  # Newton's method doubles the digits with each
 _STILL = 1e-9  # relative change of the level that ends it
-_POINTS, _REACH, _WIDEST = 200, 4.0, 300  # points of a sample, where no bounds are, variables
+_DESCENT, _SECONDS = 0.1, 50.0  # share of the time left for a first descent; without a limit
 
 
 def solve_rational(
@@ -41,7 +42,7 @@ def solve_rational(
     ----------
     problem : RationalProblem
     options : Options
-        ``time_limit`` holds for all polynomial problems together.
+        ``time_limit`` and ``cpu_limit`` hold for all polynomial problems together.
     start : (n,) array_like or None
     solve : callable
         Solves a polynomial problem: problem, options, and start by name.
@@ -78,15 +79,31 @@ class _RationalSearch:
 
     def __init__(self, problem: RationalProblem, options: Options, solve: Solve) -> None:
         self.problem, self.options, self.solve = problem, options, solve
-        self.end = time.monotonic() + (np.inf if options.time_limit is None else options.time_limit)
+        self.clocks = [
+            (name, clock, np.inf if given is None else clock() + given)
+            for name, clock, given in (
+                ("time_limit", time.monotonic, options.time_limit),
+                ("cpu_limit", time.process_time, options.cpu_limit),
+            )
+        ]
+        self.interrupted = False
         self.proofs: tuple[RangeProof, ...] = ()
         self.ranges: list[Range] = []
 
     def limited(self, options: Options) -> Options:
-        """Reduce the time limit to what is left."""
-        left = max(0.05, self.end - time.monotonic())
-        given = np.inf if options.time_limit is None else options.time_limit
-        return options if left == np.inf else replace(options, time_limit=min(left, given))
+        """Reduce the limits of time to what is left."""
+        changed: dict[str, Any] = {}
+        for name, clock, end in self.clocks:
+            given = getattr(options, name)
+            if end < np.inf:
+                left = max(0.05, end - clock())
+                changed[name] = left if given is None else min(left, given)
+        return replace(options, **changed)
+
+    @property
+    def over(self) -> bool:
+        """True if a limit is reached, or the user ended the work."""
+        return self.interrupted or any(clock() >= end for _, clock, end in self.clocks)
 
     def run(self, start: NDArray[np.float64] | None) -> RationalResult:
         problem = self.problem
@@ -96,7 +113,7 @@ class _RationalSearch:
             note = ("no point satisfies the polynomial constraints and bounds",)
             proof = RationalCertificate(problem.fingerprint, np.inf, self.proofs)
             return self.result(proof, None, note)
-        return self.searched(self.sample() if start is None else start)
+        return self.searched(self.first_point(start))
 
     def searched(self, start: NDArray[np.float64] | None) -> RationalResult:
         """Try levels from a point, the reciprocals, and levels from the point that these find."""
@@ -138,28 +155,29 @@ class _RationalSearch:
 
     def limited_solve(self, problem: Problem, options: Options) -> Result:
         """Solve a polynomial problem in at most the time that is left."""
-        return self.solve(problem, self.limited(options))
+        found = self.solve(problem, self.limited(options))
+        self.interrupted |= found.status is Status.INTERRUPTED
+        return found
 
     def done(self, found: list[RationalResult]) -> bool:
         """Check whether the gap is closed, or time is over after a first result."""
         if any(result.status in (Status.OPTIMAL, Status.INFEASIBLE) for result in found):
             return True
-        return bool(found) and time.monotonic() >= self.end
+        return bool(found) and self.over
 
-    def sample(self) -> NDArray[np.float64] | None:
-        """Draw points of the box and return the best feasible one, None without one."""
-        problem = self.problem
-        if problem.dimension > _WIDEST:
+    def first_point(self, start: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        """Find a point to begin with, from a given one or from a sample."""
+        if self.options.refine == "none":
+            return start
+        found = sampled(self.problem, self.options.seed) if start is None else start
+        if found is None:
             return None
-        low, high = np.maximum(problem.lower, -_REACH), np.minimum(problem.upper, _REACH)
-        low, high = np.minimum(low, problem.upper), np.maximum(high, problem.lower)
-        generator = np.random.default_rng(self.options.seed)
-        points = generator.uniform(low, high, (_POINTS, problem.dimension))
-        points = np.clip(points, problem.lower, problem.upper)
-        for k in np.argsort(problem.objective(points)):
-            if problem.violation(points[k]) <= 0.0:
-                return np.asarray(points[k])
-        return None
+        return descended(self.problem, found, time.monotonic() + _DESCENT * self.left)
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left, at most some."""
+        return min(_SECONDS, *(end - clock() for _, clock, end in self.clocks))
 
     def by_levels(self, start: NDArray[np.float64]) -> RationalResult:
         """Find the level of an objective of one ratio; the best of all results."""
@@ -178,7 +196,7 @@ class _RationalSearch:
             x = found.x
             after = float(problem.objective(x)) - constant
             still = abs(after - level) <= _STILL * max(1.0, abs(level))
-            if still or not np.isfinite(after) or time.monotonic() >= self.end:
+            if still or not np.isfinite(after) or self.over:
                 break
             level = after
         assert best is not None
@@ -190,6 +208,7 @@ class _RationalSearch:
         polynomial = problem.lifted(self.ranges, level)
         lifted = None if start is None else self.point(start, level, polynomial)
         found = self.solve(polynomial, self.limited(self.options), start=lifted)
+        self.interrupted |= found.status is Status.INTERRUPTED
         proof = RationalCertificate(
             problem.fingerprint, -np.inf, self.proofs, level, found.certificate
         )
@@ -244,7 +263,7 @@ def _status(
     allowed = options.gap * (max(1.0, abs(upper)) if options.gap_kind == "relative" else 1.0)
     if np.isfinite(upper) and proof.bound >= upper - allowed:
         return Status.OPTIMAL
-    limit = found is not None and found.status in (Status.LIMIT, Status.FAILED)
-    if limit and found is not None:
+    ended = (Status.LIMIT, Status.FAILED, Status.INTERRUPTED)
+    if found is not None and found.status in ended:
         return found.status
     return Status.BOUNDED if proof.bound > -np.inf else Status.UNPROVED

@@ -29,6 +29,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     closed_without_relaxation,
     lower_bound,
 )
+from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
@@ -109,7 +110,7 @@ def run_orders(
         return _by_relaxations(context, candidates, shared, more_starts)
     if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
         state = _by_relaxations(context, candidates, shared, more_starts)
-        return _added(state, _by_exact_multipliers(state.context, state.candidates))
+        return _proved_otherwise(state)
     exact = _by_exact_multipliers(context, candidates)
     if exact is None:
         return _by_relaxations(context, candidates, shared, more_starts)
@@ -138,6 +139,25 @@ def _by_relaxations(
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
         return _with_unconstrained(state)
     return state
+
+
+def _proved_otherwise(state: SearchState) -> SearchState:
+    """Prove what a plain relaxation has by exact arguments, where its own proof loses much."""
+    if _keeps_its_value(state):
+        return state
+    state = _added(state, _by_exact_multipliers(state.context, state.candidates))
+    if _keeps_its_value(state) or state.context.deadline.over:
+        return state
+    options = replace(state.context.options, effort="presolve", switches=None)
+    context = replace(state.context, options=options)
+    return _added(state, _by_gram_matrices(context, state.candidates, iter(())))
+
+
+def _keeps_its_value(state: SearchState) -> bool:
+    """Check that the bound is the attained value, or nearly that of the relaxation."""
+    bound, value = lower_bound(state.outcome.certificate), state.outcome.value
+    near = value - bound <= BOUNDING.lost * (1.0 + abs(value))
+    return bool(near) or state.context.closed(bound)
 
 
 def _by_exact_multipliers(
@@ -296,6 +316,7 @@ def _orders(
     """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
     history: list[HistoryEntry] = []
+    own = shared is None
     for order in _order_numbers(context):
         start = time.process_time()
         options = replace(_timed(context), order=order)
@@ -322,7 +343,35 @@ def _orders(
                 break  # no order proves anything
         shared = None
     assert outcome is not None
+    if own and context.options.effort != "auto":
+        outcome = _by_lower_orders(context, outcome)
     return SearchState(context, outcome, candidates, tuple(history))
+
+
+def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
+    """Take a lower order's certificate where an order proves nothing.
+
+    Multipliers of a lower order are multipliers of the higher one. Without bounds on the variables
+    the higher one may have no optimal ones of its own, and a solver finds none that prove
+    anything. The output of the solver stays that of the order that was asked for.
+    """
+    options, problem = context.options, context.problem
+    least, asked = least_order(problem), options.order or 1
+    if lower_bound(outcome.certificate) > -np.inf or outcome.relaxation is None or asked <= least:
+        return outcome
+    if context.best is not None and falling_ray(problem, context.best) is not None:
+        return outcome  # no order proves anything
+    for order in range(asked - 1, least - 1, -1):
+        if context.deadline.over:
+            break
+        switches = options.switches and replace(options.switches, order=order)
+        lower = replace(_timed(context), order=order, switches=switches)
+        bound = bound_order(replace(context, options=lower), None)
+        if lower_bound(bound.certificate) > -np.inf:
+            note = f"order {asked} proves nothing by itself: the bound is that of order {order}"
+            model = replace(outcome.model, notes=(*outcome.model.notes, note))
+            return replace(outcome, certificate=bound.certificate, model=model)
+    return outcome
 
 
 def _timed(context: SolveContext) -> Options:

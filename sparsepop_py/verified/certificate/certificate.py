@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
@@ -379,6 +380,7 @@ class Certificate:
         stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
         while stack:
             node, outer = stack.pop()
+            check()
             box = node.box.replay(replay, outer)
             uses_cutoff |= node.box.uses_cutoff
             if node.branch is not None and len(node.children) == 2 and not is_empty(box):

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval
 
@@ -183,6 +184,7 @@ def _eliminated(rows: Rows) -> Fraction | None:
     hidden: list[Fraction] = []
     while queue:
         urgency, i = heapq.heappop(queue)
+        check()
         if i in done:
             continue
         now = _urgency(len(rows[i]), depth[i])

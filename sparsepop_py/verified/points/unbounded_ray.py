@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import entries_hold
 from sparsepop_py.verified.points.feasible_point import ProvedPoint, exact_coordinates
@@ -50,6 +51,7 @@ def falling_ray(
     if origin is None:
         return None
     for direction in _directions(problem, start.x) if known is None else (known,):
+        check()
         if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
             return direction
     return None
