@@ -369,3 +369,12 @@ def test_a_picture_is_drawn_for_light_and_dark_pages(tmp_path: Path) -> None:
     """The quickest script runs with the fast tests."""
     run("gallery/feasible_set", tmp_path, str(tmp_path))
     assert pictures(tmp_path) == {"feasible_set_light.svg", "feasible_set_dark.svg"}
+
+
+def test_a_report_from_a_file(tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    printed = run("identify_report", tmp_path, "--output", str(tmp_path))
+    assert "the noise bounds hold on the part that was held out" in printed
+    assert "read off this record" in printed and "sign of a1: proved up to" in printed
+    page = (tmp_path / "hairdryer.html").read_text(encoding="utf-8")
+    assert "Verified again for this page" in page
