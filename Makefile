@@ -5,6 +5,7 @@
 # make test-slow    the tests marked slow
 # make mutants      the fast tests of each room against deliberate faults in the trusted code
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
+# make docs         the documentation site in site/, strictly: no link may lead nowhere
 # All make their own environment in .venv; PYTHON=... chooses the interpreter.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -17,7 +18,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 FAST := tests/algebra tests/verified tests/problem tests/lp tests/io tests/test_api.py \
         tests/test_solve.py tests/test_cli.py
 
-.PHONY: demo test test-fast test-lowest test-slow mutants test-octave clean
+.PHONY: demo test test-fast test-lowest test-slow mutants test-octave docs clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -44,6 +45,9 @@ mutants: $(VENV)/.with-dev
 test-octave: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m 'octave or not slow' tests/compat/test_octave.py tests/compat/test_matlab_server.py
 
+docs: $(VENV)/.with-docs
+	$(BIN)/python -m mkdocs build --strict --site-dir site
+
 # An editable installation with one extra; made again only when pyproject.toml changes.
 $(VENV)/.with-%: pyproject.toml
 	@test -n "$(PYTHON)" || { echo "python3 is missing: apt-get install python3-venv" >&2; exit 1; }
@@ -57,9 +61,9 @@ $(VENV)/.with-%: pyproject.toml
 $(LOWEST)/.ready: pyproject.toml tests/lowest.txt
 	"$(PYTHON)" -m venv $(LOWEST)
 	$(LOWEST)/bin/python -m pip --disable-pip-version-check install --quiet \
-	  -c tests/lowest.txt --editable '.[plot]' pytest pytest-xdist hypothesis python-flint
+	  -c tests/lowest.txt --editable '.[plot,cvxpy,sympy]' pytest pytest-xdist hypothesis python-flint
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(LOWEST) build dist demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
+	rm -rf $(VENV) $(LOWEST) build dist site demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -122,6 +122,7 @@ def _parser() -> argparse.ArgumentParser:
         _add_data(command)
         add_structure(command)
         command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
+        command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
         add_json(command)
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
@@ -195,7 +196,7 @@ def _noise(arguments: argparse.Namespace) -> Noise:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    return Options(time_limit=arguments.time_limit)
+    return Options(time_limit=arguments.time_limit, cpu_limit=arguments.cpu_limit)
 
 
 # ---- identify ---------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -40,7 +42,8 @@ from setid.minimum_noise.discretisation import remark, with_estimate
 from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
-from setid.options import Options
+from setid.options import Options, with_executor
+from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.free_parameters import free_parameters
@@ -56,6 +59,7 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
+from setid.result.holdout import Holdout
 from setid.result.identification import Identification
 from setid.result.progress import OnProgress, Progress
 from sparsepop_py.budget import Deadline, LimitReached
@@ -71,6 +75,8 @@ _DIRECT = (
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
 _NO_BOX = "time ended in the search for a box from the data: give more time"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_FIRST = 0.75  # of the time, for the part of a record that is not held out
+_LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 
 
@@ -81,7 +87,9 @@ def identify(
     priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
     options: Options | None = None,
     *,
+    holdout: IOData | float | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> Identification:
     """Prove an uncertainty interval for each parameter.
 
@@ -94,10 +102,16 @@ def identify(
     noise : Noise
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
+    holdout : float, int or IOData, optional
+        Samples that check the noise bounds: a part of the record that is left out of the
+        identification (as of :meth:`IOData.split`: 0.5 holds out the second half), or another
+        record. The result says with which factor on the bounds they are explained.
     on_progress : callable, optional
         Called with the name of a parameter, its proved and its attained interval so far, when they
         change and at the next stage after two seconds; ends are infinite where there is none.
         Where it raises ``KeyboardInterrupt``, what is proved is returned.
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as ``options.engine.executor`` does.
 
     Returns
     -------
@@ -129,6 +143,9 @@ def identify(
     settings = options or Options()
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
+    settings = with_executor(settings, executor)
+    if holdout is not None:
+        return _held_out((data, model, noise, priors), settings, holdout, on_progress)
     if isinstance(model, BlockStructured) and isinstance(data, IOData):
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
             parts = data, model, noise, priors
@@ -140,6 +157,43 @@ def identify(
     )
     formulation = task.timed("formulate", lambda: formulate(data, model, noise, given))
     return _with_remark(_intersected(formulation, task))
+
+
+def _held_out(
+    parts: tuple[IOData, Structure, Noise, Any],
+    settings: Options,
+    holdout: IOData | float,
+    on_progress: OnProgress | None,
+) -> Identification:
+    """Identify from one part, and find the factor on the noise bounds that the other needs."""
+    data, model, noise, priors = parts
+    if not isinstance(data, IOData):
+        raise SetidError(f"data: found {type(data).__name__}, expected IOData")
+    until = settings.deadline()
+    first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
+    own, other = _noise_of(noise, data, first, rest)
+    share = None if settings.time_limit is None else _FIRST * settings.time_limit
+    timed = replace(settings, time_limit=share)
+    found = identify(first, model, own, priors, timed, on_progress=on_progress)
+    if found.empty:
+        return found
+    known = found.formulation
+    ends = {n: i.outer for n, i in found.intervals.items() if np.any(np.isfinite(i.outer))}
+    given = [*known.priors, *([Box(ends)] if ends else [])]
+    left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
+    other = other.covering(known.noise.model_error)
+    level = consistency(rest, known.model, other, given, replace(settings, time_limit=left))
+    return replace(found, holdout=Holdout(rest, level.scale))
+
+
+def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[Noise, Noise]:
+    """Noise of both parts of a record; bounds that are given one a sample are split as it is."""
+    each = [np.shape(getattr(noise, kind))[:1] for kind in ("output", "input", "equation")]
+    if first is data or (data.samples,) not in each:
+        return noise, noise
+    eta, xi, e = noise.bounds(data)
+    k = first.samples
+    return Noise(eta[:k], xi[:k], e[:k]), Noise(eta[k:], xi[k:], e[k:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,8 +263,7 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
     kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
     if len(kept) == len(formulation.priors):
         return _settle(formulation, task)
-    left = task.until - time.monotonic()
-    first = task if left == inf else replace(task, deadline=Deadline(max(_SHARE * left, 1e-3)))
+    first = replace(task, deadline=task.deadline.part(_SHARE))
     found = _settle(formulation, first)
     closed = not any(_is_open(item) for item in found.intervals.values())
     if closed or first.deadline.stopped:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import inf
 from time import monotonic
@@ -12,7 +13,7 @@ from setid.data.checks import number
 from setid.errors import SetidError
 from sparsepop_py.budget import Deadline
 
-__all__ = ["Options"]
+__all__ = ["Options", "with_executor"]
 
 _LEAST = 1e-3  # seconds: what an engine without time is given, to say what is known already
 
@@ -115,3 +116,21 @@ class Options:
             time_limit=self.time_limit if left is None or left == inf else left,
             cpu_limit=base.cpu_limit if self.cpu_limit is None else self.cpu_limit,
         )
+
+
+def with_executor(options: Options, executor: Executor | None) -> Options:
+    """Have an executor process the nodes of branch and bound, if there is one.
+
+    Parameters
+    ----------
+    options : Options
+    executor : concurrent.futures.Executor or None
+
+    Returns
+    -------
+    Options
+    """
+    if executor is None:
+        return options
+    engine = options.engine or sp.Options(effort="auto")
+    return replace(options, engine=replace(engine, executor=executor))

@@ -9,11 +9,13 @@ settled: a gap as wide as the attained interval tells nothing.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Executor
+from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,6 +32,10 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
+from sparsepop_py.executors.dispatch import completed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Selection", "SelectionStep", "select"]
 
@@ -111,6 +117,17 @@ class Selection:
             lines.append("no structure with consistent parameters was found")
         return "\n".join(lines)
 
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the decisions; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
+        from setid.plots.decisions import plot_selection
+
+        return plot_selection(self, ax)
+
     def _repr_html_(self) -> str:
         rows = [(s.order, s.degree, s.decision, s.reason) for s in self.steps]
         return section(
@@ -133,6 +150,8 @@ def select(
     degrees: Iterable[int] = (1,),
     priors: Iterable[Prior | sp.Constraint] = (),
     options: Options | None = None,
+    *,
+    executor: Executor | None = None,
 ) -> Selection:
     """Find the simplest structure that the data do not refute.
 
@@ -150,6 +169,9 @@ def select(
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
         For each identification; ``time_limit`` is for all of them together.
+    executor : concurrent.futures.Executor, optional
+        Tries all structures at once, each as one task with an equal share of the time limit.
+        Those behind the first that is kept are dropped, so the steps are the same.
 
     Returns
     -------
@@ -177,17 +199,61 @@ def select(
     if not sizes or not tops:
         raise SetidError("orders, degrees: found none, expected at least one of each")
     known, settings = list(priors), options or Options()
-    until, steps = settings.deadline(), list[SelectionStep]()
     tried = list(product(sizes, tops))
+    given = data, noise, known, settings
+    found = (
+        _in_turn(make, tried, given) if executor is None else _at_once(make, tried, given, executor)
+    )
+    steps = list[SelectionStep]()
+    with closing(found):
+        for step in found:
+            steps.append(step)
+            if step.decision == "kept":
+                return Selection(tuple(steps), step, _coefficients(step.result))
+    return Selection(tuple(steps), None, {})
+
+
+_Given = tuple[IOData, Noise, list[Any], Options]
+_Steps = Generator[SelectionStep, None, None]
+
+
+def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given) -> _Steps:
+    """Try one structure after the other; those soon refuted leave their time to the others."""
+    data, noise, known, settings = given
+    until = settings.deadline()
     for place, (order, degree) in enumerate(tried):
-        if until < inf:  # a structure that is soon refuted leaves its share to the others
+        if until < inf:
             share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
             settings = replace(settings, time_limit=share)
-        step = _try(make, order, degree, (data, noise, known, settings))
-        steps.append(step)
-        if step.decision == "kept":
-            return Selection(tuple(steps), step, _coefficients(step.result))
-    return Selection(tuple(steps), None, {})
+        result = identify(data, make(order, degree), noise, known, settings)
+        yield SelectionStep(order, degree, *_decision(result), result)
+
+
+def _at_once(
+    make: Family, tried: list[tuple[int, int]], given: _Given, executor: Executor
+) -> _Steps:
+    """Try all structures at once; yield them in their order."""
+    data, noise, known, settings = given
+    if settings.time_limit is not None:
+        settings = replace(settings, time_limit=max(settings.time_limit / len(tried), _LEAST))
+    settings = replace(settings, progress=False)
+    tasks = ((k, (data, make(*tried[k]), noise, known, settings)) for k in range(len(tried)))
+    ready: dict[int, Identification] = {}
+    place = 0
+    with closing(completed(executor, _identify_task, tasks)) as found:
+        for done in found:
+            if done.value is None:
+                raise SetidError(f"executor: structure {tried[done.key]} was given up: {done.lost}")
+            ready[done.key] = done.value
+            while place in ready:
+                result = ready.pop(place)
+                yield SelectionStep(*tried[place], *_decision(result), result)
+                place += 1
+
+
+def _identify_task(task: tuple[Any, ...]) -> Identification:
+    """Identify in a worker process."""
+    return identify(*task)
 
 
 def _naturals(given: Any, field: str, least: int) -> list[int]:
@@ -206,12 +272,6 @@ def _family(family: Any, data: IOData) -> Family:
             "or a callable (order, degree) -> structure"
         )
     return family
-
-
-def _try(make: Family, order: int, degree: int, given: tuple[Any, ...]) -> SelectionStep:
-    data, noise, priors, options = given
-    result = identify(data, make(order, degree), noise, priors, options)
-    return SelectionStep(order, degree, *_decision(result), result)
 
 
 def _decision(result: Identification) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -17,7 +18,7 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
-from sparsepop_py.study.content import dump, load
+from setid.result.json_ import from_json, to_json
 from sparsepop_py.study.problems import repeatable
 from sparsepop_py.study.study import BaseStudy, Tags, Work
 
@@ -44,20 +45,17 @@ def _rows(result: Identification) -> list[dict[str, Any]]:
 
 
 def _write(result: Identification) -> bytes:
-    """Store a result without relaxations and solutions, on which nothing rests."""
-    lean = tuple(replace(each, relaxation=None, solution=None) for each in result.results)
-    return dump(replace(result, results=lean), "result")
+    return zlib.compress(to_json(result).encode())
 
 
 def _read(content: bytes, place: str, trusted: tuple[str, ...]) -> Identification:
     """Read a result and verify its claims; nothing in a file is believed."""
-    found = load(content, place, trusted)
-    if not isinstance(found, Identification):
-        raise SetidError(f"{place}: found {type(found).__name__}, expected an Identification")
-    checked = found.verify()
-    if not checked:
-        raise SetidError(f"{place}: its proofs do not hold: {checked.reason}")
-    return found
+    try:
+        return from_json(zlib.decompress(content).decode())
+    except (zlib.error, UnicodeDecodeError) as error:
+        raise sp.FormatError(f"{place}: found damaged content: {error}") from error
+    except SetidError as error:
+        raise SetidError(f"{place}: {error}") from error
 
 
 def _certificate(result: Identification) -> str:

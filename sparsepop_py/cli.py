@@ -249,6 +249,7 @@ def _add_outputs(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--time-limit", type=float, metavar="S", help="seconds of wall time for each solve"
     )
+    command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
     add_json(command)
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
 
@@ -361,6 +362,7 @@ def _solve(arguments: argparse.Namespace) -> int:
         sparse=not arguments.dense,
         solver=arguments.solver,
         time_limit=arguments.time_limit,
+        cpu_limit=arguments.cpu_limit,
         progress=True,
     )
     result = solve(problem, options)

@@ -9,6 +9,7 @@ One pass is :mod:`sparsepop_py.bounding.relaxation_bound`, the loop over passes
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import chain, tee
 from typing import Any, overload
@@ -27,6 +28,7 @@ from sparsepop_py.bounding.relaxation_bound import (
 from sparsepop_py.budget import EARLY, Deadline, LimitReached
 from sparsepop_py.context import SolveContext
 from sparsepop_py.errors import ProblemError, SparsePOPError
+from sparsepop_py.executors.dispatch import map_in_order
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import (
     first_incumbent,
@@ -58,7 +60,8 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 __all__ = ["INTERRUPTED", "solve", "solve_each"]
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
-_UNVERIFIED = "time ended before the bound was verified: that of the bounds given is claimed"
+_UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
+_LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
 
@@ -69,6 +72,7 @@ def solve(
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> Result: ...
 
 
@@ -79,6 +83,7 @@ def solve(
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> RationalResult: ...
 
 
@@ -89,6 +94,7 @@ def solve(
     *,
     start: NDArray[Any] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> Result | RationalResult:
     """Solve a polynomial problem: proved lower bound, attained upper bound, minimisers.
 
@@ -103,6 +109,8 @@ def solve(
         Called with 0, the proved and the attained value: when they change, and at the next stage
         after two seconds. Where it raises ``KeyboardInterrupt``, what is proved is returned.
         Not called for a problem with ratios.
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as ``options.executor`` does.
 
     Returns
     -------
@@ -128,7 +136,7 @@ def solve(
     >>> result.status, abs(result.lower_bound - 0.25) < 1e-6
     (<Status.OPTIMAL: 'OPTIMAL'>, True)
     """
-    options = options or Options()
+    options = _with_executor(options or Options(), executor)
     if isinstance(problem, RationalProblem):
         return solve_rational(problem, options, start, solve)
     _check_problem(problem, options)
@@ -159,6 +167,7 @@ def solve_each(
     points: Sequence[ProvedPoint] = (),
     branch_on: Sequence[int] | None = None,
     on_progress: OnProgress | None = None,
+    executor: Executor | None = None,
 ) -> list[Result]:
     """Solve for several objectives over one feasible set, sharing box and relaxations.
 
@@ -186,6 +195,10 @@ def solve_each(
     on_progress : callable, optional
         Called with an objective's number, its proved and its attained value so far, as by
         :func:`solve`.
+    executor : concurrent.futures.Executor, optional
+        With effort ``"auto"``: processes the nodes of branch and bound, as ``options.executor``
+        does. With other efforts, unless gaps are widths: solves each objective as a task of its
+        own, as :func:`solve` does; bounds then do not depend on the number of workers.
 
     Returns
     -------
@@ -208,13 +221,16 @@ def solve_each(
     >>> low.relaxation is high.relaxation
     True
     """
-    options = options or Options()
+    options = _with_executor(options or Options(), executor)
     if branch_on is not None:
         options = replace(options, branch_on=tuple(branch_on))
     objectives = list(objectives)
     _check(problem, objectives, options)
     if not objectives:
         return []
+    if executor is not None and options.effort != "auto" and options.gap_kind != "width":
+        tasks = [(problem.with_objective(each), options, start) for each in objectives]
+        return _solve_apart(tasks, executor, on_progress)
     problem = problem.with_objective(objectives[0])  # its own joins no variables
     several = _Several(
         problem,
@@ -232,6 +248,28 @@ def solve_each(
         return [_result(state, known) for state in states]
     finally:
         several.stages.close()
+
+
+def _solve_apart(
+    tasks: list[tuple[Problem, Options, NDArray[Any] | None]],
+    executor: Executor,
+    on_progress: OnProgress | None,
+) -> list[Result]:
+    """Solve problems as tasks of their own."""
+    results = map_in_order(executor, _solve_task, tasks)
+    for number, each in enumerate(results if on_progress is not None else ()):
+        on_progress(number, each.lower_bound, each.upper_bound)  # type: ignore[misc]
+    return results
+
+
+def _solve_task(task: tuple[Problem, Options, NDArray[Any] | None]) -> Result:
+    """Solve a problem in a worker; relaxation and solution stay there, nothing rests on them."""
+    problem, options, start = task
+    return replace(solve(problem, options, start=start), relaxation=None, solution=None)
+
+
+def _with_executor(options: Options, executor: Executor | None) -> Options:
+    return options if executor is None else replace(options, executor=executor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -389,7 +427,7 @@ def _solve_one(
     except EARLY as cause:
         context.deadline.ended(cause)
         state = unstarted_state(context, candidates)
-    state.context.report(lower_bound(state.outcome.certificate))
+    state.context.report_last(lower_bound(state.outcome.certificate))
     return state
 
 
@@ -415,7 +453,8 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
     """Lower the claims of a state, also those on the way, to what verification confirms.
 
     An interrupt here asks for the result, which this is the last step to; a second one ends it.
-    Where time ends before the verification does, the bound of the box alone is claimed.
+    Where time ends before the verification of a tree does, the best bound without the tree is
+    claimed.
     """
     context, outcome = state.context, state.outcome
     problem, certificate = context.problem, outcome.certificate
@@ -429,9 +468,10 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
             context.deadline.stop()
             settled = certificate.settled(problem, known)
         except LimitReached:
-            outcome = replace(unstarted_state(context, []).outcome, relaxation=outcome.relaxation)
-            settled = outcome.certificate
-            state = replace(state, notes=(*state.notes, _UNVERIFIED))
+            simpler = outcome.simpler or certificate  # of one node, which takes little time
+            settled = simpler.settled(problem, known)
+            if outcome.simpler is not None:
+                state = replace(state, notes=(*state.notes, _UNVERIFIED))
     if settled is certificate:
         return state
     most = lower_bound(settled)
@@ -488,6 +528,7 @@ _Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
 def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
+    notes += _lost_by_the_proof(context, bound, lower)
     if deadline.stopped:
         notes.append(INTERRUPTED)
     status, ray = Status.BOUNDED, None
@@ -513,6 +554,29 @@ def _falls(context: SolveContext) -> bool:
     return best is not None and not _closed_box(problem) and falling_ray(problem, best) is not None
 
 
+def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: float) -> list[str]:
+    """Say that the proof and not the relaxation lost the value, and where."""
+    solution, value, box = bound.solution, bound.value, bound.model.box
+    single = context.options.effort != "auto"  # else the last relaxation may be of one node
+    if not single or solution is None or solution.status not in ("solved", "almost"):
+        return []
+    if context.closed(lower) or not value - lower > _LOST * (1.0 + abs(value)):
+        return []
+    reach = np.maximum(np.abs(box.lo), np.abs(box.hi))
+    open_ = np.flatnonzero(np.isinf(reach))
+    where = f"no finite bounds are known for {_listed(context.problem, open_)}"
+    if not open_.size:
+        widest = context.problem.names[int(np.argmax(reach))]
+        where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
+
+
+def _listed(problem: Problem, variables: NDArray[Any]) -> str:
+    """Names of variables, the first eight."""
+    names = ", ".join(problem.names[v] for v in variables[:8])
+    return names + (f" and {variables.size - 8} more" if variables.size > 8 else "")
+
+
 def _ray(context: SolveContext) -> NDArray[np.float64] | None:
     """Find a direction along which the objective provably falls without limit."""
     problem, best = context.problem, context.best
@@ -527,9 +591,7 @@ def _unproved(problem: Problem, bound: CertifiedBound) -> tuple[Status, list[str
     box = bound.model.box
     unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
     if unbounded.size:
-        names = ", ".join(problem.names[v] for v in unbounded[:8])
-        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
-        return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
+        return Status.UNPROVED, [f"no finite bounds are known for {_listed(problem, unbounded)}"]
     return Status.FAILED, []
 
 

@@ -212,7 +212,7 @@ class Result:
 
     @property
     def message(self) -> str:
-        """What the status means in this run, and what to try after it."""
+        """Meaning of the status in this run, and what to try after it."""
         if self.status is Status.UNBOUNDED and self.ray is not None:
             return f"It is proved that the objective falls without limit along {_line(self)}."
         if self.status is Status.LIMIT:
@@ -339,7 +339,7 @@ _OPEN = (Status.BOUNDED, Status.UNPROVED, Status.FAILED)
 
 
 def _line(result: Result) -> str:
-    """Write a falling ray as x + s d with the names of the variables that move."""
+    """Write a falling ray with the names of the variables that move."""
     assert result.ray is not None
     moving = np.flatnonzero(result.ray).tolist()
     steps = [f"{result.problem.names[v]} by {result.ray[v]:+g}" for v in moving[:8]]
@@ -360,7 +360,7 @@ def _limits(options: Options) -> str:
 
 
 def _advice(result: Result) -> list[str]:
-    """List what to try after a run that left the gap open: nothing that it had already."""
+    """List what to try after a run that left the gap open."""
     options, found = result.options, []
     if options.effort == "plain" and options.switches is None:
         found.append("effort 'presolve'")

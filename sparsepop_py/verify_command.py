@@ -84,7 +84,7 @@ def _against(problem: Problem | RationalProblem, found: Any, path: str) -> list[
 
 
 def _claims(result: Result | RationalResult) -> list[str]:
-    """Check the claims of a result. Its attained value was proved again while it was read."""
+    """Check the claims of a result, whose point was proved again by the reader."""
     lines = []
     if result.certificate is not None:
         lines += _bound(result.problem, result.certificate)

@@ -7,6 +7,9 @@ import dataclasses
 import io
 import re
 import shutil
+import subprocess
+import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -29,6 +32,8 @@ PRIVATE = (
 )
 
 MADE = ("benchmarks/results/",)  # where programs write
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+OURS = PROJECT["urls"]["Homepage"] + "/blob/main/"
 
 
 def text(name: str) -> str:
@@ -60,9 +65,11 @@ def test_code_of_a_page_runs_and_prints_what_the_page_shows(
 def test_links_lead_somewhere(name: str) -> None:
     page = ROOT / name
     for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)]*))?\)", text(name)):
-        if "://" in target:
+        if "://" in target and not target.startswith(OURS):
             continue
         found = page.parent / target if target else page
+        if target.startswith(OURS):
+            found = ROOT / target.removeprefix(OURS)
         assert found.exists(), f"{name} links to {target}"
         if anchor:
             assert anchor in anchors(found), f"{name} links to {target}#{anchor}"
@@ -108,11 +115,28 @@ def test_the_design_page_names_every_room() -> None:
 def test_every_page_is_listed() -> None:
     listed = {
         (ROOT / folder / target).resolve()
-        for folder in ("docs", "docs/benchmarks", "docs/decisions")
+        for folder in ("docs", "docs/start", "docs/benchmarks", "docs/decisions")
         for target in re.findall(r"\]\(([^)#]+\.md)\)", text(f"{folder}/README.md"))
     }
     pages = {path for path in (ROOT / "docs").rglob("*.md") if path.name != "README.md"}
     assert pages - listed == set()
+
+
+def test_links_of_the_readme_work_where_it_is_copied() -> None:
+    """Package indices show it without the files beside it."""
+    relative = [t for t in re.findall(r"\]\(([^)]*)\)", text("README.md")) if "://" not in t]
+    assert relative == []
+
+
+@pytest.mark.slow
+def test_the_site_builds_strictly(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocstrings")
+    call = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
+    made = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, timeout=600)
+    assert made.returncode == 0, made.stderr
+    page = (tmp_path / "api" / "sparsepop_py" / "index.html").read_text(encoding="utf-8")
+    missing = [name for name in sp.__all__ if f"sparsepop_py.{name}" not in page]
+    assert missing == []
 
 
 def test_every_decision_has_a_date_and_what_was_rejected() -> None:

@@ -45,7 +45,15 @@ def numbers(text: str) -> list[float]:
 
 def test_every_example_is_tested() -> None:
     named = {"demo", "expressions", "ratios", "structs", "certificate", "many_objectives"}
-    studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates", "hammerstein")
+    studied = (
+        "estimators",
+        "hairdryer",
+        "cd_player",
+        "tank",
+        "sampling_rates",
+        "hammerstein",
+        "motor",
+    )
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
     added = {"control_hairdryer", "neural_gradients", "neural_records"}
@@ -126,6 +134,17 @@ def test_ratios(tmp_path: Path) -> None:
         check=False,
     )
     assert checked.returncode == 0
+
+
+def test_identify_motor(tmp_path: Path) -> None:
+    """The parameters that made the record lie in the intervals, which are attained inside."""
+    output = run("identify_motor", tmp_path)
+    assert "verified       True" in output
+    for name, true in {"J": 0.02, "b": 0.1, "K": 0.3, "R": 1.0, "L": 0.2}.items():
+        row = re.search(rf"^{name} +(\S+) +(\S+) +(\S+) +(\S+)", output, re.M)
+        assert row is not None
+        low, high, first, last = (float(value) for value in row.groups())
+        assert low <= true <= high and low <= first <= last <= high
 
 
 def test_structs(tmp_path: Path) -> None:

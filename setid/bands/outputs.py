@@ -104,11 +104,17 @@ class OutputBand:
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
         return np.argwhere(gone)
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the readings and the band, one axis an output; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the readings and the band, one axis an output; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_output_band
 
-        return plot_output_band(self)
+        return plot_output_band(self, ax)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,11 +190,17 @@ class Comparison:
             "reading of the record would lie in it"
         ]
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the band with the fit in the title; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the band with the fit in the title; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_comparison
 
-        return plot_comparison(self)
+        return plot_comparison(self, ax)
 
 
 def simulate_band(

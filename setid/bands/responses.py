@@ -7,6 +7,7 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 from __future__ import annotations
 
 import time
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,9 @@ from setid.feasible_set.principal import principal_cover
 from setid.feasible_set.supports import Proposer
 from setid.proofs.frequency.arc_regions import ArcRegions, families_of
 from setid.proofs.frequency.regions import frequency_regions, rounding_of
+from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
+from sparsepop_py.executors.dispatch import map_in_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FrequencyBand", "frequency_band"]
 
+_FREQUENCIES = 32  # of one task
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 _SHARE = 0.7  # of the time, for ranges along principal axes
@@ -112,7 +116,8 @@ class FrequencyBand:
     @property
     def peak(self) -> tuple[float, float]:
         """Proved bounds of the largest gain that a consistent model has at any frequency."""
-        return float(self.magnitude[:, 0].max()), self._proved_arcs().largest_gain
+        arcs = self._proved_arcs()
+        return max(float(self.magnitude[:, 0].max()), arcs.least_peak), arcs.largest_gain
 
     def distance(self, point: complex = -1.0) -> float:
         """Proved lower bound of the distance of all responses from a point of the plane.
@@ -161,6 +166,8 @@ def frequency_band(
     samples: int = 100,
     seed: int = 0,
     time_limit: float = 20.0,
+    *,
+    executor: Executor | None = None,
 ) -> FrequencyBand:
     """Band of a frequency response, for Bode, Nyquist and Nichols plots.
 
@@ -178,6 +185,9 @@ def frequency_band(
     time_limit : float
         Seconds for what is proved along principal axes, where the rows in theta say little, and
         between the frequencies.
+    executor : concurrent.futures.Executor, optional
+        Bounds proved bands, 32 frequencies a task; what is proved is the same with any number
+        of workers.
 
     Returns
     -------
@@ -206,7 +216,7 @@ def frequency_band(
     >>> bool(band.magnitude[0, 0] <= inner.magnitude[0, 0])
     True
     >>> [round(gain, 1) for gain in band.peak]  # of every consistent model, at any frequency
-    [2.5, 4.2]
+    [2.6, 4.5]
     """
     data, model = result.formulation.data, result.formulation.model
     continuous = transfer_of(model, output, input).continuous
@@ -219,10 +229,11 @@ def frequency_band(
         cover, _ = principal_cover(result, _SHARE * time_limit)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)
         rounding = rounding_of(model, output, input)
-        found = frequency_regions(cover, theta, weights, rounding, Proposer)
+        found = _proved((cover, theta, weights, rounding), executor)
         if not continuous and np.all(np.isfinite([cover.lower, cover.upper])):
             families = families_of(transfer_of(model, output, input), model.parameters)
             arcs = refined_arcs(cover, theta, families, until)
+            found = _met(found, arcs, frequencies * data.Ts, response)
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
@@ -242,6 +253,41 @@ def frequency_band(
         arcs,
         data.Ts,
     )
+
+
+def _proved(
+    given: tuple[Cover, Reals, tuple[Complexes, Complexes], float], executor: Executor | None
+) -> tuple[Reals, Reals, Complexes]:
+    """Bound gains, phases about the nominal one and regions, in parts if there is an executor."""
+    cover, theta, (a, b), rounding = given
+    if executor is None or not len(a):
+        return _regions_task(given)
+    parts = [slice(k, k + _FREQUENCIES) for k in range(0, len(a), _FREQUENCIES)]
+    tasks = [(cover, theta, (a[part], b[part]), rounding) for part in parts]
+    gains, turns, regions = zip(*map_in_order(executor, _regions_task, tasks), strict=True)
+    return np.concatenate(gains), np.concatenate(turns), np.concatenate(regions)
+
+
+def _regions_task(
+    given: tuple[Cover, Reals, tuple[Complexes, Complexes], float],
+) -> tuple[Reals, Reals, Complexes]:
+    return frequency_regions(*given, Proposer)
+
+
+def _met(
+    found: tuple[Reals, Reals, Complexes], arcs: ArcRegions, turns: Reals, response: Complexes
+) -> tuple[Reals, Reals, Complexes]:
+    """What is proved at frequencies and on the arcs there, the latter where the former is not."""
+    gains, angles, corners = found[0].copy(), found[1].copy(), found[2].copy()
+    for k, w in enumerate(turns.tolist()):
+        (low, high), phases = arcs.at(w)
+        if np.isinf(gains[k, 1]) and np.isfinite(high):
+            turn = float(np.angle(response[k]))
+            off = 2 * np.pi * round((turn - sum(phases) / 2) / (2 * np.pi)) - turn
+            angles[k] = phases[0] + off, phases[1] + off
+            corners[k] = arcs.corners(w)
+        gains[k] = max(gains[k, 0], low), min(gains[k, 1], high)
+    return gains, angles, corners
 
 
 def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:

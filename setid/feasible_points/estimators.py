@@ -188,7 +188,7 @@ def l1(data: IOData, model: Structure) -> Estimate:
 
     Notes
     -----
-    Minimise sum s subject to [A -I; -A -I] [theta; s] <= [b; -b].
+    Minimise sum s subject to ``[A -I; -A -I] [theta; s] <= [b; -b]``.
 
     References
     ----------

@@ -74,11 +74,16 @@ class Projection:
         x, y = self.outline.T
         return float(0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
-    def plot(self) -> Axes:
-        """Draw outline and attained points; returns the axes."""
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw outline and attained points; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.projections import plot_projection
 
-        return plot_projection(self)
+        return plot_projection(self, ax)
 
 
 def project(

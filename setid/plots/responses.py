@@ -12,10 +12,10 @@ from setid.errors import SetidError
 from setid.plots.axes import (
     ATTAINED,
     COLOUR,
-    READING,
     clip,
     far,
     fill_between,
+    ink,
     new_axes,
     require_matplotlib,
 )
@@ -65,7 +65,7 @@ def _bode(band: FrequencyBand) -> NDArray[Any]:
         (axes[1], np.degrees(phase), angle, "phase, degrees"),
     ):
         ax.fill_between(omega, *ends.T, color=COLOUR[band.kind], alpha=0.35, lw=0, label=band.kind)
-        ax.semilogx(band.omega, centre, color=READING, lw=1, label="nominal")
+        ax.semilogx(band.omega, centre, color=ink(), lw=1, label="nominal")
         ax.set_ylabel(label)
         ax.grid(alpha=0.3, which="both")
     axes[0].legend(loc="best")
@@ -98,8 +98,8 @@ def _nyquist(band: FrequencyBand) -> Axes:
     else:
         ax.plot(band.regions.real, band.regions.imag, color=colour, alpha=0.3, lw=0.5)
         ax.plot([], [], color=colour, label="sampled")
-    ax.plot(band.nominal.real, band.nominal.imag, color=READING, lw=1, label="nominal")
-    ax.plot([-1], [0], "+", color=READING)
+    ax.plot(band.nominal.real, band.nominal.imag, color=ink(), lw=1, label="nominal")
+    ax.plot([-1], [0], "+", color=ink())
     ax.set_xlabel("real part")
     ax.set_ylabel("imaginary part")
     ax.grid(alpha=0.3)
@@ -116,8 +116,8 @@ def _nichols(band: FrequencyBand) -> Axes:
         )
     ax.fill([], [], color=COLOUR[band.kind], alpha=0.2, label=f"{band.kind}, at each frequency")
     gains = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
-    ax.plot(np.degrees(np.unwrap(np.angle(band.nominal))), gains, color=READING, lw=1)
-    ax.plot([-180], [0], "+", color=READING)
+    ax.plot(np.degrees(np.unwrap(np.angle(band.nominal))), gains, color=ink(), lw=1)
+    ax.plot([-180], [0], "+", color=ink())
     ax.set_xlabel("phase, degrees")
     ax.set_ylabel("magnitude, dB")
     ax.grid(alpha=0.3)
@@ -150,7 +150,7 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     if band.kind == "proved" and np.any(np.isfinite(attained)):
         fill_between(axes, band.time, *attained, ATTAINED, "attained", 0.5)
     clip(axes, np.concatenate([band.nominal, *attained]), (band.low, band.high))
-    axes.step(band.time, band.nominal, color=READING, lw=1, where="post", label="nominal")
+    axes.step(band.time, band.nominal, color=ink(), lw=1, where="post", label="nominal")
     axes.set_xlabel("time")
     axes.set_ylabel(f"y{band.output} for a step in u{band.input}")
     axes.grid(alpha=0.3)

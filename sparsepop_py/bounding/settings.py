@@ -44,6 +44,8 @@ class BoundingSettings:
         Entries of a matrix of linear rows up to which it is formed densely.
     convex_variables : int
         Variables up to which a quadratic objective is recognised as convex.
+    lost : float
+        Share of a solver's value; where the proof loses more, it is tried on another box.
     convex_accuracy : float
         Accuracy of multipliers that rationals take the place of.
     exact_variables : int
@@ -64,6 +66,7 @@ class BoundingSettings:
     few_monomials: int = 40
     linear_entries: int = 1_000_000
     convex_variables: int = 300
+    lost: float = 1e-7
     convex_accuracy: float = 1e-10
     exact_variables: int = 40
 

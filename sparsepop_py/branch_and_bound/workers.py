@@ -1,4 +1,4 @@
-"""Run tasks on an executor of the user's, which may break, hang or refuse at any time."""
+"""Run tasks on a user's executor, which may break, hang or refuse."""
 
 from __future__ import annotations
 

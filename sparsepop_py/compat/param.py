@@ -173,7 +173,6 @@ def _local_search(name: str, value: Any) -> Any:
     return check_one_of(name, value, tuple(_LOCAL_SEARCH)[1:])
 
 
-_UNASKED = 1.0  # CPU seconds of local search where neither POPsolver nor localSearch asks for it
 _EFFORTS = ("plain", "presolve", "auto")
 _LOCAL_SEARCH = {
     "": "scipy",
@@ -211,6 +210,7 @@ def check_error_bounds(values: Mapping[str, Any]) -> None:
 
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
+_SEARCH = 1.0  # CPU seconds without POPsolver, for points whose values tighten boxes
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
@@ -338,9 +338,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
         gap=values.get("gap", 1e-6),
         time_limit=values.get("timeLimit", "") or None,
         refine=_refine(values, local),
-        search_limit=None
-        if local or values.get("localSearch", "") != "" or effort == "auto"
-        else _UNASKED,
+        search_limit=_search_limit(values, local, effort),
         solver=solver,
         progress=level[0] > 0,
         accuracy=values.get("SDPsolverEpsilon"),
@@ -369,6 +367,12 @@ def _refine(values: Mapping[str, Any], local: str) -> Any:
     """Choose the local search: ``localSearch`` where it was given, else as ``POPsolver`` says."""
     chosen = _LOCAL_SEARCH[values.get("localSearch", "")]
     return "ipopt" if local == "ipopt" and chosen == "scipy" else chosen
+
+
+def _search_limit(values: Mapping[str, Any], local: str, effort: str) -> float | None:
+    """Limit a local search that was not asked for: its points serve the proof alone."""
+    asked = local or values.get("localSearch", "") != ""
+    return None if asked or effort == "auto" else _SEARCH
 
 
 def _switches(order: float, values: Mapping[str, Any]) -> Switches:

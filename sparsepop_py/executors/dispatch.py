@@ -24,8 +24,7 @@ __all__ = ["Done", "completed", "map_in_order", "opened"]
 Key = TypeVar("Key")
 T = TypeVar("T")
 
-_LOST_MODULES = ("distributed", "ray", "mpi4py")  # whose own exceptions mean lost workers
-_AHEAD = 64  # tasks that are submitted and not done: their arguments are in memory
+_LOST_MODULES = ("distributed", "mpi4py")  # whose own exceptions mean lost workers
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +124,7 @@ def completed(
     function: Callable[[Any], T],
     tasks: Iterable[tuple[Key, Any]],
     attempts: int = 3,
+    ahead: int = 64,
 ) -> Generator[Done[Key, T], None, None]:
     """Run tasks on an executor and yield them as they are done.
 
@@ -140,6 +140,8 @@ def completed(
     tasks : iterable of (key, argument)
     attempts : int
         How often a task is tried before it is given up.
+    ahead : int
+        Most tasks that are submitted and not done; their arguments are in memory.
 
     Yields
     ------
@@ -161,7 +163,7 @@ def completed(
     rest = iter(tasks)
     try:
         while True:
-            while len(run.waiting) < _AHEAD and (task := next(rest, None)) is not None:
+            while len(run.waiting) < ahead and (task := next(rest, None)) is not None:
                 run.submit(*task, 1)
             if not run.waiting:
                 return

@@ -1,4 +1,4 @@
-"""Problems and results as JSON: what each field is, and what is proved again on reading."""
+"""Problems and results as JSON: their fields, and what reading proves again."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def _status(found: Any, place: str) -> Status:
 
 
 def check_bounds(lower: float, upper: float, proved: float, attained: float) -> None:
-    """Raise if the bounds that a text states are better than what is proved and attained.
+    """Raise if stated bounds are better than what is proved and attained.
 
     Parameters
     ----------

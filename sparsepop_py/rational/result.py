@@ -111,7 +111,7 @@ class RationalResult:
 
     @property
     def message(self) -> str:
-        """What the status means, in a sentence."""
+        """Meaning of the status, in a sentence."""
         return self.status.message
 
     @property

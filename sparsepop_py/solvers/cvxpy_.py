@@ -45,7 +45,7 @@ def require(name: str) -> Any:
         import cvxpy as cp
     except ImportError as error:
         raise SolverNotFound(
-            "solver: cvxpy is missing; install it with: pip install cvxpy"
+            "solver: cvxpy is missing; install it with: pip install 'sparsepop-py[cvxpy]'"
         ) from error
     if name.upper() not in cp.installed_solvers():
         raise SolverNotFound(

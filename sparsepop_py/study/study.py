@@ -185,6 +185,7 @@ class BaseStudy:
         executor: Executor | None = None,
         *,
         retry: bool = False,
+        ahead: int = 64,
         progress: bool = True,
         on_progress: Callable[[StudyStatus], None] | None = None,
     ) -> StudyStatus:
@@ -203,6 +204,8 @@ class BaseStudy:
             was lost are submitted again, up to three times.
         retry : bool
             Whether tasks that failed are tried again.
+        ahead : int
+            Most tasks that an executor has at a time; at least its number of workers.
         progress : bool
             Whether to draw a line with the rate and the time that is left, on a terminal.
         on_progress : callable, optional
@@ -221,6 +224,8 @@ class BaseStudy:
         SparsePOPError
             If the executor takes no tasks any more. What was done is stored.
         """
+        if isinstance(ahead, bool) or not isinstance(ahead, int) or ahead < 1:
+            raise ProblemError(f"ahead: found {ahead!r}, expected an integer >= 1")
         with opened(workers, executor) as chosen, self._store.writing():
             self._store.begin()
             states = ("failed", "lost") if retry else ()
@@ -228,7 +233,7 @@ class BaseStudy:
             follower = _Follower(self, len(tasks), Line(progress), on_progress)
             try:
                 with _interrupts() as interrupt, self._store.recording() as record:
-                    for number, outcome in self._outcomes(tasks, chosen):
+                    for number, outcome in self._outcomes(tasks, chosen, ahead):
                         if interrupt.came:
                             break
                         record(number, outcome)
@@ -240,7 +245,7 @@ class BaseStudy:
         return self.status()
 
     def _outcomes(
-        self, tasks: list[tuple[int, str]], executor: Executor | None
+        self, tasks: list[tuple[int, str]], executor: Executor | None, ahead: int
     ) -> Iterator[tuple[int, Outcome]]:
         """Do tasks and yield their numbers and outcomes as they are done."""
         jobs = (
@@ -251,7 +256,7 @@ class BaseStudy:
             for number, job in jobs:
                 yield number, perform(job)
             return
-        with closing(completed(executor, perform, jobs)) as found:
+        with closing(completed(executor, perform, jobs, ahead=ahead)) as found:
             for done in found:
                 yield done.key, _lost(done) if done.value is None else done.value
 

@@ -46,8 +46,9 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 @pytest.mark.parametrize("nothing", [None, {}, [], np.zeros((0, 0)), SimpleNamespace()])
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
-    options = Options(order=1, chordal="min-degree", progress=True, search_limit=1.0)
-    assert parameters == Parameters(options=options)
+    assert parameters == Parameters(
+        options=Options(order=1, chordal="min-degree", search_limit=1.0, progress=True)
+    )
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
 
@@ -376,7 +377,7 @@ def test_local_search_by_number_and_name(given: Any, refine: str) -> None:
         ({"effort": "plain"}, 1.0),
     ],
 )
-def test_a_search_that_nobody_asked_for_has_a_second(
+def test_a_search_that_nobody_asked_for_is_short(
     given: dict[str, Any], seconds: float | None
 ) -> None:
     assert read_parameters(given).options.search_limit == seconds

@@ -19,6 +19,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
+from setid.result.json_ import to_json
 from sparsepop_py.cli import main
 from sparsepop_py.errors import FormatError, OutputError, ProblemError
 from sparsepop_py.study.content import dump, fingerprint, load
@@ -344,6 +345,7 @@ def test_fingerprints_say_what_a_value_is() -> None:
         (lambda s: s.add("a", square(1), tags={"b": [1]}), r"tags\['b'\]: found \[1\]"),
         (lambda s: s.run(0), "workers: found 0"),
         (lambda s: s.run(2, ThreadPoolExecutor(1)), "found both"),
+        (lambda s: s.run(ahead=0), "ahead: found 0"),
         (lambda s: s.run(executor=print), "executor: found builtin"),
         (lambda s: s.export("table.xls"), r"found the ending '\.xls'"),
     ],
@@ -434,6 +436,7 @@ def test_a_stored_identification_that_claims_too_much_is_refused(tmp_path: Path)
     study.run()
     found = study.result("a")
     tight = replace(found.intervals["b0"], outer=(1.95, 2.0))
-    write(study, dump(replace(found, intervals={**found.intervals, "b0": tight}), "result"))
-    with pytest.raises(setid.SetidError, match="its proofs do not hold"):
+    claims = replace(found, intervals={**found.intervals, "b0": tight})
+    write(study, zlib.compress(to_json(claims).encode()))
+    with pytest.raises(setid.SetidError, match="result of 'a': from_json: found a claim"):
         study.result("a")

@@ -20,10 +20,12 @@ of recurrent neural networks", IEEE Transactions on Automatic Control 69 (2024).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import sparsepop_py as sp
 from setid.neural.arithmetic import (
     Interval,
     down,
@@ -173,10 +175,20 @@ def find_lyapunov(system: DifferenceSystem, steps: int = 7) -> Lyapunov | None:
     return best
 
 
+def _cvxpy() -> Any:
+    """Import cvxpy, whose modelling takes a second to import."""
+    try:
+        import cvxpy
+    except ImportError as error:
+        raise sp.SolverNotFound(
+            "cvxpy is missing; install it with: pip install 'sparsepop-py[cvxpy]'"
+        ) from error
+    return cvxpy
+
+
 def _solve(system: DifferenceSystem, rate: float) -> Lyapunov | None:
     """Matrices for one rate, verified; None where the solver or the proof fails."""
-    import cvxpy as cp  # the modelling takes a second to import
-
+    cp = _cvxpy()
     n, m = system.C.shape[1], system.C.shape[0]
     P, scale = cp.Variable((n, n), PSD=True), cp.Variable(m, nonneg=True)
     step = np.hstack([system.A, system.E])

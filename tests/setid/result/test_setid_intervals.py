@@ -77,7 +77,8 @@ def test_methods_take_what_their_functions_take(name: str) -> None:
     given = {key: (p.default, p.kind) for key, p in list(method.items())[1:]}
     taken = {key: (p.default, p.kind) for key, p in list(function.items())[1 : len(method)]}
     assert list(given.items()) == list(taken.items())
-    assert set(function) - set(method) - {"result"} <= {"samples", "seed", "options"}
+    settings = {"samples", "seed", "options", "tolerance", "time_limit", "all_time", "executor"}
+    assert set(function) - set(method) - {"result"} <= settings
 
 
 def test_methods_pass_on_what_they_are_given() -> None:
