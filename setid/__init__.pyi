@@ -101,6 +101,10 @@ from .feasible_set.projections import (
 from .feasible_set.start import (
     parameter_box,
 )
+from .fit import (
+    Fit,
+    fit,
+)
 from .formulation.assembly import (
     Rows,
 )
@@ -209,6 +213,9 @@ from .simulation.simulate import (
 from .study import (
     Study,
 )
+from .terms import (
+    sparse_terms,
+)
 from .verify import (
     verify,
 )
@@ -234,6 +241,7 @@ __all__ = [
     "Evidence",
     "Excitation",
     "FeasibleSet",
+    "Fit",
     "Formulation",
     "FrequencyBand",
     "Hammerstein",
@@ -297,6 +305,7 @@ __all__ = [
     "estimators",
     "excitation",
     "feasible",
+    "fit",
     "formulate",
     "frequency_band",
     "identify",
@@ -323,6 +332,7 @@ __all__ = [
     "simulate",
     "simulate_band",
     "simulate_record",
+    "sparse_terms",
     "static_band",
     "step_band",
     "to_continuous",

@@ -208,7 +208,7 @@ class Deadline:
         return self.late or (self._last is not None and spent() >= self._last)
 
     def _ends(self, grace: float) -> tuple[float, float]:
-        """Compute the ends on the wall clock and on the CPU clock, with a share of grace."""
+        """Compute the ends on both clocks, with a share of grace."""
         wall = np.inf if self._limit is None else self._begin + (1.0 + grace) * self._limit
         if self._cpu_limit is None:
             return wall, np.inf

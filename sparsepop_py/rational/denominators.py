@@ -105,7 +105,7 @@ def sharpened(
 def _better(
     base: Problem, objective: Polynomial, attempt: Options, solve: Solve
 ) -> Certificate | None:
-    """Bound a polynomial over all of space where it may have one there, else over the base."""
+    """Bound a polynomial over all of space if possible, else over the base."""
     found = _everywhere(base, objective, attempt, solve)
     return solve(base.with_objective(objective), attempt).certificate if found is None else found
 
