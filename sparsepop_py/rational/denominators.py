@@ -113,7 +113,7 @@ def _better(
 def _everywhere(
     base: Problem, objective: Polynomial, attempt: Options, solve: Solve
 ) -> Certificate | None:
-    """Prove the minimum over all of space, as an exact sum of squares; None where this fails.
+    """Prove the minimum over all of space by an exact sum of squares.
 
     Such a proof is sharp and needs no box. It is not tried if the polynomial is negative far out.
     """
