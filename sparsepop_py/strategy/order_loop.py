@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.exact_convex import exact_convex_bound, falling_direction
+from sparsepop_py.bounding.gram_box import gram_box
 from sparsepop_py.bounding.relaxation_bound import (
     BoxBound,
     CertifiedBound,
     Model,
     better,
     bound_order,
+    build_relaxations,
     certified_bound,
     closed_without_relaxation,
     lower_bound,
@@ -43,7 +45,9 @@ from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Node, prove
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
@@ -137,8 +141,32 @@ def _by_relaxations(
         )
     state = _run_orders(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
-        return _with_unconstrained(state)
+        return _on_gram_box(_with_unconstrained(state), more_starts)
     return state
+
+
+def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:
+    """Solve relaxations on the box that an exact Gram matrix of the objective proves."""
+    context, certificate = state.context, state.outcome.certificate
+    gram = None if certificate is None else certificate.identity
+    if not isinstance(gram, ExactGram) or context.closed(lower_bound(certificate)):
+        return state
+    with context.stages.stage("presolve"):
+        found = gram_box(context, gram)
+    if found is None or not finite(found[1]) or is_empty(found[1]) or context.deadline.over:
+        return state
+    model, objectives = Model(*found), (context.problem.objective,)
+    if context.options.effort == "auto":
+        shared_state = SharedState.of(context.problem, objectives, context.options)
+        later = run_adaptive(
+            AdaptiveSearch(context, model, state.candidates, shared_state, more_starts=more_starts)
+        )
+    else:
+        with context.stages.stage("relax"):
+            model = build_relaxations(context.problem, objectives, model, context.options)
+        later = _orders(context, state.candidates, model, more_starts)
+    outcome = better(state.outcome, later.outcome)
+    return replace(later, outcome=outcome, history=state.history + later.history)
 
 
 def _proved_otherwise(state: SearchState) -> SearchState:
@@ -222,6 +250,9 @@ def _after_unconstrained(
         or free.context.deadline.over
     ):
         return free
+    boxed = _on_gram_box(free, more_starts) if context.options.effort == "auto" else free
+    if boxed is not free:
+        return boxed
     state = go_on(free.context, free.candidates)
     outcome = better(free.outcome, state.outcome)
     return replace(state, outcome=outcome, history=free.history + state.history)
