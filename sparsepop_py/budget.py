@@ -177,7 +177,7 @@ class Deadline:
 
     @property
     def pace(self) -> float:
-        """Wall seconds to a CPU second so far, at least 1: more on a busy machine."""
+        """Wall seconds to a CPU second so far, at least 1."""
         used = max(1e-2, time.process_time() - self._begin_cpu)
         return float(np.clip((time.monotonic() - self._begin) / used, 1.0, _MOST_PACE))
 
@@ -193,7 +193,7 @@ class Deadline:
         return time.monotonic() >= self.end
 
     def part(self, share: float) -> Deadline:
-        """Return a deadline after a share of the time that is left, without limits of work."""
+        """Return a deadline after a share of the time left."""
         wall, cpu = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
         return Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)

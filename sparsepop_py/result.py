@@ -212,7 +212,7 @@ class Result:
 
     @property
     def message(self) -> str:
-        """What the status means in this run, and what to try after it."""
+        """Meaning of the status in this run, and what to try after it."""
         if self.status is Status.UNBOUNDED and self.ray is not None:
             return f"It is proved that the objective falls without limit along {_line(self)}."
         if self.status is Status.LIMIT:

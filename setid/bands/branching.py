@@ -21,7 +21,7 @@ from setid.proofs.supports import Cover
 from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, noise_reach
 from setid.proofs.time_bands.partition import Partition, Ranges
 
-__all__ = ["Effort", "Found", "attained_by", "branched", "force_of"]
+__all__ = ["Effort", "Found", "attained_by", "branched", "force_of", "principal_frame", "surveyed"]
 
 Reals = NDArray[np.float64]
 _FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
@@ -243,7 +243,7 @@ class _Search:
 
     def _beyond(self, number: int) -> Reals:
         """How far the range of a cell reaches beyond what is attained, in widths, (N,)."""
-        ranges = self.partition.cell(number).ranges
+        ranges = self.partition.range_of(number)
         if not len(self.points):
             return np.full(self.low.size, inf)
         with np.errstate(invalid="ignore"):
@@ -296,15 +296,10 @@ def branched(
         Samples after which the impulse response of the centre is cut off, so that a bound for
         all time can be proved; the input must be constant in the last ones.
     """
-    root = Proposer(cover)
-    rng, p = np.random.default_rng(0), cover.lower.size
-    width = np.maximum(cover.upper - cover.lower, 1e-300)
     columns = experiment.row.columns
-    wanted = rng.standard_normal((_DIRECTIONS, p)) / width
-    wanted[:, columns] *= 3.0
-    for _ in root.multipliers(np.concatenate([wanted, np.diag(1.0 / width)])):
-        pass
-    frame = _frame(root.points, columns, width[columns])
+    root = surveyed(cover, columns)
+    width = np.maximum(cover.upper - cover.lower, 1e-300)
+    frame = principal_frame(root.points, columns, width[columns])
     partition = Partition(experiment, cover, frame, root)
     far = np.full(len(experiment.u), inf)
     count = experiment.samples if settle is None else settle
@@ -317,7 +312,19 @@ def branched(
     return search.run(sides)
 
 
-def _frame(points: Reals, columns: NDArray[np.int64], width: Reals) -> Frame:
+def surveyed(cover: Cover, columns: NDArray[np.int64]) -> Proposer:
+    """Bases of a cover for directions all around, most of them of some parameters."""
+    source = Proposer(cover)
+    rng, p = np.random.default_rng(0), cover.lower.size
+    width = np.maximum(cover.upper - cover.lower, 1e-300)
+    wanted = rng.standard_normal((_DIRECTIONS, p)) / width
+    wanted[:, columns] *= 3.0
+    for _ in source.multipliers(np.concatenate([wanted, np.diag(1.0 / width)])):
+        pass
+    return source
+
+
+def principal_frame(points: Reals, columns: NDArray[np.int64], width: Reals) -> Frame:
     """Principal axes of points, in units of the box."""
     q = columns.size
     if len(points) < 2 or not q:

@@ -116,7 +116,8 @@ class FrequencyBand:
     @property
     def peak(self) -> tuple[float, float]:
         """Proved bounds of the largest gain that a consistent model has at any frequency."""
-        return float(self.magnitude[:, 0].max()), self._proved_arcs().largest_gain
+        arcs = self._proved_arcs()
+        return max(float(self.magnitude[:, 0].max()), arcs.least_peak), arcs.largest_gain
 
     def distance(self, point: complex = -1.0) -> float:
         """Proved lower bound of the distance of all responses from a point of the plane.
@@ -215,7 +216,7 @@ def frequency_band(
     >>> bool(band.magnitude[0, 0] <= inner.magnitude[0, 0])
     True
     >>> [round(gain, 1) for gain in band.peak]  # of every consistent model, at any frequency
-    [2.5, 4.2]
+    [2.6, 4.5]
     """
     data, model = result.formulation.data, result.formulation.model
     continuous = transfer_of(model, output, input).continuous
@@ -232,6 +233,7 @@ def frequency_band(
         if not continuous and np.all(np.isfinite([cover.lower, cover.upper])):
             families = families_of(transfer_of(model, output, input), model.parameters)
             arcs = refined_arcs(cover, theta, families, until)
+            found = _met(found, arcs, frequencies * data.Ts, response)
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
@@ -270,6 +272,22 @@ def _regions_task(
     given: tuple[Cover, Reals, tuple[Complexes, Complexes], float],
 ) -> tuple[Reals, Reals, Complexes]:
     return frequency_regions(*given, Proposer)
+
+
+def _met(
+    found: tuple[Reals, Reals, Complexes], arcs: ArcRegions, turns: Reals, response: Complexes
+) -> tuple[Reals, Reals, Complexes]:
+    """What is proved at frequencies and on the arcs there, the latter where the former is not."""
+    gains, angles, corners = found[0].copy(), found[1].copy(), found[2].copy()
+    for k, w in enumerate(turns.tolist()):
+        (low, high), phases = arcs.at(w)
+        if np.isinf(gains[k, 1]) and np.isfinite(high):
+            turn = float(np.angle(response[k]))
+            off = 2 * np.pi * round((turn - sum(phases) / 2) / (2 * np.pi)) - turn
+            angles[k] = phases[0] + off, phases[1] + off
+            corners[k] = arcs.corners(w)
+        gains[k] = max(gains[k, 0], low), min(gains[k, 1], high)
+    return gains, angles, corners
 
 
 def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:

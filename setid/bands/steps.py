@@ -146,8 +146,8 @@ def step_band(
     >>> band = setid.step_band(result, 3, all_time=True)
     >>> bool(((band.low <= band.nominal) & (band.nominal <= band.high)).all())
     True
-    >>> [round(x, 2) for x in band.later]  # static gains: b0 / (1 + a1)
-    [3.15, 4.14]
+    >>> [round(x, 2) for x in band.later]  # from the fourth sample on, for ever
+    [2.85, 4.15]
     """
     data, model = result.formulation.data, result.formulation.model
     count = natural(length, "length", SetidError, least=1)

@@ -100,7 +100,8 @@ def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Real
     """
     cover, known = cover_of(result), result.attained
     p = cover.lower.size
-    if cover.exact or len(known) < 2 or time_limit <= 0:
+    finite = bool(np.all(np.isfinite([cover.lower, cover.upper])))
+    if cover.exact or not finite or len(known) < 2 or time_limit <= 0:
         return cover, np.zeros((0, p))
     width = np.maximum(cover.upper - cover.lower, 1e-300)
     _, _, axes = np.linalg.svd((known - known.mean(axis=0)) / width)

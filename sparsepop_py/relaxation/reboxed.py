@@ -81,7 +81,7 @@ def _powers(words: Words, reach: NDArray[np.float64]) -> NDArray[np.float64]:
 def _generator_sizes(
     reach: NDArray[np.float64], rows: int, products: NDArray[np.integer]
 ) -> NDArray[np.float64]:
-    """Scale generators: t - l = reach (t' - l / reach)."""
+    """Compute old generators as multiples of the new ones."""
     n = reach.size
     sizes = np.ones(count(rows, n) + products.shape[0])
     square, low, high = bound_family(rows, n)

@@ -71,3 +71,25 @@ def test_a_loss_of_the_proof_is_said_with_names_of_variables():
         (said,) = [note for note in result.notes if "the proof loses the rest" in note]
         assert "value is -1.41421" in said and said.endswith("known for x1, x2")
         assert result.solver_value == pytest.approx(-(2**0.5), abs=1e-6)
+
+
+def test_products_of_shifted_quartics_get_a_box():
+    """Coefficients over six decades: far out the leading form outweighs the others."""
+    x, y = sp.variables(2)
+    first = (x - 3) ** 4 + 100 * (y + 2) ** 4 + 1
+    second = (x + 30) ** 4 + (y - 20) ** 4 + 5
+    problem = sp.Problem(first * second)
+    result = sp.solve(problem)
+    near = 33.0**4 + 22.0**4 + 5.0  # at (3, -2), where the first factor is 1
+    assert 0.8 * near <= result.lower_bound <= result.upper_bound <= near
+    assert result.certificate.verify(problem).ok
+
+
+def test_a_chain_of_squares_without_squares_given_is_proved_by_a_gram_matrix():
+    """Broyden's tridiagonal function, expanded: the minimum is 0, at a root of its equations."""
+    given = sp.problems.broyden_tridiagonal(20)
+    problem = sp.Problem(given.objective, (), given.lower, given.upper)
+    plain = {"relaxOrder": 2, "tighten": 0, "printLevel": 0}
+    _, value, POP, *_ = sp.sparsePOP(problem, plain)
+    assert -1e-6 <= value <= 0.0
+    assert abs(POP.solverValue) <= 1e-4  # the relaxation's own output stays

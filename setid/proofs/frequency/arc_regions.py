@@ -9,7 +9,7 @@ G - g = e / q, as at a single frequency.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ __all__ = ["ArcRegions", "arc_regions", "families_of"]
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 _EPS = float(np.finfo(float).eps)
+_NOTHING = np.array([-np.inf, np.inf, -np.inf, np.inf])
 _UPPER, _LOWER = bernstein(DEGREE + 1), bernstein(DEGREE)
 
 
@@ -60,8 +61,53 @@ class ArcRegions:
         found = np.hypot(np.maximum(west, east), np.maximum(south, north))
         return np.asarray(found * (1.0 + 4 * _EPS), np.float64)
 
+    def joined(self, other: ArcRegions) -> ArcRegions:
+        """What contains both regions on the same arcs, about the points of this one.
+
+        The rectangle of the other one is turned, and its moving point is put in a box: the
+        difference of the two points is affine in t.
+        """
+        assert np.array_equal(self.centre, other.centre) and np.array_equal(self.half, other.half)
+        turn = other.turn * np.conj(self.turn)
+        off, along = turn * other.gain - self.gain, other.gain * other.slope * turn
+        along = along - self.gain * self.slope
+        with np.errstate(invalid="ignore"):
+            west, east, south, north = other.rectangles.T
+            corners = turn[:, None] * np.stack(
+                [west + 1j * south, east + 1j * south, east + 1j * north, west + 1j * north], axis=1
+            )
+            real, imaginary = off.real[:, None] + corners.real, off.imag[:, None] + corners.imag
+        moves = np.abs(along.real), np.abs(along.imag)
+        size = other.gain * (1 + np.abs(other.slope)) + self.gain * (1 + np.abs(self.slope))
+        slack = 32 * _EPS * (size + np.abs(other.rectangles).sum(axis=1))
+        ends = [
+            np.minimum(self.rectangles[:, 0], real.min(axis=1) - moves[0] - slack),
+            np.maximum(self.rectangles[:, 1], real.max(axis=1) + moves[0] + slack),
+            np.minimum(self.rectangles[:, 2], imaginary.min(axis=1) - moves[1] - slack),
+            np.maximum(self.rectangles[:, 3], imaginary.max(axis=1) + moves[1] + slack),
+        ]
+        found = np.stack(ends, axis=1)
+        unknown = ~np.all(np.isfinite(found), axis=1)
+        found[unknown] = _NOTHING
+        return replace(self, rectangles=found)
+
+    def corners(self, w: float) -> Complexes:
+        """Corners (4,) of a rectangle that holds the response at a frequency; infinite without.
+
+        Parameters
+        ----------
+        w : float
+            rad a sample.
+        """
+        west, east, south, north, turn = self._rectangle(w)
+        if not np.isfinite(west):
+            return np.full(4, np.inf + 0j)
+        return turn * np.array(
+            [west + 1j * south, east + 1j * south, east + 1j * north, west + 1j * north]
+        )
+
     def at(self, w: float) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Least and largest gain, and phase about that of :attr:`turn`'s arc, at a frequency.
+        """Least and largest gain and phase at a frequency.
 
         Parameters
         ----------
@@ -71,20 +117,32 @@ class ArcRegions:
         Returns
         -------
         gains, phases : (float, float)
-            Phases are in rad, absolute, without unwrapping.
+            Phases are in rad, without unwrapping.
         """
+        west, east, south, north, turn = self._rectangle(w)
+        if not np.isfinite(west):
+            return (0.0, np.inf), (-np.pi, np.pi)
+        turned = float(np.angle(turn))
+        low, high = angles_of(west, east, south, north)
+        return gains_of(west, east, south, north), (turned + low, turned + high)
+
+    def _rectangle(self, w: float) -> tuple[float, float, float, float, complex]:
+        """Rectangle that holds the response at a frequency, after a turn; infinite without one."""
         place = int(np.argmin(np.abs(self.centre - w) - self.half))
         t = (w - self.centre[place]) / self.half[place]
         if not abs(t) <= 1.0 + 1e-10 or not np.isfinite(self.rectangles[place]).all():
-            return (0.0, np.inf), (-np.pi, np.pi)
+            return -np.inf, np.inf, -np.inf, np.inf, 1.0 + 0j
         middle = self.gain[place] * (1.0 + self.slope[place] * t)
         slack = 1e-9 * abs(self.gain[place] * self.slope[place]) + 16 * _EPS * abs(middle)
         ends = self.rectangles[place] + slack * np.array([-1.0, 1.0, -1.0, 1.0])
         ends += np.array([middle.real, middle.real, middle.imag, middle.imag])
         west, east, south, north = ends.tolist()
-        turned = float(np.angle(self.turn[place]))
-        low, high = angles_of(west, east, south, north)
-        return gains_of(west, east, south, north), (turned + low, turned + high)
+        return west, east, south, north, complex(self.turn[place])
+
+    @property
+    def least_peak(self) -> float:
+        """Proved lower bound of the largest gain, of every member."""
+        return max(self.at(w)[0][0] for w in self.centre.tolist())
 
     @property
     def covers(self) -> bool:

@@ -81,6 +81,40 @@ def test_arcs_are_close_to_the_regions_at_their_centres() -> None:
     assert np.all(arcs.radius <= most) and len(arcs.centre) < 400
 
 
+def test_cells_narrow_a_resonance() -> None:
+    cover = box(0.04)  # pole radii from .927 to .97
+    families = families_of(MODEL.transfer(1, 1), MODEL.parameters)
+    whole = arc_regions(cover, THETA, families, [(0.57, 0.0)], Proposer)
+    arcs = regions(cover)
+    assert arcs.at(0.57)[0][1] < 0.5 * (whole.gain[0] + whole.radius[0])
+    assert arcs.covers and np.isfinite(arcs.largest_gain)
+    grid = np.concatenate([np.linspace(0.3, 1.0, 60), np.linspace(0, np.pi, 40)])
+    top = 0.0
+    for theta in members(cover, 12):
+        for w in grid.tolist():
+            gain = abs(exact(theta, w))
+            low, high = arcs.at(w)[0]
+            assert low <= gain <= high
+            top = max(top, float(gain))
+    assert arcs.least_peak <= top <= arcs.largest_gain < 6.0 * top
+
+
+def test_regions_are_joined_about_the_points_of_the_first() -> None:
+    """Two boxes of parameters apart from each other, each with a centre of its own."""
+    families = families_of(MODEL.transfer(1, 1), MODEL.parameters)
+    arcs, found, thetas = first_arcs(60), [], []
+    for shift in (-0.05, 0.05):
+        theta = THETA + shift
+        ends = theta - 1e-3, theta + 1e-3
+        cover = Cover(MODEL.parameters, *ends, np.zeros((0, 4)), np.zeros(0), True)
+        found.append(arc_regions(cover, theta, families, arcs, Proposer))
+        thetas += [ends[0], theta, ends[1]]
+    for joined in (found[0].joined(found[1]), found[1].joined(found[0])):
+        for theta in thetas:
+            for w in np.linspace(0.0, np.pi, 120).tolist():
+                assert joined.at(w)[0][0] <= abs(exact(theta, w)) <= joined.at(w)[0][1]
+
+
 def test_the_peak_and_the_distance_bound_every_member() -> None:
     cover = box(2e-3, rows=4)
     arcs = regions(cover)

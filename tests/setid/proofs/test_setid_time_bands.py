@@ -176,7 +176,8 @@ def test_cells_narrow_the_band_towards_what_is_attained() -> None:
         assert holds(many.ranges.low, many.ranges.high, replayed(task, theta))
 
 
-def test_coefficients_of_the_sample_itself_may_be_parameters() -> None:
+@pytest.mark.parametrize("lead", [0.5, 0.0])
+def test_coefficients_of_the_sample_itself_may_be_parameters(lead: float) -> None:
     """(1 + t0) y(k) + t1 y(k-1) = t2 u(k) + t0 as continuous-time structures have it."""
     weights = np.eye(3)
     row = OutputRow(
@@ -185,9 +186,9 @@ def test_coefficients_of_the_sample_itself_may_be_parameters() -> None:
     )
     u = np.random.default_rng(2).uniform(-1, 1, (20, 1))
     task = Experiment(row, u, np.zeros(0), np.zeros(0), np.zeros((20, 1)), np.zeros(20))
-    cover = box(np.array([0.5, -0.2, 1.0]), 0.1)
+    cover = box(np.array([lead, -0.1, 1.0]), 0.1)
     ranges = bands(task, cover)
-    assert np.isfinite(ranges.low).all() and np.max(ranges.high - ranges.low) < 2.0
+    assert np.isfinite(ranges.low).all() and np.max(ranges.high - ranges.low) < 20.0
     for theta in members(cover):
         assert holds(ranges.low, ranges.high, replayed(task, theta))
 
@@ -199,6 +200,26 @@ def test_unstable_members_are_covered_for_a_finite_time() -> None:
     assert np.isfinite(ranges.high).all()
     for theta in members(cover, 20):
         assert holds(ranges.low, ranges.high, replayed(task, theta))
+
+
+@pytest.mark.parametrize("corner", [-1.0, 1.0])
+def test_the_centre_may_be_a_corner_of_the_cell(corner: float) -> None:
+    """Coordinates of one sign: the term of second order must have the right one."""
+    cover, task = box(THETA, 0.02), experiment(SECOND, 24)
+    theta = THETA + corner * 0.02
+    part = Partition(task, cover, frame_of(2), Proposer(cover))
+    outputs = np.array([float(v) for v in replayed(task, theta)])
+    den = np.concatenate([[1.0], theta[:2]])
+    impulse = np.zeros(24)
+    impulse[0] = 1.0
+    for k in range(1, 24):
+        impulse[k] = -sum(den[i] * impulse[k - i] for i in (1, 2) if i <= k)
+    part.enclose(0, Centre(theta, outputs, impulse), Proposer(part.polytope(0)))
+    ranges = part.ranges()
+    assert ranges is not None
+    opposite = THETA - corner * 0.02
+    for point in [opposite, *members(cover, 30)]:
+        assert holds(ranges.low, ranges.high, replayed(task, point))
 
 
 # ---- the leak ---------------------------------------------------------------------------
@@ -232,7 +253,8 @@ def test_the_leak_is_bounded_in_rationals(lies: float) -> None:
     frame = frame_of(2, lies)
     part = Partition(task, cover, frame, Hostile(cover))
     cell = part.cell(0)
-    centre = Centre(THETA, np.zeros(10), h)
+    middle = THETA + np.array([0.04, -0.03, 0.0, 0.0, 0.0])
+    centre = Centre(middle, np.zeros(10), h)
     found = leak(task.row, frame, (cell.low, cell.high), cover, centre, Hostile)
     exact = [Fraction(x) for x in h.tolist()]
     for theta in members(cover, 20):
@@ -245,7 +267,7 @@ def test_the_leak_is_bounded_in_rationals(lies: float) -> None:
             for k in range(10)
         ]
         assert all(abs(e) <= Fraction(b) for e, b in zip(E, found.whole.tolist(), strict=True))
-        moved = [t - Fraction(c) for t, c in zip((one, two), THETA[:2].tolist(), strict=True)]
+        moved = [t - Fraction(c) for t, c in zip((one, two), middle[:2].tolist(), strict=True)]
         s = [
             sum(Fraction(r) * t for r, t in zip(row, moved, strict=True))
             for row in frame.rows.tolist()
@@ -308,9 +330,9 @@ def test_cells_that_are_not_enclosed_keep_the_range_of_the_cell_they_come_from()
     part.enclose(number, centre, Proposer(part.polytope(number)))
     ranges = part.ranges()
     assert ranges is not None and np.all(np.isinf(ranges.low))  # the other one is unknown
-    known = part.cell(first).ranges
+    known = part.range_of(first)
     for child in part.cut(first, 1, float(part.cell(first).tight[0].mean())):
-        assert np.array_equal(part.cell(child).ranges.low, known.low)
+        assert np.array_equal(part.range_of(child).low, known.low)
 
 
 def test_a_cell_is_dropped_only_with_a_proof() -> None:
