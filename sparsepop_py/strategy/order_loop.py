@@ -380,29 +380,43 @@ def _orders(
 
 
 def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
-    """Take a lower order's certificate where an order proves nothing.
+    """Take a lower order's certificate where an order proves less, or nothing.
 
     Multipliers of a lower order are multipliers of the higher one. Without bounds on the variables
-    the higher one may have no optimal ones of its own, and a solver finds none that prove
-    anything. The output of the solver stays that of the order that was asked for.
+    the higher one may have no optimal ones of its own, and a solver finds none that prove what its
+    value promises. The output of the solver stays that of the order that was asked for.
     """
     options, problem = context.options, context.problem
     least, asked = least_order(problem), options.order or 1
-    if lower_bound(outcome.certificate) > -np.inf or outcome.relaxation is None or asked <= least:
+    boxed = finite(Interval(problem.lower, problem.upper))
+    if boxed or outcome.relaxation is None or asked <= least or not _short(outcome):
+        return outcome
+    if options.effort != "plain" and lower_bound(outcome.certificate) > -np.inf:
         return outcome
     if context.best is not None and falling_ray(problem, context.best) is not None:
         return outcome  # no order proves anything
+    best, taken = outcome.certificate, asked
     for order in range(asked - 1, least - 1, -1):
         if context.deadline.over:
             break
         switches = options.switches and replace(options.switches, order=order)
         lower = replace(_timed(context), order=order, switches=switches)
         bound = bound_order(replace(context, options=lower), None)
-        if lower_bound(bound.certificate) > -np.inf:
-            note = f"order {asked} proves nothing by itself: the bound is that of order {order}"
-            model = replace(outcome.model, notes=(*outcome.model.notes, note))
-            return replace(outcome, certificate=bound.certificate, model=model)
-    return outcome
+        if lower_bound(bound.certificate) > lower_bound(best):
+            best, taken = bound.certificate, order
+        if not _short(bound):
+            break
+    if taken == asked:
+        return outcome
+    note = f"order {asked} proves less by itself: the bound is that of order {taken}"
+    model = replace(outcome.model, notes=(*outcome.model.notes, note))
+    return replace(outcome, certificate=best, model=model)
+
+
+def _short(bound: CertifiedBound) -> bool:
+    """Check that a proved bound falls short of the solver's value by more than rounding."""
+    proved = lower_bound(bound.certificate)
+    return not proved > bound.value - 1e-3 * max(1.0, abs(bound.value))
 
 
 def _timed(context: SolveContext) -> Options:
