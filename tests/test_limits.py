@@ -146,7 +146,7 @@ def test_time_that_ends_in_a_solver_keeps_what_is_proved(effort, number, monkeyp
 
 
 @pytest.mark.parametrize("effort", ["auto", "presolve"])
-@pytest.mark.parametrize("number", [1, 3, 8, 20, 40])
+@pytest.mark.parametrize("number", [1, 8, 40])
 def test_time_that_ends_at_any_look_at_the_clock(effort, number, monkeypatch):
     x = sp.variables(3)
     rows = [x[0] * x[2] + x[1] == 1, x[0] ** 2 + x[1] ** 2 <= 2]
@@ -307,7 +307,7 @@ def test_more_work_never_proves_or_attains_less(name, effort):
     free = sp.Problem(sp.total((x[i] ** 2 - x[i + 1]) ** 2 + x[i] ** 4 - x[i] for i in range(3)))
     problem = {"bilinear": bilinear(), "laboratory": sp.problems.laboratory(), "free": free}[name]
     low, high = -INF, INF
-    for limit in (0.003, 0.01, 0.03, 0.1, 0.3, 1.0):
+    for limit in (0.003, 0.02, 0.1, 0.5):
         result = check(problem, sp.solve(problem, Options(effort=effort, work_limit=limit)))
         assert result.lower_bound >= low
         assert result.upper_bound <= high

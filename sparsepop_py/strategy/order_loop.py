@@ -29,6 +29,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     closed_without_relaxation,
     lower_bound,
 )
+from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
@@ -109,7 +110,7 @@ def run_orders(
         return _by_relaxations(context, candidates, shared, more_starts)
     if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
         state = _by_relaxations(context, candidates, shared, more_starts)
-        return _added(state, _by_exact_multipliers(state.context, state.candidates))
+        return _proved_otherwise(state)
     exact = _by_exact_multipliers(context, candidates)
     if exact is None:
         return _by_relaxations(context, candidates, shared, more_starts)
@@ -138,6 +139,25 @@ def _by_relaxations(
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
         return _with_unconstrained(state)
     return state
+
+
+def _proved_otherwise(state: SearchState) -> SearchState:
+    """Prove what a plain relaxation has by exact arguments, where its own proof loses much."""
+    if _keeps_its_value(state):
+        return state
+    state = _added(state, _by_exact_multipliers(state.context, state.candidates))
+    if _keeps_its_value(state) or state.context.deadline.over:
+        return state
+    options = replace(state.context.options, effort="presolve", switches=None)
+    context = replace(state.context, options=options)
+    return _added(state, _by_gram_matrices(context, state.candidates, iter(())))
+
+
+def _keeps_its_value(state: SearchState) -> bool:
+    """Check that the bound is the attained value, or nearly that of the relaxation."""
+    bound, value = lower_bound(state.outcome.certificate), state.outcome.value
+    near = value - bound <= BOUNDING.lost * (1.0 + abs(value))
+    return bool(near) or state.context.closed(bound)
 
 
 def _by_exact_multipliers(
