@@ -61,6 +61,10 @@ from .export.continuous import (
     ContinuousEstimate,
     to_continuous,
 )
+from .export.matlab_files import (
+    to_mat,
+    to_ureal,
+)
 from .export.python_control import (
     ControlModels,
     to_control,
@@ -337,7 +341,9 @@ __all__ = [
     "step_band",
     "to_continuous",
     "to_control",
+    "to_mat",
     "to_structs",
+    "to_ureal",
     "unidentifiable",
     "verify",
     "worst_case_error",
