@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from . import interval as iv
+from .exact_dual import ExactDual
 from .gram import ExactGram
 from .identity import Identity, LinearDual, Row
 from .interval import Interval
@@ -17,7 +18,9 @@ from .reading import Malformed, Problem, alike, below, fields, finite, item, ite
 
 Holds = Callable[[int, int, int], "Fraction | None"]
 MOST_SWEEPS = 200  # the box of fewer sweeps is larger, so that nothing false follows
-ARGUMENTS: dict[str, Any] = {"Identity": Identity, "LinearDual": LinearDual, "ExactGram": ExactGram}
+ARGUMENTS: dict[str, Any] = {
+    kind.__name__: kind for kind in (Identity, LinearDual, ExactGram, ExactDual)
+}
 
 
 def tagged(found: Any, n: int, place: str, kinds: dict[str, Any]) -> Any:
@@ -29,7 +32,7 @@ def tagged(found: Any, n: int, place: str, kinds: dict[str, Any]) -> Any:
 
 
 def argument_of(found: Any, n: int, place: str) -> Any:
-    """Multipliers of one of three kinds, or none."""
+    """Multipliers of one of four kinds, or none."""
     return None if found is None else tagged(found, n, place, ARGUMENTS)
 
 
@@ -409,6 +412,12 @@ class Certificate:
         objective = Polynomial() if part.empty else problem.objective
         if isinstance(argument, ExactGram):
             value = argument.prove(objective)
+        elif isinstance(argument, ExactDual):
+            ends = [(iv.exact(low), iv.exact(high)) for low, high in box.ends]
+            if not argument.holds(ends):
+                replay.notes.append("the box is larger than the argument assumes")
+                return least
+            value = argument.prove(problem, objective)
         elif argument is None or not replay.fits(argument.scaling, box, "the argument"):
             return least
         elif isinstance(argument, LinearDual):

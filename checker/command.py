@@ -6,6 +6,7 @@ import sys
 from typing import Any
 
 from . import reading, text
+from .rational import RationalProblem, check_rational_certificate, check_rational_result
 from .reading import Malformed, Problem
 from .record import Identification
 from .result import NotProved, check_certificate, check_result, remarks
@@ -52,8 +53,10 @@ def checked(arguments: list[str]) -> list[str]:
             return [*columns_of(arguments[1], about.record), *about.check()]
     if not 1 <= len(arguments) <= 2:
         raise Malformed(USAGE)
-    problem, stated = problem_of(arguments[0]) if len(arguments) == 2 else (None, None)
     name, found = reading.content(reading.load(arguments[-1]), arguments[-1])
+    if name.startswith("rational_"):
+        return about_ratios(name, found, arguments)
+    problem, stated = problem_of(arguments[0]) if len(arguments) == 2 else (None, None)
     if name == "identification" and problem is None:
         return Identification(found).check()
     given = found
@@ -68,6 +71,26 @@ def checked(arguments: list[str]) -> list[str]:
     lines += remarks(stated, given) if stated and given else []
     negated = ["(objective is the negative of what is maximised)"]
     return lines + (negated if problem.sense == "max" else [])
+
+
+def about_ratios(name: str, found: Any, arguments: list[str]) -> list[str]:
+    """What files about ratios prove; their problem has to be JSON."""
+    about = None
+    if len(arguments) == 2:
+        kind, stated = reading.content(reading.load(arguments[0]), arguments[0])
+        if kind == "rational_result":
+            stated = reading.item(stated, "problem", kind)
+        elif kind != "rational_problem":
+            raise Malformed(f"{arguments[0]} holds a {kind!r:.40}, not a problem with ratios")
+        about = RationalProblem(stated)
+    if name == "rational_result":
+        lines = check_rational_result(found, about)
+    elif name == "rational_certificate" and about is not None:
+        lines = check_rational_certificate(about, found)
+    else:
+        raise Malformed(f"{arguments[-1]} holds a {name!r:.40}\n{USAGE}")
+    sense = found["problem"].get("sense") if about is None else about.base.sense
+    return lines + (["(objective is the negative of what is maximised)"] * (sense == "max"))
 
 
 def problem_of(path: str) -> tuple[Problem, Any]:

@@ -72,7 +72,10 @@ class ExactGram:
 
     def prove(self, objective: Polynomial) -> Any:
         """The lower bound of the objective over all of space, -INF where nothing is proved."""
-        rest = objective.open()
+        return self.below(objective.open(), objective.coefficient())
+
+    def below(self, rest: dict[tuple[int, ...], Fraction], constant: Fraction) -> Any:
+        """The same of a polynomial: its words but 1, which are used up, and its constant."""
         rows: Rows = {i: {} for i in range(len(self.basis))}
         taker: dict[tuple[int, ...], tuple[int, int]] = {}
         for i, j, value in self.entries:
@@ -95,4 +98,4 @@ class ExactGram:
             return -INF
         while len(hidden) > 1:  # in pairs, so that long denominators meet near the end
             hidden = [sum(hidden[k : k + 2], Fraction(0)) for k in range(0, len(hidden), 2)]
-        return objective.coefficient() - sum(hidden, Fraction(0))
+        return constant - sum(hidden, Fraction(0))

@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 
 from .polynomial import INF
-from .reading import Malformed, fields, finite, item, items, number, text, whole
+from .reading import Malformed, fields, finite, item, items, number, rational, whole
 from .result import NotProved
 
 ZERO = Fraction(0)
@@ -176,7 +176,10 @@ def combined(
     """
     total = [ZERO] * len(rows[0])
     for pair in pairs:
-        place, value = whole(items(pair, "multipliers")[0], "multipliers"), rational(pair[1])
+        place, value = (
+            whole(items(pair, "multipliers")[0], "multipliers"),
+            rational(pair[1], "multipliers"),
+        )
         if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
             raise Malformed("multipliers: of a row that does not exist")
         if value < 0 and place not in (equal or ()):
@@ -188,12 +191,3 @@ def combined(
     if total[:-1] != wanted or (goal is None and not total[-1] < 0):
         raise NotProved("the multipliers of a linear program do not add up")
     return INF if goal is None else -total[-1]
-
-
-def rational(found: Any) -> Fraction:
-    """A fraction as a text, such as "-3/7"."""
-    try:
-        above, _, below = text(found, "fraction").partition("/")
-        return Fraction(int(above), int(below or "1"))
-    except (ValueError, ZeroDivisionError):
-        raise Malformed(f"{found!r:.40} is no fraction") from None

@@ -40,13 +40,20 @@ class ProvedPoint:
 
     # ---- rational points ------------------------------------------------------------------
 
-    def _exactly(self) -> str:
+    def coordinates(self) -> list[Fraction] | None:
+        """The rational point: x, the rows solved for some variables; None if they are not."""
         solution = solved_linearly(self.problem, self.rows, self.solved, self.x)
         if solution is None:
-            return "the rows are not linear in the variables, or not regular"
+            return None
         point = list(self.x)
         for variable, value in solution.items():
             point[variable] = value
+        return point
+
+    def _exactly(self) -> str:
+        point = self.coordinates()
+        if point is None:
+            return "the rows are not linear in the variables, or not regular"
         if any(abs(a - b) > self.radius for a, b in zip(point, self.x, strict=True)):
             return "the point lies farther away than its radius"
         return infeasible(self.problem, point) or (
@@ -257,10 +264,11 @@ def entries_hold(c: Constraint, values: list[Fraction]) -> bool:
 
 def falls_without_limit(problem: Problem, point: ProvedPoint, ray: list[Fraction] | None) -> bool:
     """Whether the objective falls along a feasible ray from the point, as given or found."""
-    if point.proof != "exact" or point.radius > 0 or point.fails():
+    origin = None if point.proof != "exact" or point.fails() else point.coordinates()
+    if origin is None or (ray is not None and len(ray) != len(origin)):
         return False
     tried = _directions(problem, point.x) if ray is None else iter([ray])
-    return any(_falls(problem, point.x, direction) for direction in tried)
+    return any(_falls(problem, origin, direction) for direction in tried)
 
 
 def _directions(problem: Problem, x: list[Fraction]) -> Iterator[list[Fraction]]:

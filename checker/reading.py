@@ -19,7 +19,7 @@ OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
     "Tightening": [("cutoff", "uses_cutoff")],
     "Sublevel": [("level", "cutoff")],
 }
-VERSIONS = {"sparsepop-py": (2, 3), "setid": (1,)}
+VERSIONS = {"sparsepop-py": (2, 3, 4), "setid": (1,)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 
@@ -104,6 +104,8 @@ def content(found: Any, place: str) -> tuple[str, Any]:
     if (name, version) == ("sparsepop-py", 2):
         modernise(found)
     name = text(item(found, "is", place), f"{place}.is")
+    if name.startswith("rational_") and version < 4:
+        raise Malformed(f"{place}: {name!r:.40} in a file of version {version}")
     return name, item(found, name, place)
 
 
@@ -145,6 +147,15 @@ def finite(found: Any, place: str) -> float:
     if isinstance(found, str) or not isfinite(value := number(found, place)):
         raise Malformed(f"{place}: not a finite number")
     return value
+
+
+def rational(found: Any, place: str) -> Fraction:
+    """A fraction as a text, such as "-3/7"."""
+    try:
+        above, _, below = text(found, place).partition("/")
+        return Fraction(int(above), int(below or "1"))
+    except (ValueError, ZeroDivisionError):
+        raise Malformed(f"{place}: {found!r:.40} is no fraction") from None
 
 
 def of_type(kind: type) -> Callable[[Any, str], Any]:

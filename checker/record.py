@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from .certificate import Certificates
-from .parameter_box import Ends, combined, proved_box, rational
+from .parameter_box import Ends, combined, proved_box
 from .point import ProvedPoint, infeasible
 from .polynomial import INF
 from .reading import (
@@ -19,6 +19,7 @@ from .reading import (
     items,
     number,
     problem,
+    rational,
     text,
     whole,
 )
@@ -247,7 +248,7 @@ class Identification:
                 least = combined(rows, pairs, None if status == "INFEASIBLE" else (v, side), equal)
                 move(box, v, side, least)
             if item(given, "vertex", "linear") is not None:
-                x = [rational(value) for value in items(given["vertex"], "linear")]
+                x = [rational(value, "linear") for value in items(given["vertex"], "linear")]
                 if len(x) != n or infeasible(self.problem, x):
                     raise NotProved(f"a vertex is not feasible ({infeasible(self.problem, x)})")
                 points.append(SimpleNamespace(x=x, radius=ZERO))

@@ -12,7 +12,8 @@ from .point import ProvedPoint, falls_without_limit
 from .polynomial import INF
 from .reading import Malformed, Problem, fields, finite, item, problem
 
-STATUSES = ("OPTIMAL", "BOUNDED", "UNPROVED", "INFEASIBLE", "UNBOUNDED", "LIMIT", "FAILED")
+STATUSES = ("OPTIMAL", "BOUNDED", "UNPROVED", "INFEASIBLE", "UNBOUNDED")
+STATUSES += ("LIMIT", "FAILED", "INTERRUPTED")
 
 
 class NotProved(Exception):

@@ -1,6 +1,12 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
 from . import control, neural
+from .advise import (
+    Advice,
+    Excitation,
+    advise,
+    excitation,
+)
 from .bands.blocks import (
     SignalBand,
     StaticBand,
@@ -20,9 +26,14 @@ from .bands.residuals import (
 )
 from .bands.responses import (
     FrequencyBand,
-    StepBand,
     frequency_band,
+)
+from .bands.steps import (
+    StepBand,
     step_band,
+)
+from .bands.verdicts import (
+    BandReport,
 )
 from .consistency import (
     Consistency,
@@ -144,6 +155,7 @@ from .priors import (
     DCGain,
     Known,
     MinimumPhase,
+    Physical,
     PoleIn,
     Sign,
     Stable,
@@ -169,6 +181,14 @@ from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
 )
+from .recursive import (
+    Recursive,
+    UpdateCost,
+)
+from .reparametrise import (
+    Reparametrisation,
+    reparametrise,
+)
 from .result.identification import (
     Identification,
 )
@@ -176,6 +196,10 @@ from .select import (
     Selection,
     SelectionStep,
     select,
+)
+from .sensitivity import (
+    Sensitivity,
+    sensitivity,
 )
 from .simulation.simulate import (
     Simulated,
@@ -190,9 +214,11 @@ from .verify import (
 )
 
 __all__ = [
+    "Advice",
     "BestMember",
     "BlockStructured",
     "Box",
+    "BandReport",
     "Central",
     "Comparison",
     "Consistency",
@@ -206,6 +232,7 @@ __all__ = [
     "Estimate",
     "EstimatedBound",
     "Evidence",
+    "Excitation",
     "FeasibleSet",
     "Formulation",
     "FrequencyBand",
@@ -225,16 +252,20 @@ __all__ = [
     "OutputBand",
     "ParameterBox",
     "ParameterInterval",
+    "Physical",
     "PoleIn",
     "PolynomialNARX",
     "PriorError",
     "Projection",
     "RateLimit",
+    "Recursive",
     "Regression",
+    "Reparametrisation",
     "Residuals",
     "Rows",
     "Selection",
     "SelectionStep",
+    "Sensitivity",
     "SetidError",
     "SetidWarning",
     "Sign",
@@ -246,10 +277,12 @@ __all__ = [
     "StepBand",
     "Study",
     "TransferFunction",
+    "UpdateCost",
     "Verification",
     "Wiener",
     "Witness",
     "ZeroIn",
+    "advise",
     "best",
     "central",
     "compare",
@@ -262,6 +295,7 @@ __all__ = [
     "estimate_delta",
     "estimate_noise_bound",
     "estimators",
+    "excitation",
     "feasible",
     "formulate",
     "frequency_band",
@@ -281,8 +315,10 @@ __all__ = [
     "recursive_least_squares",
     "register_prior",
     "register_structure",
+    "reparametrise",
     "residuals",
     "select",
+    "sensitivity",
     "signal_band",
     "simulate",
     "simulate_band",

@@ -1,13 +1,12 @@
+# PYTHON_ARGCOMPLETE_OK
 """The command line: ``setid identify RECORD.csv ...`` and ``setid consistency RECORD.csv ...``."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import webbrowser
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import sparsepop_py as sp
@@ -35,12 +34,13 @@ from sparsepop_py.cli import (
     EXIT_MISSING,
     EXIT_OPEN,
     EXIT_PROVED,
-    check_picture,
+    add_json,
+    check_outputs,
     json_number,
+    print_or_write,
     run_commands,
     version,
 )
-from sparsepop_py.errors import check_writable
 from sparsepop_py.study.command import add_study
 
 __all__ = [
@@ -124,7 +124,8 @@ def _parser() -> argparse.ArgumentParser:
         _add_data(command)
         add_structure(command)
         command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
-        command.add_argument("--json", metavar="OUT.json", help="write the result; - prints it")
+        command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
+        add_json(command)
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
             command.add_argument(
@@ -218,22 +219,14 @@ def _noise(arguments: argparse.Namespace) -> Noise:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    return Options(time_limit=arguments.time_limit)
+    return Options(time_limit=arguments.time_limit, cpu_limit=arguments.cpu_limit)
 
 
 # ---- identify ---------------------------------------------------------------------------
 
 
-def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse results that cannot be written, before the work and not after it."""
-    if getattr(arguments, "plot", None):
-        check_picture(arguments.plot)
-    if arguments.json and arguments.json != "-":
-        check_writable(arguments.json, "--json")
-
-
 def _identify(arguments: argparse.Namespace) -> int:
-    _check_outputs(arguments)
+    check_outputs(arguments)
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
     checked = result.verify(data) if arguments.verify else None
@@ -241,7 +234,7 @@ def _identify(arguments: argparse.Namespace) -> int:
     text = f"{arguments.record}: {data!r}\n{result.summary()}"
     if checked is not None:
         text += f"\n{_VERIFIED if checked else f'NOT VERIFIED: {checked.reason}'}"
-    _write(arguments.json, record, text)
+    print_or_write(arguments.json, record, text)
     if arguments.plot:
         _save(result, arguments.plot)
     if checked is not None and not checked:
@@ -283,11 +276,11 @@ def _as_record(path: str, result: Identification, checked: Verification | None) 
 
 
 def _consistency(arguments: argparse.Namespace) -> int:
-    _check_outputs(arguments)
+    check_outputs(arguments)
     data, model, noise, priors = _parts(arguments)
     found = consistency(data, model, noise, priors, _options(arguments))
     text = f"{arguments.record}: {data!r}\n{found.summary()}"
-    _write(arguments.json, _as_scale(arguments.record, found), text)
+    print_or_write(arguments.json, _as_scale(arguments.record, found), text)
     return {True: EXIT_PROVED, None: EXIT_OPEN, False: EXIT_EMPTY}[found.explains]
 
 
@@ -303,19 +296,6 @@ def _as_scale(path: str, found: Consistency) -> dict[str, Any]:
         "samples": [list(map(int, pair)) for pair in found.samples],
         "assumptions": list(found.assumptions),
     }
-
-
-def _write(path: str | None, record: dict[str, Any], text: str) -> None:
-    """Print the text and write the record; for ``-`` print the record alone."""
-    if path is None:
-        print(text)
-        return
-    encoded = json.dumps(record, indent=2, allow_nan=False)
-    if path == "-":
-        print(encoded)
-    else:
-        Path(path).write_text(encoded + "\n", encoding="utf-8")
-        print(text)
 
 
 _DISCRETE = ("na", "nb", "nk")

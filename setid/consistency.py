@@ -10,13 +10,14 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.data.noise import Noise
+from setid.data.checks import number
+from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.feasible_points.estimators import least_squares, linf
@@ -47,7 +48,12 @@ from setid.proofs.noise_scale import (
 from setid.proofs.parameter_box import start_of
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
-__all__ = ["Consistency", "consistency"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["READ_OFF", "Consistency", "consistency"]
+
+READ_OFF = "read off this record"
 
 _SEARCH = 5.0  # seconds for a better estimate
 
@@ -103,6 +109,48 @@ class Consistency(NoiseScale):
         low, high = self.scale
         return True if high <= 1.0 else (False if low > 1.0 else None)
 
+    def noise_bound(self, margin: float = 1.0) -> Noise:
+        """Noise bounds read off this record: the attained factor times the bounds as given.
+
+        Parameters
+        ----------
+        margin : float
+            Factor >= 1 on the least: another record of the system may need more.
+
+        Returns
+        -------
+        Noise
+            Which says in its ``assumptions`` where it comes from; results repeat that.
+
+        Raises
+        ------
+        NoiseError
+            If no factor is attained, or the margin is below 1.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> found = setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(equation=1))
+        >>> noise = found.noise_bound(1.05)
+        >>> noise.equation.round(4), noise.assumptions[0][:35]
+        (array([0.356]), 'equation noise: read off this recor')
+        """
+        factor = number(margin, "margin", NoiseError)
+        if not 1.0 <= factor < inf:
+            raise NoiseError(f"margin: found {margin!r}, expected a factor >= 1")
+        if not self.scale[1] < inf:
+            raise NoiseError("scale: found no attained factor, expected one to read a bound off")
+        text = f"{READ_OFF} ({factor:g} times the least bound that explains it)"
+        data = self.formulation.data
+        kept: dict[str, Any] = {}
+        bounds = scaled_noise(self.noise.bounds(data), factor * self.scale[1]).bounds(data)
+        for kind, values in zip(("output", "input", "equation"), bounds, strict=True):
+            if np.any(values > 0):
+                same = bool(np.all(values == values[0]))
+                kept[kind] = EstimatedBound(values[0] if same else values, 0.0 * values[0], text)
+        return Noise(**kept)
+
     def verify(self) -> Verification:
         """Check both ends again, without any solver."""
         return verify_scale(self)
@@ -120,6 +168,17 @@ class Consistency(NoiseScale):
             lines.append(f"held up by samples {', '.join(str(k) for _, k in self.samples[:12])}")
         lines += ["taken for granted:", *(f"- {text}" for text in self.assumptions)]
         return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the refuted and attained factors; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
+        from setid.plots.decisions import plot_consistency
+
+        return plot_consistency(self, ax)
 
     def _repr_html_(self) -> str:
         low, high = rounded(self.scale[0], False, 6), rounded(self.scale[1], True, 6)

@@ -10,11 +10,13 @@ then narrows all 2 p ends together.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -22,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
+from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -40,6 +43,7 @@ from setid.models.block import BlockStructured
 from setid.models.equations import Structure
 from setid.models.lti import TransferFunction
 from setid.options import Options, with_executor
+from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.free_parameters import free_parameters
@@ -55,17 +59,24 @@ from setid.result.assembling import (
     simpler_text,
     unbounded_text,
 )
+from setid.result.holdout import Holdout
 from setid.result.identification import Identification
-from setid.result.progress import Progress
+from setid.result.progress import OnProgress, Progress
+from sparsepop_py.budget import Deadline, LimitReached
 
 __all__ = ["identify"]
+
+_LOG = logging.getLogger(__name__)
 
 _DIRECT = (
     "partial outputs have no bounds from the data: the denominators are multiplied out, which "
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
+_NO_BOX = "time ended in the search for a box from the data: give more time"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
+_FIRST = 0.75  # of the time, for the part of a record that is not held out
+_LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
 
 
@@ -76,8 +87,9 @@ def identify(
     priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
     options: Options | None = None,
     *,
+    holdout: IOData | float | None = None,
+    on_progress: OnProgress | None = None,
     executor: Executor | None = None,
-    on_progress: Callable[[int, int], None] | None = None,
 ) -> Identification:
     """Prove an uncertainty interval for each parameter.
 
@@ -90,11 +102,16 @@ def identify(
     noise : Noise
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
+    holdout : float, int or IOData, optional
+        Samples that check the noise bounds: a part of the record that is left out of the
+        identification (as of :meth:`IOData.split`: 0.5 holds out the second half), or another
+        record. The result says with which factor on the bounds they are explained.
+    on_progress : callable, optional
+        Called with the name of a parameter, its proved and its attained interval so far, when they
+        change and at the next stage after two seconds; ends are infinite where there is none.
+        Where it raises ``KeyboardInterrupt``, what is proved is returned.
     executor : concurrent.futures.Executor, optional
         Processes the nodes of branch and bound, as ``options.engine.executor`` does.
-    on_progress : callable, optional
-        Called with the number of settled ends of intervals and of all ends, when the engine
-        proves or attains something.
 
     Returns
     -------
@@ -127,11 +144,14 @@ def identify(
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
     settings = with_executor(settings, executor)
+    if holdout is not None:
+        return _held_out((data, model, noise, priors), settings, holdout, on_progress)
     if isinstance(model, BlockStructured) and isinstance(data, IOData):
         if settings.unidentifiable == "report" and (affected := unidentifiable(model)):
-            return _reported(data, model, noise, priors, settings, set(affected))
+            parts = data, model, noise, priors
+            return _reported(parts, settings, set(affected), on_progress)
         refuse(model)
-    task = _Task(settings, settings.deadline(), {}, on_progress)
+    task = _Task(settings, settings.limits(), {}, on_progress)
     model, noise, given = task.timed(
         "delta", lambda: with_estimate(data, model, noise, priors, task.until)
     )
@@ -139,14 +159,56 @@ def identify(
     return _with_remark(_intersected(formulation, task))
 
 
+def _held_out(
+    parts: tuple[IOData, Structure, Noise, Any],
+    settings: Options,
+    holdout: IOData | float,
+    on_progress: OnProgress | None,
+) -> Identification:
+    """Identify from one part, and find the factor on the noise bounds that the other needs."""
+    data, model, noise, priors = parts
+    if not isinstance(data, IOData):
+        raise SetidError(f"data: found {type(data).__name__}, expected IOData")
+    until = settings.deadline()
+    first, rest = (data, holdout) if isinstance(holdout, IOData) else data.split(holdout)
+    own, other = _noise_of(noise, data, first, rest)
+    share = None if settings.time_limit is None else _FIRST * settings.time_limit
+    timed = replace(settings, time_limit=share)
+    found = identify(first, model, own, priors, timed, on_progress=on_progress)
+    if found.empty:
+        return found
+    known = found.formulation
+    ends = {n: i.outer for n, i in found.intervals.items() if np.any(np.isfinite(i.outer))}
+    given = [*known.priors, *([Box(ends)] if ends else [])]
+    left = _SEARCH if until == inf else max(until - time.monotonic(), _LEAST)
+    other = other.covering(known.noise.model_error)
+    level = consistency(rest, known.model, other, given, replace(settings, time_limit=left))
+    return replace(found, holdout=Holdout(rest, level.scale))
+
+
+def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[Noise, Noise]:
+    """Noise of both parts of a record; bounds that are given one a sample are split as it is."""
+    each = [np.shape(getattr(noise, kind))[:1] for kind in ("output", "input", "equation")]
+    if first is data or (data.samples,) not in each:
+        return noise, noise
+    eta, xi, e = noise.bounds(data)
+    k = first.samples
+    return Noise(eta[:k], xi[:k], e[:k]), Noise(eta[k:], xi[k:], e[k:])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """Settings, the reading of ``time.monotonic`` at which work ends, and seconds by stage."""
+    """Settings, limits, seconds by stage, and who is told of the bounds."""
 
     settings: Options
-    until: float
+    deadline: Deadline
     timings: dict[str, float]
-    on_progress: Callable[[int, int], None] | None = None
+    on_progress: OnProgress | None = None
+
+    @property
+    def until(self) -> float:
+        """The reading of ``time.monotonic`` at which work ends, as it is expected now."""
+        return self.deadline.end
 
     def timed(self, stage: str, work: Callable[[], Any]) -> Any:
         """Add the CPU seconds of some work to its stage."""
@@ -156,6 +218,15 @@ class _Task:
         finally:
             spent = time.process_time() - begin
             self.timings[stage] = self.timings.get(stage, 0.0) + spent
+            _LOG.debug("%s: %.3f CPU seconds", stage, spent)
+
+    def kept(self, stage: str, work: Callable[[], Any], otherwise: Any) -> Any:
+        """Do timed work within the limits; what there is otherwise if time ends before it does."""
+        try:
+            with self.deadline.kept():
+                return self.timed(stage, work)
+        except LimitReached:
+            return otherwise
 
     def empty(self, formulation: Formulation, outcome: Outcome) -> Identification:
         """Put an empty result together."""
@@ -172,7 +243,11 @@ def _settle(formulation: Formulation, task: _Task) -> Identification:
     """Settle all intervals of one formulation, by linear programs or by the engine."""
     problem = formulation.problem
     if problem.degree <= 1 and problem.dimension <= _FEW:
-        return _linear(formulation, task)
+        asked = objectives(formulation)
+        work = partial(sp.linear_bounds, problem, asked)
+        bounds = task.kept("linear programs", work, None)
+        if bounds is not None:
+            return _linear(formulation, task, tuple(bounds))
     direct = _direct(formulation)
     if direct is not None:
         return _on_box(direct, task, (_DIRECT,))
@@ -188,10 +263,10 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
     kept = [prior for prior in formulation.priors if not prior.unknowns(formulation.model)]
     if len(kept) == len(formulation.priors):
         return _settle(formulation, task)
-    left = task.until - time.monotonic()
-    first = replace(task, until=inf if left == inf else task.until - (1.0 - _SHARE) * left)
+    first = replace(task, deadline=task.deadline.part(_SHARE))
     found = _settle(formulation, first)
-    if not any(_is_open(item) for item in found.intervals.values()):
+    closed = not any(_is_open(item) for item in found.intervals.values())
+    if closed or first.deadline.stopped:
         return found
     fewer = formulate(formulation.data, formulation.model, formulation.noise, kept)
     return _intersect(found, _settle(fewer, task), task.settings.tol)
@@ -237,17 +312,16 @@ def _with_remark(found: Identification) -> Identification:
 
 
 def _reported(
-    data: IOData,
-    model: BlockStructured,
-    noise: Noise,
-    priors: Any,
+    parts: tuple[IOData, BlockStructured, Noise, Any],
     settings: Options,
     affected: set[str],
+    on_progress: OnProgress | None,
 ) -> Identification:
     """Identify what does not depend on a normalisation."""
+    data, model, noise, priors = parts
     formulation = formulate(data, model, noise, priors)
     reference, nonzero = reference_model(data, model, noise, formulation.priors)
-    found = identify(data, reference, noise, formulation.priors, settings)
+    found = identify(data, reference, noise, formulation.priors, settings, on_progress=on_progress)
     note = f"{', '.join(sorted(affected))} are not unique; the rest is that of {reference!r}"
     notes = () if found.empty else (note, *found.notes)
     outcome = Outcome(notes=notes, reference=found, nonzero=nonzero)
@@ -274,13 +348,16 @@ def _direct(formulation: Formulation) -> Formulation | None:
 
 def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Identification:
     """Find a box from the data, then settle all intervals on it."""
-    box = task.timed("box", lambda: find_box(formulation, task.until))
+    late = object()
+    box = task.kept("box", lambda: find_box(formulation, task.until), late)
+    if box is late:
+        box, notes = None, (*notes, _NO_BOX)
     if box is not None and box.empty:
         left = min(_SEARCH, task.until - time.monotonic())
         keys = conflicting_rows(formulation, box) or conflicting_samples(formulation, None, left)
         return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
-        notes = (*notes, "time ended in the search for a box from the data: give more time")
+        notes = (*notes, _NO_BOX)
     problem = problem_on_box(formulation, box)
     outcome = Outcome(problem=problem, box=box, notes=notes)
     p = len(formulation.parameters)
@@ -293,9 +370,10 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
 # ---- linear problems --------------------------------------------------------------------
 
 
-def _linear(formulation: Formulation, task: _Task) -> Identification:
-    problem, asked = formulation.problem, objectives(formulation)
-    bounds = task.timed("linear programs", lambda: tuple(sp.linear_bounds(problem, asked)))
+def _linear(
+    formulation: Formulation, task: _Task, bounds: tuple[sp.LinearBound, ...]
+) -> Identification:
+    problem = formulation.problem
     if bounds[0].status is sp.Status.INFEASIBLE:
         rows = formulation.rows
         used = [number for number, _ in bounds[0].multipliers if number < len(rows.origin)]
@@ -398,16 +476,15 @@ def _solve(
 ) -> tuple[sp.Result, ...]:
     """Bound and attain all ends over one feasible set, in units."""
     settings = task.settings
-    progress = Progress(formulation.parameters, settings.tol, settings.progress, task.on_progress)
-    start = first_point(formulation, problem)
-    points: list[sp.ProvedPoint] = []
-    branch_on = None
-    if coupled(formulation):
-        branch_on = range(len(formulation.parameters))
-        ends = [] if start is None else search_ends(formulation, problem, start)
-        again = (proved_point(formulation, scaled.problem, end.x / scaled.units) for end in ends)
-        points = [point for point in again if point is not None]
-    engine = settings.for_engine(until=task.until)
+    units = scaled.units[: len(formulation.parameters)].tolist()
+    progress = Progress(
+        formulation.parameters, settings.tol, settings.progress, units, task.on_progress
+    )
+    branch_on = range(len(formulation.parameters)) if coupled(formulation) else None
+    start, points = task.kept("start", lambda: _start(formulation, problem, scaled), (None, []))
+    engine = settings.for_engine(until=task.deadline.wall_end)
+    if task.deadline.cpu_left is not None:
+        engine = replace(engine, cpu_limit=task.deadline.cpu_left)
     engine = replace(engine, refine="none") if points else engine
     try:
         found = sp.solve_each(
@@ -423,6 +500,18 @@ def _solve(
         return recheck_results(scaled.problem, found) if points else tuple(found)
     finally:
         progress.close()
+
+
+def _start(
+    formulation: Formulation, problem: sp.Problem, scaled: InUnits
+) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint]]:
+    """Find a consistent vector, and proved points at the ends where rows couple samples."""
+    start = first_point(formulation, problem)
+    if start is None or not coupled(formulation):
+        return start, []
+    ends = search_ends(formulation, problem, start)
+    again = (proved_point(formulation, scaled.problem, end.x / scaled.units) for end in ends)
+    return start, [point for point in again if point is not None]
 
 
 def _intervals(

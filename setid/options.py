@@ -11,6 +11,7 @@ from typing import Literal
 import sparsepop_py as sp
 from setid.data.checks import number
 from setid.errors import SetidError
+from sparsepop_py.budget import Deadline
 
 __all__ = ["Options", "with_executor"]
 
@@ -27,12 +28,16 @@ class Options:
         Gap that counts as closed, as a fraction of the attained width of an interval.
     time_limit : float, optional
         Seconds of wall time for all proofs together, the box of the parameters included. What
-        is proved by then is returned.
+        is proved by then is returned; a proof under way and the last checks may take up to half as
+        long on top.
+    cpu_limit : float, optional
+        The same in seconds of CPU time of this process, for shared machines.
     solver : str
         Conic solver of the engine, as of :class:`sparsepop_py.Options`; ``"auto"`` is its own
         choice.
     progress : bool
-        Whether to draw a progress line when standard error is a terminal.
+        Whether to show bounds and seconds while it works: one changing line in a terminal or a
+        notebook, by tqdm where that is installed.
     unidentifiable : {"refuse", "report"}
         What :func:`identify` does with a block structure whose parameters are not unique for
         want of a normalisation: refuse, or report which ones these are, with proved
@@ -57,6 +62,7 @@ class Options:
 
     tol: float = 1e-3
     time_limit: float | None = None
+    cpu_limit: float | None = None
     solver: str = "auto"
     progress: bool = True
     engine: sp.Options | None = None
@@ -65,11 +71,9 @@ class Options:
     def __post_init__(self) -> None:
         if not number(self.tol, "Options.tol", SetidError) > 0:
             raise SetidError(f"Options.tol: found {self.tol!r}, expected a number > 0")
-        if self.time_limit is not None:
-            if not number(self.time_limit, "Options.time_limit", SetidError) > 0:
-                raise SetidError(
-                    f"Options.time_limit: found {self.time_limit!r}, expected seconds > 0"
-                )
+        for name, limit in (("time_limit", self.time_limit), ("cpu_limit", self.cpu_limit)):
+            if limit is not None and not number(limit, f"Options.{name}", SetidError) > 0:
+                raise SetidError(f"Options.{name}: found {limit!r}, expected seconds > 0")
         if self.unidentifiable not in ("refuse", "report"):
             raise SetidError(
                 f"Options.unidentifiable: found {self.unidentifiable!r}, expected 'refuse' or "
@@ -83,9 +87,13 @@ class Options:
             )
         self.for_engine()  # refuses solvers that are not there
 
+    def limits(self) -> Deadline:
+        """The limits in time of work that begins now."""
+        return Deadline(self.time_limit, None, self.cpu_limit)
+
     def deadline(self) -> float:
         """The reading of ``time.monotonic`` at which work that begins now is to end."""
-        return inf if self.time_limit is None else monotonic() + self.time_limit
+        return self.limits().end
 
     def for_engine(
         self, gap_kind: Literal["absolute", "width"] = "width", until: float | None = None
@@ -106,6 +114,7 @@ class Options:
             gap_kind=gap_kind,
             solver=self.solver,
             time_limit=self.time_limit if left is None or left == inf else left,
+            cpu_limit=base.cpu_limit if self.cpu_limit is None else self.cpu_limit,
         )
 
 

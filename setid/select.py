@@ -15,7 +15,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,9 @@ from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
 from sparsepop_py.executors.dispatch import completed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Selection", "SelectionStep", "select"]
 
@@ -113,6 +116,17 @@ class Selection:
         if self.chosen is None:
             lines.append("no structure with consistent parameters was found")
         return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the decisions; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
+        from setid.plots.decisions import plot_selection
+
+        return plot_selection(self, ax)
 
     def _repr_html_(self) -> str:
         rows = [(s.order, s.degree, s.decision, s.reason) for s in self.steps]

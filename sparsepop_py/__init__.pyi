@@ -23,9 +23,11 @@ from .errors import (
 from .formats import read, write
 from .io.gams import read_gms, write_gms
 from .io.json_ import from_json, read_json, to_json, write_json
+from .io.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
+from .orders import compare_orders
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
 from .problem.rational_problem import RationalProblem
@@ -80,8 +82,10 @@ __all__ = [
     "Table",
     "Verdict",
     "assemble",
+    "compare_orders",
     "find_cliques",
     "from_json",
+    "from_pyomo",
     "from_structs",
     "linear_bounds",
     "parse",

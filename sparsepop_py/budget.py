@@ -1,4 +1,4 @@
-"""Limit a solve by wall time, by CPU time, or by work that a fixed model counts.
+"""Limit a solve by wall time, CPU time, or counted work.
 
 A stage that ends by itself asks :attr:`Deadline.over`. Long loops deep below, which are given no
 deadline, call :func:`check`: it raises :class:`LimitReached` when the limits that
@@ -56,7 +56,7 @@ def spent() -> float:
 
 
 class LimitReached(Exception):
-    """Raised in the middle of a computation when time is over; callers keep what is proved."""
+    """Interrupt a computation when time is over; callers keep what is proved."""
 
 
 EARLY = (KeyboardInterrupt, LimitReached)  # what ends a search early, with its results kept
@@ -166,17 +166,46 @@ class Deadline:
         wall, cpu = self._ends(0.0)
         if cpu == np.inf:
             return wall
-        now, now_cpu = time.monotonic(), time.process_time()
-        used = max(1e-3, now_cpu - self._begin_cpu)
-        pace = float(np.clip((now - self._begin) / used, 1.0, _MOST_PACE))
-        return min(wall, now + pace * (cpu - now_cpu))
+        return min(wall, time.monotonic() + self.pace * (cpu - time.process_time()))
+
+    @property
+    def pace(self) -> float:
+        """Wall seconds to a CPU second so far, at least 1."""
+        used = max(1e-2, time.process_time() - self._begin_cpu)
+        return float(np.clip((time.monotonic() - self._begin) / used, 1.0, _MOST_PACE))
+
+    @property
+    def expected(self) -> float | None:
+        """CPU seconds that are expected to be left; None without a limit in time."""
+        left = self.left
+        return None if left is None else left / self.pace
+
+    @property
+    def late(self) -> bool:
+        """True if a limit in time has passed, whatever work was done."""
+        return time.monotonic() >= self.end
+
+    def part(self, share: float) -> Deadline:
+        """Return a deadline after a share of the time left."""
+        wall, cpu = self._ends(0.0)
+        left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
+        return Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
+
+    @property
+    def wall_end(self) -> float:
+        """Moment on the monotonic clock when wall time is over, inf without such a limit."""
+        return time.monotonic() if self.stopped else self._ends(0.0)[0]
+
+    @property
+    def cpu_left(self) -> float | None:
+        """Seconds of CPU time left, at least a millisecond; None without such a limit."""
+        cpu = self._ends(0.0)[1]
+        return None if cpu == np.inf else max(1e-3, cpu - time.process_time())
 
     @property
     def over(self) -> bool:
         """True if a limit has passed."""
-        wall, cpu = self._ends(0.0)
-        late = time.monotonic() >= wall or (cpu < np.inf and time.process_time() >= cpu)
-        return self.stopped or late or (self._last is not None and spent() >= self._last)
+        return self.late or (self._last is not None and spent() >= self._last)
 
     def _ends(self, grace: float) -> tuple[float, float]:
         """Compute the ends on the wall clock and on the CPU clock, with a share of grace."""

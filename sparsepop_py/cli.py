@@ -1,21 +1,28 @@
-"""Command line: ``sparsepop solve FILE.gms``, ``sparsepop info``, ``sparsepop study``."""
+# PYTHON_ARGCOMPLETE_OK
+"""Command line: ``sparsepop solve FILE``, ``orders``, ``info``, ``study`` and ``verify``."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
+import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from glob import glob
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from sparsepop_py import plots
 from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
-from sparsepop_py.formats import FORMATS, read
+from sparsepop_py.files import read_bytes, write_text
+from sparsepop_py.formats import FORMATS, read, read_stream
 from sparsepop_py.options import Options
+from sparsepop_py.orders import compare_orders
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
@@ -27,15 +34,20 @@ from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.study.command import add_study
 from sparsepop_py.study.problems import Study
 from sparsepop_py.verified.arithmetic.display import rounded
+from sparsepop_py.verify_command import add_verify
 
 __all__ = [
     "EXIT_INPUT",
     "EXIT_MISSING",
     "EXIT_OPEN",
+    "EXIT_PIPE",
     "EXIT_PROVED",
+    "add_json",
+    "check_outputs",
     "check_picture",
     "json_number",
     "main",
+    "print_or_write",
     "run_commands",
     "version",
 ]
@@ -44,6 +56,7 @@ EXIT_PROVED = 0
 EXIT_OPEN = 1
 EXIT_INPUT = 2
 EXIT_MISSING = 3
+EXIT_PIPE = 141  # as shells count a process that ended by SIGPIPE
 
 _CODES = """exit codes:
   0  the answer is proved: the gap is closed, or the problem is infeasible or unbounded
@@ -99,6 +112,7 @@ def run_commands(
     -------
     int
     """
+    _complete(parser)
     try:
         arguments = parser.parse_args(argv)
     except SystemExit as stop:  # argparse: 0 after --help and --version, 2 for wrong usage
@@ -106,6 +120,10 @@ def run_commands(
     wrong: tuple[type[Exception], ...] = (*wrong_input, OSError)
     try:
         code: int = arguments.run(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever read has read enough
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  closed with the process
+        return EXIT_PIPE
     except wrong as error:
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_INPUT
@@ -113,6 +131,15 @@ def run_commands(
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_MISSING
     return code
+
+
+def _complete(parser: argparse.ArgumentParser) -> None:
+    """Answer a shell that asks for completions, where argcomplete is installed."""
+    if "_ARGCOMPLETE" in os.environ:
+        with contextlib.suppress(ImportError):
+            import argcomplete
+
+            argcomplete.autocomplete(parser)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -126,6 +153,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for name, run, text in (
         ("solve", _solve, "prove a bound, find a point, and print both"),
+        ("orders", _orders, "compare relaxation orders, plain and with presolve"),
         ("info", _info, "print sizes and blocks without solving"),
     ):
         command = commands.add_parser(
@@ -136,13 +164,42 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.set_defaults(run=run)
-        command.add_argument("file", metavar="FILE", help=f"a problem: {', '.join(FORMATS)}")
-        command.add_argument("--order", type=int, help="relaxation order; the least by default")
+        command.add_argument(
+            "file",
+            nargs="?",  # --json FILE takes it
+            metavar="FILE",
+            help=f"a problem: {', '.join(FORMATS)}; - for standard input",
+        )
+        command.add_argument(
+            "--format", metavar=".END", choices=list(FORMATS), help="read FILE as if it ended so"
+        )
+        if run is not _orders:
+            command.add_argument("--order", type=int, help="relaxation order; the least by default")
         command.add_argument("--dense", action="store_true", help="one clique of all variables")
         if run is _solve:
             _add_solve_options(command)
+        elif run is _orders:
+            _add_orders_options(command)
+    add_verify(commands)
     _add_problem_files(add_study(commands, Study))
     return parser
+
+
+def _add_orders_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--orders", nargs="+", type=int, default=[1, 2, 3], metavar="ORDER", help="default: 1 2 3"
+    )
+    command.add_argument(
+        "--effort",
+        nargs="+",
+        choices=["plain", "presolve"],
+        default=["plain", "presolve"],
+        help="default: both",
+    )
+    command.add_argument(
+        "--both", action="store_true", help="cliques of the problem, and one of all variables"
+    )
+    _add_outputs(command)
 
 
 def _add_problem_files(command: argparse.ArgumentParser) -> None:
@@ -155,7 +212,8 @@ def _add_problem_files(command: argparse.ArgumentParser) -> None:
 
 
 def _add_files(study: Study, arguments: argparse.Namespace) -> None:
-    for path in arguments.files:
+    found = (sorted(glob(each)) or [each] for each in arguments.files)  # not all shells do it
+    for path in chain.from_iterable(found):
         problem = read(path)
         if not isinstance(problem, Problem):
             raise ProblemError(f"{path}: found ratios, expected polynomials in a study")
@@ -182,14 +240,74 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="more relaxations and branch and bound while the gap is open",
     )
+    _add_outputs(command)
+
+
+def _add_outputs(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--solver",
         default="auto",
         help=", ".join(solver_names()),
     )
-    command.add_argument("--time-limit", type=float, metavar="S", help="seconds of wall time")
-    command.add_argument("--json", action="store_true", help="print one JSON object")
+    command.add_argument(
+        "--time-limit", type=float, metavar="S", help="seconds of wall time for each solve"
+    )
+    command.add_argument("--cpu-limit", type=float, metavar="S", help="seconds of CPU time")
+    add_json(command)
     command.add_argument("--plot", metavar="OUT.png", help="write a picture of the result")
+
+
+def add_json(command: argparse.ArgumentParser) -> None:
+    """Add the option ``--json``.
+
+    Parameters
+    ----------
+    command : argparse.ArgumentParser
+    """
+    command.add_argument(
+        "--json",
+        nargs="?",
+        const="-",
+        metavar="OUT.json",
+        help="write the result as JSON beside the text; without a file name, or with -, print it "
+        "in place of the text",
+    )
+
+
+def check_outputs(arguments: argparse.Namespace) -> None:
+    """Refuse files that cannot be written, before the work and not after it.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        With ``json`` and possibly ``plot``.
+    """
+    if getattr(arguments, "plot", None):
+        check_picture(arguments.plot)
+    if arguments.json and arguments.json != "-":
+        check_writable(arguments.json, "--json")
+
+
+def print_or_write(path: str | None, record: Any, text: str) -> None:
+    """Print the text and write the record; for ``-`` print the record alone.
+
+    Parameters
+    ----------
+    path : str or None
+        What ``--json`` holds; None prints the text alone.
+    record : object
+        As plain data, without NaN and infinities.
+    text : str
+    """
+    if path is None:
+        print(text)
+        return
+    encoded = json.dumps(record, indent=2, allow_nan=False)
+    if path == "-":
+        print(encoded)
+        return
+    write_text(path, encoded + "\n")
+    print(text)
 
 
 def version() -> str:
@@ -223,10 +341,22 @@ def check_picture(path: str) -> None:
         raise ProblemError(f"--plot: found {path!r}, expected a file that ends in one of {endings}")
 
 
+def _problem(arguments: argparse.Namespace) -> Problem | RationalProblem:
+    """Read the file that was named, or standard input."""
+    if arguments.file is None and getattr(arguments, "json", None) not in (None, "-"):
+        arguments.file, arguments.json = arguments.json, "-"  # solve --json FILE
+    if arguments.file is None:
+        raise ProblemError("the following arguments are required: FILE")
+    if arguments.file == "-":
+        return read_stream(sys.stdin.buffer.read(), arguments.format)
+    if arguments.format is not None:
+        return read_stream(read_bytes(arguments.file), arguments.format)
+    return read(arguments.file)
+
+
 def _solve(arguments: argparse.Namespace) -> int:
-    if arguments.plot:
-        check_picture(arguments.plot)  # before the work, not after it
-    problem = read(arguments.file)
+    problem = _problem(arguments)
+    check_outputs(arguments)
     if arguments.plot and isinstance(problem, RationalProblem):
         raise ProblemError("--plot: found a problem with ratios, expected a polynomial one")
     options = Options(
@@ -235,13 +365,12 @@ def _solve(arguments: argparse.Namespace) -> int:
         sparse=not arguments.dense,
         solver=arguments.solver,
         time_limit=arguments.time_limit,
+        cpu_limit=arguments.cpu_limit,
         progress=True,
     )
     result = solve(problem, options)
-    if arguments.json:
-        print(json.dumps(_record(arguments.file, result), indent=2, allow_nan=False))
-    else:
-        print(_text(arguments.file, result))
+    record = _record(arguments.file, result) if arguments.json else None
+    print_or_write(arguments.json, record, _text(arguments.file, result))
     if arguments.plot and isinstance(result, Result):
         plots.save_plot(result, arguments.plot)
     return EXIT_PROVED if result.status in _PROVED else EXIT_OPEN
@@ -346,11 +475,39 @@ def _record(path: str, result: AnyResult) -> dict[str, Any]:
     }
 
 
+# ---- orders -----------------------------------------------------------------------------
+
+
+def _orders(arguments: argparse.Namespace) -> int:
+    problem = _problem(arguments)
+    check_outputs(arguments)
+    if isinstance(problem, RationalProblem):
+        raise ProblemError(f"{arguments.file}: found ratios, expected polynomials in orders")
+    cliques = ("sparse", "dense") if arguments.both else ("dense",) if arguments.dense else ()
+    compared = compare_orders(
+        problem,
+        arguments.orders,
+        arguments.effort,
+        cliques or ("sparse",),
+        Options(solver=arguments.solver, time_limit=arguments.time_limit, progress=True),
+    )
+    rows = [
+        {key: json_number(v) if isinstance(v, float) else v for key, v in row.items()}
+        for row in compared.records()
+    ]
+    record = {"file": arguments.file, "sense": problem.sense, "rows": rows}
+    print_or_write(arguments.json, record, f"{arguments.file}\n{compared.table()}")
+    if arguments.plot:
+        compared.plot(arguments.plot)
+    closed = any(row.result.status in _PROVED for row in compared.rows)
+    return EXIT_PROVED if closed else EXIT_OPEN
+
+
 # ---- info -------------------------------------------------------------------------------
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    problem = read(arguments.file)
+    problem = _problem(arguments)
     if isinstance(problem, RationalProblem):
         print(f"{arguments.file}: {repr(problem)[1:-1]}")
         for denominator in problem.denominators:

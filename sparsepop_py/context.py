@@ -57,6 +57,13 @@ class SolveContext:
         """Report a proved lower bound, with the attained value, to whoever watches."""
         self.stages.bounds(lower, self.upper)
 
+    def report_last(self, lower: float) -> None:
+        """Report the bounds at the end; an interrupt then comes too late to end anything."""
+        try:
+            self.report(lower)
+        except KeyboardInterrupt as cause:
+            self.deadline.ended(cause)
+
     @property
     def notes(self) -> list[str]:
         """Sentences for the user that stages left on the way."""

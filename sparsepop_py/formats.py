@@ -6,8 +6,11 @@ To add a format, write a file with a :class:`Format` and enter it in ``FORMATS``
 from __future__ import annotations
 
 import os
+import re
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from sparsepop_py.compat.mat import read_mat, write_mat
@@ -15,12 +18,15 @@ from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.files import as_path, read_text
 from sparsepop_py.io.gams import read_gms, write_gms
 from sparsepop_py.io.json_ import read_json, write_json
+from sparsepop_py.io.linear_files import read_linear
+from sparsepop_py.io.qplib import read_qplib
+from sparsepop_py.io.scip_ import read_by_scip
 from sparsepop_py.io.text import parse
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.registry import Registry
 
-__all__ = ["FORMATS", "Format", "read", "write"]
+__all__ = ["FORMATS", "Format", "read", "read_stream", "write"]
 
 PathLike = str | os.PathLike[str]
 
@@ -57,6 +63,12 @@ FORMATS: Registry[Format] = Registry(
         ".json": Format(read_json, write_json),
         ".mat": Format(read_mat, write_mat),
         ".txt": Format(_read_text),
+        ".mps": Format(read_linear),
+        ".lp": Format(read_linear),
+        ".qplib": Format(read_qplib),
+        ".nl": Format(read_by_scip),
+        ".pip": Format(read_by_scip),
+        ".osil": Format(read_by_scip),
     },
     FormatError,
 )
@@ -69,7 +81,8 @@ def read(path: PathLike) -> Problem | RationalProblem:
     ----------
     path : str or PathLike
         ``.gms`` (GAMS scalar format), ``.json``, ``.mat`` (SparsePOP's structs), ``.txt`` (the
-        text that :func:`~sparsepop_py.parse` reads), or an ending that was registered.
+        text that :func:`~sparsepop_py.parse` reads), ``.mps``, ``.lp``, ``.qplib``, with the
+        extra ``scip`` also ``.nl``, ``.pip`` and ``.osil``, or an ending that was registered.
 
     Returns
     -------
@@ -80,6 +93,8 @@ def read(path: PathLike) -> Problem | RationalProblem:
     ------
     FormatError
         If the ending is unknown, the file cannot be read or holds no problem.
+    SolverNotFound
+        If the package that reads the format is not installed.
 
     Examples
     --------
@@ -96,6 +111,51 @@ def read(path: PathLike) -> Problem | RationalProblem:
     return problem
 
 
+def read_stream(data: bytes, ending: str | None = None) -> Problem | RationalProblem:
+    """Read a problem from the bytes of a file whose name is not known.
+
+    Parameters
+    ----------
+    data : bytes
+    ending : str, optional
+        Such as ``.gms``; found from the content when left out: ``.json``, ``.mat``, ``.gms`` or
+        ``.txt``.
+
+    Returns
+    -------
+    Problem
+
+    Raises
+    ------
+    FormatError
+        As :func:`read`; messages say ``<stdin>`` in place of the path.
+
+    Examples
+    --------
+    >>> print(read_stream(b"min x1^2; s.t. x1 >= 1"))
+    min x1^2
+      s.t. -1 + x1 >= 0
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"input{ending or _guessed(data)}")
+        path.write_bytes(data)
+        try:
+            return read(path)
+        except FormatError as error:
+            raise FormatError(str(error).replace(str(path), "<stdin>")) from None
+
+
+def _guessed(data: bytes) -> str:
+    """Guess the ending of a file from its content."""
+    start = data[:400].lstrip(b"\xef\xbb\xbf \t\r\n")
+    if start.startswith(b"{"):
+        return ".json"
+    if start.startswith((b"MATLAB", b"\x89HDF")) or b"\x00" in start:
+        return ".mat"
+    gams = re.search(rb"^\s*([a-z]+\s+)?(variables?|equations?|binaries)\b", data, re.I | re.M)
+    return ".gms" if gams and b".." in data else ".txt"
+
+
 def write(problem: Problem | RationalProblem, path: PathLike) -> None:
     """Write a problem to a file, in the format of its ending.
 
@@ -103,7 +163,7 @@ def write(problem: Problem | RationalProblem, path: PathLike) -> None:
     ----------
     problem : Problem or RationalProblem
     path : str or PathLike
-        See :func:`read`; ``.txt`` is only read.
+        ``.gms``, ``.json`` or ``.mat``; the others of :func:`read` are only read.
 
     Raises
     ------

@@ -68,7 +68,7 @@ _CHOICES = {
     "effort": ("plain", "presolve", "auto"),
     "gap_kind": ("absolute", "relative", "width"),
     "chordal": ("auto", "min-degree", "min-fill", "mcs-m"),
-    "refine": ("scipy", "ipopt", "none"),
+    "refine": ("scipy", "ipopt", "prove", "none"),
 }
 
 
@@ -101,9 +101,10 @@ class Options:
     solver : str
         ``"auto"`` (the clique-tree method where it suits, else Clarabel), ``"clarabel"``,
         ``"clarabel-moment"``, ``"cliquetree"`` or ``"cvxpy:NAME"``.
-    refine : {"scipy", "ipopt", "none"}
-        Local search for attained points; ``"none"`` switches it off, and ``"ipopt"`` needs the
-        extra of that name.
+    refine : {"scipy", "ipopt", "prove", "none"}
+        Local search for attained points. ``"ipopt"`` needs the extra of that name; ``"prove"``
+        proves the start that was given and points of relaxations as they are, without a search;
+        ``"none"`` leaves out even that.
     search_limit : float, optional
         Seconds of CPU time, or units of work under a ``work_limit``, that local searches may take
         in all; of several objectives, each for itself.
@@ -177,7 +178,7 @@ class Options:
     sparse: bool = True
     chordal: Literal["auto", "min-degree", "min-fill", "mcs-m"] = "auto"
     solver: str = "auto"
-    refine: Literal["scipy", "ipopt", "none"] = "scipy"
+    refine: Literal["scipy", "ipopt", "prove", "none"] = "scipy"
     search_limit: float | None = None
     branch_on: Sequence[int] | None = None
     node_limit: int | None = None

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.exact_convex import falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     CertifiedBound,
     Model,
@@ -59,7 +60,8 @@ from sparsepop_py.verified.points.unbounded_ray import falling_ray
 __all__ = ["INTERRUPTED", "solve", "solve_each"]
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
-_UNVERIFIED = "time ended before the bound was verified: that of the bounds given is claimed"
+_UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
+_LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
 
@@ -287,7 +289,10 @@ class _Several:
         """Search for all objectives; return states and what verification found on the way."""
         first = self._box()
         if self.options.effort == "auto" and finite(first.box) and not is_empty(first.box):
-            return self._together(first)
+            try:
+                return self._together(first)
+            except EARLY as cause:  # before any search began
+                self.deadline.ended(cause)
         model = self._shared_model(first)
         states = [self._alone(number, model) for number in range(len(self.objectives))]
         return _with_widths(states, self.objectives, self.options), {}
@@ -422,7 +427,7 @@ def _solve_one(
     except EARLY as cause:
         context.deadline.ended(cause)
         state = unstarted_state(context, candidates)
-    state.context.report(lower_bound(state.outcome.certificate))
+    state.context.report_last(lower_bound(state.outcome.certificate))
     return state
 
 
@@ -448,7 +453,8 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
     """Lower the claims of a state, also those on the way, to what verification confirms.
 
     An interrupt here asks for the result, which this is the last step to; a second one ends it.
-    Where time ends before the verification does, the bound of the box alone is claimed.
+    Where time ends before the verification of a tree does, the best bound without the tree is
+    claimed.
     """
     context, outcome = state.context, state.outcome
     problem, certificate = context.problem, outcome.certificate
@@ -462,9 +468,10 @@ def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:
             context.deadline.stop()
             settled = certificate.settled(problem, known)
         except LimitReached:
-            outcome = replace(unstarted_state(context, []).outcome, relaxation=outcome.relaxation)
-            settled = outcome.certificate
-            state = replace(state, notes=(*state.notes, _UNVERIFIED))
+            simpler = outcome.simpler or certificate  # of one node, which takes little time
+            settled = simpler.settled(problem, known)
+            if outcome.simpler is not None:
+                state = replace(state, notes=(*state.notes, _UNVERIFIED))
     if settled is certificate:
         return state
     most = lower_bound(settled)
@@ -486,7 +493,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
             f"contradiction: a bound of {lower!r} is proved and {upper!r} is attained; "
             "this is a defect of the program, please report the problem"
         )
-    status, notes = _status(state, lower)
+    status, notes, ray = _status(state, lower)
     points = _points(problem, best, state.candidates)
     return Result(
         problem=problem,
@@ -505,6 +512,7 @@ def _result(state: SearchState, known: dict[Any, Any]) -> Result:
         timings=context.stages.seconds,
         notes=notes,
         moments=_moments(bound),
+        ray=ray,
     )
 
 
@@ -514,17 +522,21 @@ def _moments(bound: CertifiedBound) -> NDArray[np.float64] | None:
     return first_moments(bound.relaxation, bound.solution, bound.model.scaled.scaling)
 
 
-def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
+_Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
+
+
+def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
+    notes += _lost_by_the_proof(context, bound, lower)
     if deadline.stopped:
         notes.append(INTERRUPTED)
-    status = Status.BOUNDED
+    status, ray = Status.BOUNDED, None
     if lower == np.inf:
         status = Status.INFEASIBLE
     elif context.closed(lower):
         status = Status.OPTIMAL
-    elif lower == -np.inf and _falls(context):
+    elif lower == -np.inf and (ray := _ray(context)) is not None:
         status = Status.UNBOUNDED
     elif deadline.stopped:
         status = Status.INTERRUPTED
@@ -533,22 +545,53 @@ def _status(state: SearchState, lower: float) -> tuple[Status, tuple[str, ...]]:
     elif lower == -np.inf:
         status, note = _unproved(context.problem, bound)
         notes += note
-    return status, tuple(notes)
+    return status, tuple(notes), ray
 
 
 def _falls(context: SolveContext) -> bool:
-    """Check for a proved ray along which the objective falls without limit."""
+    """Check for a proved ray from the attained point, without a search for its direction."""
     problem, best = context.problem, context.best
     return best is not None and not _closed_box(problem) and falling_ray(problem, best) is not None
+
+
+def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: float) -> list[str]:
+    """Say that the proof and not the relaxation lost the value, and where."""
+    solution, value, box = bound.solution, bound.value, bound.model.box
+    single = context.options.effort != "auto"  # else the last relaxation may be of one node
+    if not single or solution is None or solution.status not in ("solved", "almost"):
+        return []
+    if context.closed(lower) or not value - lower > _LOST * (1.0 + abs(value)):
+        return []
+    reach = np.maximum(np.abs(box.lo), np.abs(box.hi))
+    open_ = np.flatnonzero(np.isinf(reach))
+    where = f"no finite bounds are known for {_listed(context.problem, open_)}"
+    if not open_.size:
+        widest = context.problem.names[int(np.argmax(reach))]
+        where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
+
+
+def _listed(problem: Problem, variables: NDArray[Any]) -> str:
+    """Names of variables, the first eight."""
+    names = ", ".join(problem.names[v] for v in variables[:8])
+    return names + (f" and {variables.size - 8} more" if variables.size > 8 else "")
+
+
+def _ray(context: SolveContext) -> NDArray[np.float64] | None:
+    """Find a direction along which the objective provably falls without limit."""
+    problem, best = context.problem, context.best
+    if best is None or _closed_box(problem):
+        return None
+    ray = falling_ray(problem, best)
+    direction = falling_direction(problem) if ray is None else None
+    return ray if direction is None else falling_ray(problem, best, direction)
 
 
 def _unproved(problem: Problem, bound: CertifiedBound) -> tuple[Status, list[str]]:
     box = bound.model.box
     unbounded = np.flatnonzero(np.isinf(box.lo) | np.isinf(box.hi))
     if unbounded.size:
-        names = ", ".join(problem.names[v] for v in unbounded[:8])
-        more = f" and {unbounded.size - 8} more" if unbounded.size > 8 else ""
-        return Status.UNPROVED, [f"no finite bounds are known for {names}{more}"]
+        return Status.UNPROVED, [f"no finite bounds are known for {_listed(problem, unbounded)}"]
     return Status.FAILED, []
 
 

@@ -22,8 +22,16 @@ from sparsepop_py.verified.arithmetic.display import rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-__all__ = ["new_axes", "plot_history", "plot_result", "require_matplotlib", "save_plot"]
+__all__ = [
+    "new_axes",
+    "plot_history",
+    "plot_result",
+    "require_matplotlib",
+    "save_figure",
+    "save_plot",
+]
 
 _GRID = 241  # points a side of the plane
 _LARGEST_WINDOW = 1e3  # wider boxes are no help for the eye: the points choose the window
@@ -162,6 +170,25 @@ def save_plot(result: Result, path: str | os.PathLike[str]) -> None:
 
     figure = Figure(figsize=(7.0, 5.2), layout="constrained")
     plot_result(result, figure.add_subplot())
+    save_figure(figure, path)
+
+
+def save_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Write a figure to a file, whole or not at all.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    path : path-like
+        Its suffix chooses the format: png, pdf, svg ...
+
+    Raises
+    ------
+    FormatError
+        If the suffix is of no format.
+    OutputError
+        If the file cannot be written.
+    """
     target = as_path(path)
     kind = target.suffix[1:].lower()
     known = figure.canvas.get_supported_filetypes()

@@ -1,4 +1,4 @@
-"""What a solve is doing: CPU seconds by stage, bounds so far, a changing line, a log.
+"""Progress of a solve: CPU seconds by stage, bounds, a changing line, a log.
 
 The line is drawn in a terminal or a notebook only, by tqdm where that is installed. A thread
 draws it anew each second, so that it moves while a solver runs. The log goes to the logger of the
@@ -14,6 +14,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from sparsepop_py.budget import check
+from sparsepop_py.verified.arithmetic.display import rounded
 
 __all__ = ["Line", "OnProgress", "Stages"]
 
@@ -131,20 +134,33 @@ class Stages:
     def __init__(self, show: bool = False, on_progress: OnProgress | None = None) -> None:
         self.seconds: dict[str, float] = {}
         self.notes: list[str] = []
-        self._line, self._on_progress = Line(show), on_progress
+        self.searched = 0.0  # CPU seconds, or work, of local searches so far
+        self._line = Line(show)
+        self._listeners = [] if on_progress is None else [on_progress]
         self._number: int | None = None
         self._known, self._reported = (-float("inf"), float("inf")), -float("inf")
         self._name, self._silent = "", True  # nothing was reported yet
 
+    def __reduce__(self) -> tuple[type[Stages], tuple[()]]:
+        """Begin anew in another process, unseen and unheard."""
+        return Stages, ()
+
     def of_objective(self, number: int) -> Stages:
         """Return stages of one of several objectives, which share line and callback."""
-        made = Stages(False, self._on_progress)
-        made._line, made._number = self._line, number
+        made = Stages()
+        made._line, made._listeners, made._number = self._line, self._listeners, number
         return made
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time the body of a with statement for the stage of that name."""
+        """Time the body of a with statement for the stage of that name.
+
+        Raises
+        ------
+        LimitReached
+            If the limits kept in this thread have passed.
+        """
+        check()
         self._name = name
         self._draw()
         if not self._silent and time.monotonic() - self._reported > _REPORTED:
@@ -185,10 +201,15 @@ class Stages:
 
     def _draw(self) -> None:
         where = "" if self._number is None else f"objective {self._number}: "
-        low, high = self._known
-        self._line.draw(f"{where}{low:.8g} <= minimum <= {high:.8g}  {self._name} ...")
+        low = rounded(self._known[0], False, 8, scientific=False)
+        high = rounded(self._known[1], True, 8, scientific=False)
+        self._line.draw(f"{where}{low} <= minimum <= {high}  {self._name} ...")
 
     def _report(self) -> None:
         self._reported, self._silent = time.monotonic(), False
-        if self._on_progress is not None:
-            self._on_progress(self._number or 0, *self._known)
+        for listener in list(self._listeners):
+            try:
+                listener(self._number or 0, *self._known)
+            except BaseException:
+                self._listeners.clear()  # it ended the solve and hears no more
+                raise

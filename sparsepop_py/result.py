@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from sparsepop_py.verified.arithmetic.array_checks import read_only
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.certificate.certificate import Certificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
-from sparsepop_py.verified.points.unbounded_ray import falling_ray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -169,6 +167,8 @@ class Result:
     moments : (n,) float or None
         Moments of degree one of the last relaxation, in the units of the variables: its guess at
         a minimiser, mostly not feasible. Not stored in files.
+    ray : (n,) float or None
+        With status ``UNBOUNDED`` the direction along which the objective falls from ``attained``.
 
     Examples
     --------
@@ -195,6 +195,12 @@ class Result:
     timings: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     moments: NDArray[np.float64] | None = None
+    ray: NDArray[np.float64] | None = None
+
+    def __post_init__(self) -> None:
+        if self.certificate is not None and self.certificate.problem is not self.problem:
+            about = replace(self.certificate, problem=self.problem)
+            object.__setattr__(self, "certificate", about)
 
     @property
     def gap(self) -> float:
@@ -204,16 +210,9 @@ class Result:
         gap = self.upper_bound - self.lower_bound
         return max(0.0, gap) if np.isfinite(gap) else np.inf
 
-    @cached_property
-    def ray(self) -> NDArray[np.float64] | None:
-        """Direction from ``x`` along which the objective provably falls, (n,); else None."""
-        if self.status is not Status.UNBOUNDED or self.attained is None:
-            return None
-        return falling_ray(self.problem, self.attained)
-
     @property
     def message(self) -> str:
-        """What the status means in this run, and what to try after it."""
+        """Meaning of the status in this run, and what to try after it."""
         if self.status is Status.UNBOUNDED and self.ray is not None:
             return f"It is proved that the objective falls without limit along {_line(self)}."
         if self.status is Status.LIMIT:
@@ -340,7 +339,7 @@ _OPEN = (Status.BOUNDED, Status.UNPROVED, Status.FAILED)
 
 
 def _line(result: Result) -> str:
-    """Write a falling ray as x + s d with the names of the variables that move."""
+    """Write a falling ray with the names of the variables that move."""
     assert result.ray is not None
     moving = np.flatnonzero(result.ray).tolist()
     steps = [f"{result.problem.names[v]} by {result.ray[v]:+g}" for v in moving[:8]]
@@ -361,7 +360,7 @@ def _limits(options: Options) -> str:
 
 
 def _advice(result: Result) -> list[str]:
-    """List what to try after a run that left the gap open: nothing that it had already."""
+    """List what to try after a run that left the gap open."""
     options, found = result.options, []
     if options.effort == "plain" and options.switches is None:
         found.append("effort 'presolve'")

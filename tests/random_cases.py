@@ -90,3 +90,46 @@ def random_case(seed, *, constrained=True):
         value = value_at(row.polynomial, best)
         assert value == 0 if row.kind is sp.Kind.ZERO else value >= 0
     return case
+
+
+def over_a_polyhedron(seed):
+    """A convex problem without a box and its minimum, planted: f' = sum of multipliers times rows.
+
+    Linear where the seed is a multiple of 3; every number is a double, the minimum rational.
+    """
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    m = int(rng.integers(1, n + 4))
+    x, unit = sp.variables(n), int(rng.integers(1, 4))
+    rows = rng.integers(-3, 4, (m, n))
+    point = [Fraction(int(v), unit) for v in rng.integers(-6, 7, n)]
+    equal, active = rng.random(m) < 0.4, rng.random(m) < 0.7
+    multiplier = np.where(equal, rng.integers(-3, 4, m), rng.integers(0, 4, m) * active)
+    bounded = rng.random(n) < 0.4
+    price = rng.integers(0, 3, n) * bounded
+    squares = rng.integers(-2, 3, (int(rng.integers(1, n + 1)), n)) * (seed % 3 > 0)
+    lower = np.where(bounded, [float(np.floor(float(v))) for v in point], -np.inf)
+    touched = np.array([bounded[j] and point[j].denominator == 1 for j in range(n)])
+    slope = [
+        sum(int(multiplier[i] * rows[i, j]) * unit for i in range(m)) + int(price[j] * touched[j])
+        for j in range(n)
+    ]
+    constraints = []
+    for i in range(m):
+        if not rows[i].any():
+            continue
+        left = sp.total([float(unit * int(a)) * v for a, v in zip(rows[i], x, strict=True)])
+        right = float(sum(unit * int(a) * p for a, p in zip(rows[i], point, strict=True)))
+        slack = 0.0 if equal[i] or active[i] else float(rng.integers(0, 4))
+        constraints.append(left == right if equal[i] else left >= right - slack)
+    forms = [[int(a) for a in row] for row in squares]
+    at = [sum(a * p for a, p in zip(row, point, strict=True)) for row in forms]
+    # unit |L (x - point)|^2 + slope (x - point): the minimum is 0 at the point
+    parts, constant = [0.0 * x[0]], Fraction(0)
+    for row, value in zip(forms, at, strict=True):
+        form = sp.total([float(a) * v for a, v in zip(row, x, strict=True)])
+        parts.append(float(unit) * form**2 - float(2 * unit * value) * form)
+        constant += unit * value**2
+    parts += [float(s) * v for s, v in zip(slope, x, strict=True)]
+    constant -= sum(s * p for s, p in zip(slope, point, strict=True))
+    return sp.Problem(sp.total(parts), constraints, lower), -constant

@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
+import os
 import pathlib
+import subprocess
+import sys
+from types import SimpleNamespace
 
 import pytest
 
+import sparsepop_py as sp
 from sparsepop_py import plots
-from sparsepop_py.cli import EXIT_INPUT, EXIT_MISSING, EXIT_OPEN, EXIT_PROVED, main
+from sparsepop_py.cli import EXIT_INPUT, EXIT_MISSING, EXIT_OPEN, EXIT_PIPE, EXIT_PROVED, main
 from sparsepop_py.errors import SolverNotFound
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
 
 HEAD = "Variables x1,x2,objvar; Equations e1,e2;\n"
 BOX = "x1.lo = 0; x1.up = 1; x2.lo = 0; x2.up = 1;\n"
@@ -196,3 +204,103 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["solve", "--help"]) == 0
     text = capsys.readouterr().out
     assert "exit codes:" in text and "--time-limit" in text
+
+
+# ---- files, streams, orders -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", [".gms", ".json", ".mat", ".txt"])
+@pytest.mark.parametrize("stream", [False, True])
+def test_every_format_by_name_and_from_standard_input(
+    ending: str,
+    stream: bool,
+    folder: pathlib.Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = folder / f"line{ending}"
+    if ending == ".txt":
+        path.write_text("min x1^2 + x2; s.t. x1 + x2 == 1; 0 <= x1 <= 1; 0 <= x2 <= 1")
+    else:
+        sp.write(sp.read(folder / "closed.gms"), path)
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(path.read_bytes())))
+    assert main(["solve", "-" if stream else str(path), "--order", "2", "--json"]) == EXIT_PROVED
+    record = strictly(capsys.readouterr().out)
+    assert record["file"] == ("-" if stream else str(path))
+    assert record["lower_bound"] == pytest.approx(0.75, abs=1e-6)
+
+
+def test_messages_about_standard_input_name_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(FILES["broken"].encode())))
+    assert main(["solve", "-"]) == EXIT_INPUT
+    assert "<stdin>:2: statement 'e1.. objvar - x1 =Q= 0'" in capsys.readouterr().err
+
+
+def test_a_format_in_place_of_the_ending(folder: pathlib.Path) -> None:
+    path = folder / "problem.data"
+    path.write_text("min x^2 - x")
+    assert main(["solve", str(path)]) == EXIT_INPUT
+    assert main(["solve", str(path), "--format", ".txt"]) == EXIT_PROVED
+
+
+def test_json_means_the_same_as_in_setid(
+    folder: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Alone or with - it replaces the text; with a name it writes the file beside the text."""
+    file, out = str(folder / "closed.gms"), folder / "out.json"
+    for arguments in ([file, "--json"], ["--json", file], [file, "--json", "-"]):
+        assert main(["solve", *arguments]) == EXIT_PROVED
+        assert strictly(capsys.readouterr().out)["status"] == "OPTIMAL"
+    assert main(["solve", file, "--json", str(out)]) == EXIT_PROVED
+    assert "status        OPTIMAL" in capsys.readouterr().out
+    assert strictly(out.read_text())["status"] == "OPTIMAL"
+    assert main(["solve", file, "--json", str(folder / "no" / "out.json")]) == EXIT_INPUT
+    assert "--json: found" in capsys.readouterr().err
+
+
+def test_a_broken_pipe_is_silent() -> None:
+    """The reader has gone before anything is printed."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    words = [sys.executable, "-m", "sparsepop_py.cli", "info", "-"]
+    found = subprocess.run(
+        words, stdout=writer, stderr=subprocess.PIPE, input=b"min x^2", cwd=ROOT, check=False
+    )
+    os.close(writer)
+    assert (found.stderr, found.returncode) == (b"", EXIT_PIPE)
+
+
+def test_completion(tmp_path: pathlib.Path) -> None:
+    """What a shell asks for, as argcomplete's protocol has it."""
+    pytest.importorskip("argcomplete")
+    line = "sparsepop ord"
+    environment = {
+        **os.environ,
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_IFS": "\n",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "found"),
+    }
+    words = [sys.executable, "-m", "sparsepop_py.cli"]
+    subprocess.run(words, env=environment, cwd=ROOT, check=False, capture_output=True)
+    assert (tmp_path / "found").read_text().strip() == "orders"
+
+
+def test_orders_plain_and_with_presolve_side_by_side(
+    folder: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, picture = str(ROOT / "examples" / "problems" / "laboratory.gms"), folder / "orders.png"
+    assert main(["orders", file, "--orders", "1", "2", "--plot", str(picture)]) == EXIT_PROVED
+    shown = capsys.readouterr().out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    head = shown.splitlines()[1]
+    for word in ("order", "effort", "proved", "attained", "solver's value", "moments", "CPU s"):
+        assert word in head
+    assert "together: 52.7066" in shown
+    assert main(["orders", file, "--orders", "2", "--effort", "plain", "--json"]) == EXIT_OPEN
+    (row,) = strictly(capsys.readouterr().out)["rows"]
+    assert (row["order"], row["effort"], row["status"]) == (2, "plain", "BOUNDED")
+    assert main(["orders", file, "--orders", "0"]) == EXIT_INPUT

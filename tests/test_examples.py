@@ -44,8 +44,16 @@ def numbers(text: str) -> list[float]:
 
 
 def test_every_example_is_tested() -> None:
-    named = {"demo", "expressions", "structs", "certificate", "many_objectives"}
-    studied = ("estimators", "hairdryer", "cd_player", "tank", "sampling_rates", "hammerstein")
+    named = {"demo", "expressions", "ratios", "structs", "certificate", "many_objectives"}
+    studied = (
+        "estimators",
+        "hairdryer",
+        "cd_player",
+        "tank",
+        "sampling_rates",
+        "hammerstein",
+        "motor",
+    )
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
     added = {"control_hairdryer", "neural_gradients", "neural_records"}
@@ -109,6 +117,34 @@ def test_expressions(tmp_path: Path) -> None:
     exact = -1.0 / (2.0 + 2.0**0.5)
     proved = re.search(r"lower bound +(\S+) +proved", output)
     assert proved and exact - 1e-6 <= float(proved.group(1)) <= exact + 1e-9
+
+
+def test_ratios(tmp_path: Path) -> None:
+    """Shekel's function with five terms: the deepest hole, located by a fine grid around it."""
+    output = run("ratios", tmp_path)
+    assert "status        OPTIMAL" in output and "variables True" in output
+    x, y = np.meshgrid(*[np.linspace(3.99, 4.01, 401)] * 2)
+    holes = [(4, 4, 0.1), (1, 1, 0.2), (8, 8, 0.2), (6, 6, 0.4), (3, 7, 0.4)]
+    least = -float(sum(1 / ((x - a) ** 2 + (y - b) ** 2 + c) for a, b, c in holes).max())
+    proved = re.search(r"lower bound +(\S+) +proved", output)
+    assert proved and least - 2e-5 <= float(proved.group(1)) <= least
+    checked = subprocess.run(
+        [sys.executable, str(ROOT / "checker" / "check.py"), "ratios.json"],
+        cwd=tmp_path,
+        check=False,
+    )
+    assert checked.returncode == 0
+
+
+def test_identify_motor(tmp_path: Path) -> None:
+    """The parameters that made the record lie in the intervals, which are attained inside."""
+    output = run("identify_motor", tmp_path)
+    assert "verified       True" in output
+    for name, true in {"J": 0.02, "b": 0.1, "K": 0.3, "R": 1.0, "L": 0.2}.items():
+        row = re.search(rf"^{name} +(\S+) +(\S+) +(\S+) +(\S+)", output, re.M)
+        assert row is not None
+        low, high, first, last = (float(value) for value in row.groups())
+        assert low <= true <= high and low <= first <= last <= high
 
 
 def test_structs(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.bands.responses import Kind, nominal_outputs
+from setid.bands.enclosing import Accuracy, record_bands
+from setid.bands.verdicts import BandReport, Kind
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -26,7 +27,6 @@ from setid.feasible_set.feasible_set import FeasibleSet
 from setid.feasible_set.supports import Proposer, cover_of
 from setid.formulation.formulation import formulate
 from setid.formulation.regression import check_channels
-from setid.proofs.enclosures import enclose
 from setid.proofs.predictions import predicted_ranges
 from setid.simulation.responses import run
 
@@ -53,6 +53,10 @@ class OutputBand:
         Range of the models' outputs.
     reading_low, reading_high : (N, ny) float
         Where readings lie if the assumptions hold: noise and equation error included.
+    attained_low, attained_high : (N, ny) float or None
+        What members reach, up to rounding, beside a proved simulation; NaN where none is known.
+    reports : tuple of BandReport
+        Of a proved simulation, one an output.
 
     Examples
     --------
@@ -72,6 +76,23 @@ class OutputBand:
     high: Reals
     reading_low: Reals
     reading_high: Reals
+    attained_low: Reals | None = None
+    attained_high: Reals | None = None
+    reports: tuple[BandReport, ...] = ()
+
+    @property
+    def silent(self) -> NDArray[np.bool_]:
+        """Where the band says nothing, shape (N, ny).
+
+        There it is infinite, or holds every reading that the record has of that output: none of
+        them would lie outside.
+        """
+        with np.errstate(invalid="ignore"):
+            least = np.nanmin(self.data.y, axis=0, initial=np.inf)
+            most = np.nanmax(self.data.y, axis=0, initial=-np.inf)
+            holds_all = (self.reading_low <= least) & (self.reading_high >= most)
+        unknown = np.isinf(self.reading_low) | np.isinf(self.reading_high)
+        return np.asarray(holds_all | unknown, np.bool_)
 
     @property
     def outside(self) -> NDArray[np.int64]:
@@ -83,11 +104,17 @@ class OutputBand:
             gone = (self.data.y < self.reading_low) | (self.data.y > self.reading_high)
         return np.argwhere(gone)
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the readings and the band, one axis an output; returns the axes."""
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the readings and the band, one axis an output; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_output_band
 
-        return plot_output_band(self)
+        return plot_output_band(self, ax)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,6 +162,10 @@ class Comparison:
             lines.append(f"mean width of the {band.kind} band of models  {width:.4g}")
         else:
             lines.append(f"the {band.kind} band of models is infinite: nothing is proved")
+        many = len(band.reports) > 1
+        for place, report in enumerate(band.reports, 1):
+            lines.append(f"y{place}: {report.text}" if many else report.text)
+        lines += self._silence()
         outside, count = len(band.outside), int(np.sum(~np.isnan(band.data.y)))
         lines.append(f"readings outside the {band.kind} band of readings  {outside} of {count}")
         if outside and band.kind == "proved":
@@ -147,11 +178,29 @@ class Comparison:
         lines += [self.advice] if self.advice else []
         return "\n".join(lines)
 
-    def plot(self) -> NDArray[Any]:
-        """Draw the band with the fit in the title; returns the axes."""
+    def _silence(self) -> list[str]:
+        """A line for samples at which the band is no test."""
+        band = self.band
+        tested = ~np.isnan(band.data.y) & ~np.isnan(band.reading_low)
+        silent, count = int(np.sum(band.silent & tested)), int(np.sum(tested))
+        if not silent:
+            return []
+        return [
+            f"the band says nothing at {silent} of {count} samples: it is infinite there, or every "
+            "reading of the record would lie in it"
+        ]
+
+    def plot(self, ax: Any = None) -> NDArray[Any]:
+        """Draw the band with the fit in the title; returns the axes.
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One an output.
+        """
         from setid.plots.outputs import plot_comparison
 
-        return plot_comparison(self)
+        return plot_comparison(self, ax)
 
 
 def simulate_band(
@@ -161,6 +210,8 @@ def simulate_band(
     noise: Noise | None = None,
     samples: int = 30,
     seed: int = 0,
+    tolerance: float = 0.1,
+    time_limit: float = 20.0,
 ) -> OutputBand:
     """Outputs of the models for the inputs of a record.
 
@@ -177,6 +228,11 @@ def simulate_band(
         Of this record; that of the identification when left out.
     samples, seed : int
         Mixtures of attained members, for sampled bands.
+    tolerance : float
+        Share of the attained width by which a proved band of models may reach beyond it on each
+        side.
+    time_limit : float
+        Seconds in which that is tried.
 
     Returns
     -------
@@ -197,19 +253,24 @@ def simulate_band(
     ('proved', True)
     """
     record, bounds = _record(result, data, noise)
-    model, theta, cover = result.formulation.model, nominal(result), cover_of(result)
-    eta = bounds[0]
+    model, theta, eta = result.formulation.model, nominal(result), bounds[0]
     if kind in (None, "proved"):
         try:
-            rest = model.initial == "zero"
-            around = nominal_outputs(model, theta, record, rest)
-            found = enclose(model, around, cover, record, bounds, rest)
-            fields = ("nominal", "low", "high", "driven_low", "driven_high")
-            columns = [np.stack([getattr(e, f) for e in found], axis=1) for f in fields]
-            return _band("proved", "simulation", record, columns, eta)
+            accuracy = Accuracy(tolerance, time_limit, samples)
+            bands = record_bands(result, record, bounds, model.initial == "zero", accuracy)
         except SetidError:
             if kind == "proved":
                 raise
+        else:
+            ranges = [np.stack(x, axis=1) for x in zip(*[b.ranges[:4] for b in bands], strict=True)]
+            attained = [
+                np.stack(x, axis=1) for x in zip(*[(b.low, b.high) for b in bands], strict=True)
+            ]
+            columns = [run(model, theta, record), *ranges]
+            band = _band("proved", "simulation", record, columns, eta)
+            low, high = (frozen(x) for x in attained)
+            reports = tuple(b.report for b in bands)
+            return replace(band, attained_low=low, attained_high=high, reports=reports)
     if kind not in (None, "sampled"):
         raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
     thetas = np.vstack([theta, members(result, samples, seed)])
@@ -270,7 +331,8 @@ def predict(
     found = [np.full(record.y.shape, np.nan) for _ in columns]
     for target, values in zip(found, columns, strict=True):
         target[place] = values
-    return OutputBand("proved", "prediction", record, *(frozen(x) for x in found))
+    middle, a, b, c, d = (frozen(x) for x in found)
+    return OutputBand("proved", "prediction", record, middle, a, b, c, d)
 
 
 def compare(
@@ -382,6 +444,7 @@ def _record(
 
 
 def _band(kind: Kind, mode: Mode, record: IOData, columns: list[Reals], eta: Reals) -> OutputBand:
-    nominal_, low, high, driven_low, driven_high = columns
-    reading = np.nextafter(driven_low - eta, -np.inf), np.nextafter(driven_high + eta, np.inf)
-    return OutputBand(kind, mode, record, *(frozen(x) for x in (nominal_, low, high, *reading)))
+    middle, low, high, driven_low, driven_high = (frozen(x) for x in columns)
+    least = frozen(np.nextafter(driven_low - eta, -np.inf))
+    most = frozen(np.nextafter(driven_high + eta, np.inf))
+    return OutputBand(kind, mode, record, middle, low, high, least, most)

@@ -56,11 +56,16 @@ class Residuals:
         """Places of residuals beyond their bound."""
         return np.flatnonzero(np.abs(self.values) > self.bound * (1.0 + 1e-9))
 
-    def plot(self) -> Axes:
-        """Draw residuals and bounds; returns the axes."""
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw residuals and bounds; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.residuals import plot_residuals
 
-        return plot_residuals(self)
+        return plot_residuals(self, ax)
 
 
 def residuals(result: FeasibleSet, theta: Reals | None = None) -> Residuals:

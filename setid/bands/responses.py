@@ -1,4 +1,4 @@
-"""Bands of frequency and step responses over the feasible parameter set.
+"""Bands of frequency responses over the feasible parameter set.
 
 Every band says what it is: *proved* bands contain the response of every consistent
 parameter vector; *sampled* ones are what members of the set reach, and may be too narrow.
@@ -6,37 +6,38 @@ parameter vector; *sampled* ones are what members of the set reach, and may be t
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from setid.data.checks import frozen, natural
-from setid.data.record import IOData
-from setid.errors import ModelError, SetidError
+from setid.bands.frequency_arcs import refined_arcs
+from setid.bands.verdicts import Kind
+from setid.data.checks import frozen, number
+from setid.errors import SetidError
 from setid.feasible_points.members import members, nominal
 from setid.feasible_set.feasible_set import FeasibleSet
-from setid.feasible_set.supports import Proposer, cover_of
-from setid.models.equations import Structure
-from setid.proofs.enclosures import Nominal, enclose
-from setid.proofs.frequency_regions import frequency_regions, rounding_of
+from setid.feasible_set.principal import principal_cover
+from setid.feasible_set.supports import Proposer
+from setid.proofs.frequency.arc_regions import ArcRegions, families_of
+from setid.proofs.frequency.regions import frequency_regions, rounding_of
 from setid.proofs.supports import Cover
-from setid.simulation.responses import frequency_response, frequency_weights, grid, run, transfer_of
-from setid.simulation.simulate import simulate
+from setid.simulation.responses import frequency_response, frequency_weights, grid, transfer_of
 from sparsepop_py.executors.dispatch import map_in_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-__all__ = ["FrequencyBand", "Kind", "StepBand", "frequency_band", "nominal_outputs", "step_band"]
+__all__ = ["FrequencyBand", "frequency_band"]
 
-Kind = Literal["proved", "sampled"]
 _FREQUENCIES = 32  # of one task
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+_SHARE = 0.7  # of the time, for ranges along principal axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,6 +60,11 @@ class FrequencyBand:
     regions : (F, V) complex
         For a proved band the corners of a quadrangle that contains the response at each
         frequency (V = 4), for a sampled one the responses of V members.
+    arcs : ArcRegions or None
+        What is proved between the frequencies; None for sampled bands, in continuous time, and
+        where an interval is infinite.
+    Ts : float
+        Sampling time.
 
     Examples
     --------
@@ -78,6 +84,60 @@ class FrequencyBand:
     magnitude: Reals
     phase: Reals
     regions: Complexes
+    arcs: ArcRegions | None = None
+    Ts: float = 1.0
+
+    def between(self, omega: ArrayLike) -> tuple[Reals, Reals]:
+        """Proved gains and phases at any frequencies, also between those of the band.
+
+        Parameters
+        ----------
+        omega : (K,) array_like
+            rad per unit of time, from 0 to pi / Ts.
+
+        Returns
+        -------
+        magnitude, phase : (K, 2) float
+            Infinite, or all angles, where nothing is proved.
+
+        Raises
+        ------
+        SetidError
+            If nothing is proved between frequencies: the band is sampled, or of a
+            continuous-time structure.
+        """
+        arcs, frequencies = self._proved_arcs(), np.atleast_1d(np.asarray(omega, float))
+        found = [arcs.at(w) for w in (frequencies * self.Ts).tolist()]
+        gains, phases = (np.array(x) for x in zip(*found, strict=True))
+        near = np.interp(frequencies, self.omega, np.unwrap(np.angle(self.nominal)))
+        turns = np.round((near - phases.mean(axis=1)) / (2 * np.pi))
+        return gains, phases + 2 * np.pi * turns[:, None]
+
+    @property
+    def peak(self) -> tuple[float, float]:
+        """Proved bounds of the largest gain that a consistent model has at any frequency."""
+        arcs = self._proved_arcs()
+        return max(float(self.magnitude[:, 0].max()), arcs.least_peak), arcs.largest_gain
+
+    def distance(self, point: complex = -1.0) -> float:
+        """Proved lower bound of the distance of all responses from a point of the plane.
+
+        From -1 it is the modulus margin of the loop that the response closes with gain 1; where
+        it is positive and one of these loops is stable, all of stable plants are.
+
+        Parameters
+        ----------
+        point : complex
+        """
+        return self._proved_arcs().distance(point)
+
+    def _proved_arcs(self) -> ArcRegions:
+        if self.arcs is None:
+            raise SetidError(
+                "band: nothing is proved between its frequencies; expected a proved band of a "
+                "discrete-time structure with finite intervals"
+            )
+        return self.arcs
 
     @property
     def decibel(self) -> Reals:
@@ -97,46 +157,6 @@ class FrequencyBand:
         return plot_frequency_band(self, kind)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class StepBand:
-    """Response to a unit step from rest over the feasible parameter set.
-
-    Parameters
-    ----------
-    kind : {"proved", "sampled"}
-    output, input : int
-        Channels, from 1.
-    time : (N,) float
-    nominal : (N,) float
-    low, high : (N,) float
-
-    Examples
-    --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> setid.step_band(result, 3).time
-    array([0., 1., 2.])
-    """
-
-    kind: Kind
-    output: int
-    input: int
-    time: Reals
-    nominal: Reals
-    low: Reals
-    high: Reals
-
-    def plot(self) -> Axes:
-        """Draw it; returns the axes."""
-        from setid.plots.responses import plot_step_band
-
-        return plot_step_band(self)
-
-
-# ---- frequency --------------------------------------------------------------------------
-
-
 def frequency_band(
     result: FeasibleSet,
     omega: ArrayLike | None = None,
@@ -145,6 +165,7 @@ def frequency_band(
     input: int = 1,
     samples: int = 100,
     seed: int = 0,
+    time_limit: float = 20.0,
     *,
     executor: Executor | None = None,
 ) -> FrequencyBand:
@@ -161,6 +182,9 @@ def frequency_band(
         Channels, from 1.
     samples, seed : int
         Mixtures of attained members, for sampled bands.
+    time_limit : float
+        Seconds for what is proved along principal axes, where the rows in theta say little, and
+        between the frequencies.
     executor : concurrent.futures.Executor, optional
         Bounds proved bands, 32 frequencies a task; what is proved is the same with any number
         of workers.
@@ -179,7 +203,8 @@ def frequency_band(
     With G = N / D and a nominal g = N0 / D0, the number (N - g D) / D0 is affine in theta;
     its proved ranges in four directions, over a cover of the feasible set, bound
     (G - g) D / D0, and the proved range of D / D0 turns that into bounds of G - g. The
-    error is of second order in the widths, and rounding is included.
+    error is of second order in the widths, and rounding is included. Between frequencies the
+    same is done on arcs of the unit circle; see :meth:`FrequencyBand.between`.
 
     Examples
     --------
@@ -190,16 +215,25 @@ def frequency_band(
     >>> inner = setid.frequency_band(result, [1.0], kind="sampled")
     >>> bool(band.magnitude[0, 0] <= inner.magnitude[0, 0])
     True
+    >>> [round(gain, 1) for gain in band.peak]  # of every consistent model, at any frequency
+    [2.6, 4.5]
     """
     data, model = result.formulation.data, result.formulation.model
     continuous = transfer_of(model, output, input).continuous
     frequencies = grid(omega, data.Ts, continuous=continuous)
     theta = nominal(result)
     response = frequency_response(model, theta, frequencies, data.Ts, output, input)
+    arcs = None
     if kind == "proved":
+        until = time.monotonic() + number(time_limit, "time_limit", SetidError)
+        cover, _ = principal_cover(result, _SHARE * time_limit)
         weights = frequency_weights(model, output, input, frequencies, data.Ts)
         rounding = rounding_of(model, output, input)
-        found = _proved((cover_of(result), theta, weights, rounding), executor)
+        found = _proved((cover, theta, weights, rounding), executor)
+        if not continuous and np.all(np.isfinite([cover.lower, cover.upper])):
+            families = families_of(transfer_of(model, output, input), model.parameters)
+            arcs = refined_arcs(cover, theta, families, until)
+            found = _met(found, arcs, frequencies * data.Ts, response)
     elif kind == "sampled":
         thetas = np.vstack([theta, members(result, samples, seed)])
         found = _sampled(frequency_response(model, thetas, frequencies, data.Ts, output, input))
@@ -216,6 +250,8 @@ def frequency_band(
         frozen(magnitude),
         frozen(angle[:, None] + turn),
         frozen(regions),
+        arcs,
+        data.Ts,
     )
 
 
@@ -238,98 +274,25 @@ def _regions_task(
     return frequency_regions(*given, Proposer)
 
 
+def _met(
+    found: tuple[Reals, Reals, Complexes], arcs: ArcRegions, turns: Reals, response: Complexes
+) -> tuple[Reals, Reals, Complexes]:
+    """What is proved at frequencies and on the arcs there, the latter where the former is not."""
+    gains, angles, corners = found[0].copy(), found[1].copy(), found[2].copy()
+    for k, w in enumerate(turns.tolist()):
+        (low, high), phases = arcs.at(w)
+        if np.isinf(gains[k, 1]) and np.isfinite(high):
+            turn = float(np.angle(response[k]))
+            off = 2 * np.pi * round((turn - sum(phases) / 2) / (2 * np.pi)) - turn
+            angles[k] = phases[0] + off, phases[1] + off
+            corners[k] = arcs.corners(w)
+        gains[k] = max(gains[k, 0], low), min(gains[k, 1], high)
+    return gains, angles, corners
+
+
 def _sampled(responses: Complexes) -> tuple[Reals, Reals, Complexes]:
     """Ranges over members (M, F), the first being nominal."""
     gains = np.abs(responses)
     turns = np.angle(responses * np.conj(responses[0]))
     magnitude = np.stack([gains.min(axis=0), gains.max(axis=0)], axis=1)
     return magnitude, np.stack([turns.min(axis=0), turns.max(axis=0)], axis=1), responses.T
-
-
-def nominal_outputs(model: Structure, theta: Reals, record: IOData, from_rest: bool) -> Nominal:
-    """Simulate what an enclosure is computed around.
-
-    Parameters
-    ----------
-    model : Structure
-    theta : (p,) float
-    record : IOData
-    from_rest : bool
-        All signals are zero before the record.
-    """
-    linear = bool(model.regression())  # enclosures refuse the others and say why
-    outputs = run(model, theta, record, from_rest) if linear else np.zeros(record.y.shape)
-    return Nominal(theta, outputs, Proposer)
-
-
-# ---- steps ------------------------------------------------------------------------------
-
-
-def step_band(
-    result: FeasibleSet,
-    length: int = 50,
-    kind: Kind = "proved",
-    output: int = 1,
-    input: int = 1,
-    samples: int = 100,
-    seed: int = 0,
-) -> StepBand:
-    """Band of the response to a unit step at one input, from rest, without noise.
-
-    Parameters
-    ----------
-    result : FeasibleSet
-    length : int
-        Number of samples.
-    kind : {"proved", "sampled"}
-        Proved bands are available for linear structures with one denominator an output;
-        they become infinite where nothing is proved.
-    output, input : int
-        Channels, from 1.
-    samples, seed : int
-        Mixtures of attained members, for sampled bands.
-
-    Returns
-    -------
-    StepBand
-
-    Raises
-    ------
-    SetidError
-        If the feasible set is empty, or nothing can be proved of this structure.
-
-    Examples
-    --------
-    >>> import setid
-    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
-    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
-    >>> band = setid.step_band(result, 3)
-    >>> bool(((band.low <= band.nominal) & (band.nominal <= band.high)).all())
-    True
-    """
-    data, model = result.formulation.data, result.formulation.model
-    count = natural(length, "length", SetidError, least=1)
-    channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
-    if channels[0] > model.outputs or channels[1] > model.inputs:
-        raise ModelError(
-            f"output, input: found {output}, {input}, expected at most "
-            f"{model.outputs}, {model.inputs}, counted from 1"
-        )
-    column, theta = output - 1, nominal(result)
-    u = np.zeros((count, model.inputs))
-    u[:, input - 1] = 1.0
-    centre = simulate(model, theta, u)[:, column]
-    if kind == "proved":
-        record = IOData(np.vstack([u, np.zeros_like(u[:1])]), np.zeros((count + 1, model.outputs)))
-        around = nominal_outputs(model, theta, record, True)
-        enclosure = enclose(model, around, cover_of(result), record, from_rest=True)[column]
-        low, high = enclosure.low[:count], enclosure.high[:count]
-    elif kind == "sampled":
-        thetas = np.vstack([theta, members(result, samples, seed)])
-        with np.errstate(over="ignore", invalid="ignore"):
-            found = np.array([simulate(model, t, u)[:, column] for t in thetas])
-        low, high = found.min(axis=0), found.max(axis=0)
-    else:
-        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
-    time = np.arange(count) * data.Ts
-    return StepBand(kind, output, input, frozen(time), frozen(centre), frozen(low), frozen(high))

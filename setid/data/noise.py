@@ -67,6 +67,13 @@ class EstimatedBound:
     def __str__(self) -> str:
         return ", ".join(f"{v:g}" for v in self.value)
 
+    def __float__(self) -> float:
+        """The largest bound of all channels."""
+        return float(np.max(self.value))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(self.value, dtype)
+
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class Noise:

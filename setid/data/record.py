@@ -437,11 +437,17 @@ class IOData:
             y_range=None,
         )
 
-    def plot(self) -> NDArray[Any] | Axes:
-        """Draw outputs above inputs over time; returns the axes (needs matplotlib)."""
+    def plot(self, ax: Any = None) -> NDArray[Any] | Axes:
+        """Draw outputs above inputs over time; returns the axes (needs matplotlib).
+
+        Parameters
+        ----------
+        ax : array of matplotlib Axes, optional
+            One a channel.
+        """
         from setid.plots.records import plot_record
 
-        return plot_record(self)
+        return plot_record(self, ax)
 
     def _repr_html_(self) -> str:
         named = zip(

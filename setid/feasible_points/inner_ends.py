@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-__all__ = ["inner_ends"]
+__all__ = ["inner_ends", "loosened"]
 
 Ends = tuple[float, float]
 
@@ -43,8 +43,8 @@ def inner_ends(
     for side, values in enumerate((lows, highs)):
         value, number = min(values)
         mine = points[2 * place + side]
-        if mine is not None and _loose(mine.value, mine) <= value:
-            value = _loose(mine.value, mine)
+        if mine is not None and loosened(mine.value, mine) <= value:
+            value = loosened(mine.value, mine)
             where.append(mine.x)
         else:
             where.append(attained[number].x)
@@ -55,9 +55,9 @@ def inner_ends(
 
 def _edge(point: sp.ProvedPoint, place: int, sign: float) -> float:
     """An upper end of sign * theta at the proved point near x."""
-    return _loose(sign * float(point.x[place]) + point.radius, point)
+    return loosened(sign * float(point.x[place]) + point.radius, point)
 
 
-def _loose(value: float, point: sp.ProvedPoint) -> float:
-    """A little more than a value at a proved point, whose last digits may move."""
+def loosened(value: float, point: sp.ProvedPoint) -> float:
+    """Return a little more than a value at a proved point, whose last digits may move."""
     return float(value + point.radius + 8 * np.spacing(abs(value)))

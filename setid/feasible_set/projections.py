@@ -19,9 +19,8 @@ import sparsepop_py as sp
 from setid.data.checks import frozen, natural
 from setid.errors import SetidError
 from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.principal import solved_heights
 from setid.feasible_set.supports import cover_of, supports
-from setid.formulation.units import in_units
-from setid.proofs.existence import admitted
 from setid.proofs.supports import Cover
 from sparsepop_py.lp.scaled import solve_scaled
 
@@ -75,11 +74,16 @@ class Projection:
         x, y = self.outline.T
         return float(0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
-    def plot(self) -> Axes:
-        """Draw outline and attained points; returns the axes."""
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw outline and attained points; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.projections import plot_projection
 
-        return plot_projection(self)
+        return plot_projection(self, ax)
 
 
 def project(
@@ -164,22 +168,11 @@ def _solved(
     result: FeasibleSet, pair: list[int], normals: Reals, options: sp.Options | None
 ) -> tuple[Reals, Reals]:
     """Proved heights from relaxations that all directions share, and attained pairs."""
-    formulation = result.formulation
-    x, y = (formulation.layout.polynomial(number) for number in pair)
-    scaled = in_units(result.problem, formulation)
+    full = np.zeros((len(normals), len(result.formulation.parameters)))
+    full[:, pair] = normals
     settings = options or sp.Options(order=1, time_limit=result.options.time_limit)
-    asked = [scaled.asked(x * (-a) + y * (-b)) for a, b in normals.tolist()]
-    objectives, factors = zip(*asked, strict=True)
-    found = sp.solve_each(scaled.problem, objectives, settings)
-    p, units = len(formulation.parameters), scaled.units
-    points = [r.attained for r in found if r.attained is not None]
-    attained = [
-        (point.x * units)[pair]
-        for point in points
-        if admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
-    ]
-    heights = -np.array([r.lower_bound for r in found]) * factors
-    return heights, np.reshape(attained, (-1, 2))
+    heights, points = solved_heights(result, full, settings)
+    return heights, points[:, pair]
 
 
 # ---- polygons ---------------------------------------------------------------------------

@@ -82,7 +82,7 @@ class Proposer:
         """Multipliers for the largest values of directions (K, p) times x."""
         goals = directions * self._unit
         sizes = np.abs(goals).max(axis=1, initial=0.0)
-        open_ = sizes > 0.0
+        open_ = (sizes > 0.0) & np.isfinite(sizes)
         goals = goals / np.where(open_, sizes, 1.0)[:, None]
         for place in range(len(self.bases)):
             yield from self._served(place, goals, sizes, open_)

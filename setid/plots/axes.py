@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from setid.errors import SetidError
 from sparsepop_py.plots import new_axes, require_matplotlib
 
 if TYPE_CHECKING:
@@ -22,28 +23,58 @@ __all__ = [
     "ATTAINED",
     "COLOUR",
     "PROVED",
-    "READING",
+    "clip",
+    "far",
     "fill_between",
+    "ink",
     "new_axes",
     "over_time",
     "require_matplotlib",
+    "stacked_axes",
 ]
 
-PROVED, ATTAINED, READING = "#0072B2", "#D55E00", "black"  # Okabe and Ito
+PROVED, ATTAINED = "#0072B2", "#D55E00"  # Okabe and Ito
+_FAR = 1e30
 COLOUR = {"proved": PROVED, "sampled": ATTAINED}
 
 
-def over_time(data: IOData, count: int, height: float) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Make axes one below the other, and the times of all samples (N,)."""
-    _, grid = require_matplotlib().subplots(
-        count,
-        1,
-        sharex=True,
-        squeeze=False,
-        figsize=(8.0, height * count + 0.8),
-        layout="constrained",
-    )
-    axes = np.asarray(grid[:, 0])
+def ink() -> str:
+    """The colour of texts in the style that is in use: black on light, white on dark pages."""
+    return str(require_matplotlib().rcParams["text.color"])
+
+
+def stacked_axes(ax: Any, count: int, height: float) -> NDArray[Any]:
+    """Take the given axes, or make axes one below the other.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes, array of Axes or None
+        As many as are needed.
+    count : int
+    height : float
+        Of each new one, in inches.
+
+    Raises
+    ------
+    SetidError
+        If there are more or fewer.
+    """
+    plt = require_matplotlib()
+    if ax is not None:
+        given = np.ravel(np.asarray(ax, object))
+        if given.size != count:
+            raise SetidError(f"ax: found {given.size} axes, expected {count}, one a channel")
+        return given
+    size = (8.0, height * count + 0.8)
+    _, grid = plt.subplots(count, 1, sharex=True, squeeze=False, figsize=size, layout="constrained")
+    return np.asarray(grid[:, 0])
+
+
+def over_time(
+    data: IOData, count: int, height: float, ax: Any = None
+) -> tuple[NDArray[Any], NDArray[np.float64]]:
+    """Axes one below the other, and the times of all samples (N,)."""
+    axes = stacked_axes(ax, count, height)
     for axis in axes:
         axis.grid(alpha=0.3)
     axes[-1].set_xlabel(f"time [{data.time_unit}]" if data.time_unit else "time")
@@ -63,3 +94,47 @@ def fill_between(
     finite = np.isfinite(low) & np.isfinite(high)
     a, b = np.where(finite, low, 0.0), np.where(finite, high, 0.0)
     ax.fill_between(time, a, b, where=finite, color=colour, alpha=alpha, lw=0, label=label)
+
+
+def far(
+    low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Ends of a band, infinite ones moved far outside; for pictures that :func:`clip` it."""
+    return np.clip(low, -_FAR, _FAR), np.clip(high, -_FAR, _FAR)
+
+
+_ROOM = 0.5  # of the range of what a picture follows, above and below it
+
+
+def clip(ax: Axes, shown: NDArray[np.float64], band: tuple[NDArray[Any], NDArray[Any]]) -> bool:
+    """Let the vertical axis follow some values where a band goes far beyond, and say so.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    shown : (M,) float
+        What is to be seen, such as readings; others than numbers are left out.
+    band : (low, high), each (N,) float
+
+    Returns
+    -------
+    bool
+        Whether the band was clipped.
+    """
+    known = shown[np.isfinite(shown)]
+    if not known.size:
+        return False
+    low, high = float(known.min()), float(known.max())
+    room = _ROOM * ((high - low) or abs(high) or 1.0)
+    ends = low - room, high + room
+    with np.errstate(invalid="ignore"):
+        beyond = (band[0] < ends[0]) | (band[1] > ends[1])
+        silent = (band[0] < ends[0]) & (band[1] > ends[1])
+    if not np.any(beyond):
+        return False
+    ax.set_ylim(*ends)
+    lines = [f"band clipped at {int(np.sum(beyond))} of {beyond.size} samples"]
+    if np.any(silent):
+        lines.append(f"fills the picture at {int(np.sum(silent))}")
+    ax.text(1.0, 1.01, ", ".join(lines), transform=ax.transAxes, fontsize="x-small", ha="right")
+    return True

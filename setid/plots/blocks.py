@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from setid.errors import ModelError
-from setid.plots.axes import new_axes, require_matplotlib
+from setid.plots.axes import ink, new_axes, require_matplotlib
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_diagram", "plot_signal_band", "plot_static_band"]
 
-_PROVED, _SAMPLED, _LINE = "#0072B2", "#D55E00", "black"  # Okabe and Ito
+_PROVED, _SAMPLED = "#0072B2", "#D55E00"  # Okabe and Ito
 
 
 def plot_static_band(band: StaticBand, ax: Axes | None = None) -> Axes:
@@ -41,7 +41,7 @@ def plot_static_band(band: StaticBand, ax: Axes | None = None) -> Axes:
     order = np.argsort(x)
     low, high = band.low[order], band.high[order]
     axes.fill_between(x[order], low, high, color=colour, alpha=0.3, lw=0, label=band.kind)
-    axes.plot(x[order], band.nominal[order], color=_LINE, lw=1, label="nominal")
+    axes.plot(x[order], band.nominal[order], color=ink(), lw=1, label="nominal")
     axes.set_xlabel(band.arguments[0])
     axes.set_ylabel(f"{band.name} = N({band.arguments[0]})")
     axes.grid(alpha=0.3)
@@ -58,7 +58,7 @@ def plot_signal_band(band: SignalBand, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
     """
     axes = new_axes(ax)
-    k = np.arange(1, band.low.size + 1)
+    k = np.arange(band.low.size)
     for low, high, colour, label in (
         (band.low, band.high, _PROVED, "proved"),
         (band.sampled_low, band.sampled_high, _SAMPLED, "sampled"),
@@ -96,7 +96,11 @@ def plot_diagram(
         column = columns[key]
         row = rows[column] = rows.get(column, -1) + 1
         x, y = places[key] = (3.0 * column, -2.0 * row)
-        shape = {"boxstyle": "square,pad=0.6", "fc": "white", "ec": _PROVED}
+        shape = {
+            "boxstyle": "square,pad=0.6",
+            "fc": require_matplotlib().rcParams["axes.facecolor"],
+            "ec": _PROVED,
+        }
         drawn = axes.text(x, y, text, ha="center", va="center", fontsize=8, bbox=shape, zorder=3)
         patches[key] = drawn.get_bbox_patch()
     used = {source for _, sources, _ in elements.values() for source, _ in sources}
@@ -176,7 +180,7 @@ def _arrow(
     """An arrow between boxes (None: the outside), bent below them where it goes back."""
     style = {
         "arrowstyle": "->",
-        "color": _LINE,
+        "color": ink(),
         "connectionstyle": "arc3,rad=-0.5" if back else "arc3,rad=0",
         "patchA": patches[0],
         "patchB": patches[1],

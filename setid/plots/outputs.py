@@ -4,55 +4,76 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from setid.plots.axes import COLOUR, READING, fill_between, over_time
+from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time
 
 if TYPE_CHECKING:
     from setid.bands.outputs import Comparison, OutputBand
 
 __all__ = ["plot_comparison", "plot_output_band"]
 
+Reals = NDArray[np.float64]
 
-def plot_output_band(band: OutputBand) -> NDArray[Any]:
-    """Draw readings, nominal output, and both bands; one axis an output.
+
+def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
+    """Draw readings, nominal output and bands; one axis an output.
+
+    The vertical axis follows the readings; a band that goes far beyond is clipped, and a caption
+    says at how many samples.
 
     Parameters
     ----------
     band : OutputBand
+    ax : array of matplotlib Axes, optional
+        One an output.
 
     Returns
     -------
     (ny,) array of matplotlib Axes
     """
     data = band.data
-    axes, time = over_time(data, data.outputs, 2.4)
+    axes, time = over_time(data, data.outputs, 2.4, ax)
     colour = COLOUR[band.kind]
-    for i, ax in enumerate(axes):
+    for i, axis in enumerate(axes):
         wide = band.reading_low[:, i], band.reading_high[:, i]
-        fill_between(ax, time, *wide, colour, f"readings ({band.kind})", 0.15)
-        fill_between(
-            ax, time, band.low[:, i], band.high[:, i], colour, f"models ({band.kind})", 0.35
-        )
-        ax.plot(time, band.nominal[:, i], color=colour, lw=1, label="nominal")
-        ax.plot(time, data.y[:, i], ".", color=READING, ms=3, label="reading")
-        ax.set_ylabel(data.output_labels[i])
-    axes[0].legend(loc="best", ncols=4, fontsize="small")
+        models = band.low[:, i], band.high[:, i]
+        fill_between(axis, time, *far(*wide), colour, f"readings ({band.kind})", 0.15)
+        fill_between(axis, time, *far(*models), colour, f"models ({band.kind})", 0.35)
+        attained = _attained(band, i)
+        if attained is not None:
+            fill_between(axis, time, *attained, ATTAINED, "models (attained)", 0.5)
+        axis.plot(time, band.nominal[:, i], color=colour, lw=1, label="nominal")
+        axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
+        clip(axis, data.y[:, i], wide)
+        axis.set_ylabel(data.output_labels[i])
+    axes[0].legend(loc="best", ncols=5, fontsize="small")
     return axes
 
 
-def plot_comparison(comparison: Comparison) -> NDArray[Any]:
+def _attained(band: OutputBand, i: int) -> tuple[Reals, Reals] | None:
+    """What members reach of one output, None where that is not known."""
+    if band.attained_low is None or band.attained_high is None:
+        return None
+    low, high = band.attained_low[:, i], band.attained_high[:, i]
+    return (low, high) if np.any(np.isfinite(high - low)) else None
+
+
+def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:
     """Draw the band of a comparison, the fit of each output in its title.
 
     Parameters
     ----------
     comparison : Comparison
+    ax : array of matplotlib Axes, optional
+        One an output.
 
     Returns
     -------
     (ny,) array of matplotlib Axes
     """
-    axes = plot_output_band(comparison.band)
-    for ax, value in zip(axes, comparison.fit, strict=True):
-        ax.set_title(f"{comparison.band.mode}: fit {value:.1f} %")
+    axes = plot_output_band(comparison.band, ax)
+    for axis, value in zip(axes, comparison.fit, strict=True):
+        axis.set_title(f"{comparison.band.mode}: fit {value:.1f} %")
     return axes

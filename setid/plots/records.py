@@ -14,13 +14,15 @@ if TYPE_CHECKING:
 __all__ = ["plot_record"]
 
 
-def plot_record(data: IOData) -> NDArray[Any]:
+def plot_record(data: IOData, ax: Any = None) -> NDArray[Any]:
     """Draw each output and each input of a record over time.
 
     Parameters
     ----------
     data : IOData
         Records are drawn one after the other, with a gap; missing samples are gaps.
+    ax : array of matplotlib Axes, optional
+        One a channel; those of a new figure when left out.
 
     Returns
     -------
@@ -34,7 +36,7 @@ def plot_record(data: IOData) -> NDArray[Any]:
     """
     names = (*data.output_labels, *data.input_labels)
     channels = list(zip(names, [*data.y.T, *data.u.T], strict=True))
-    axes, time = over_time(data, len(channels), 1.6)
+    axes, time = over_time(data, len(channels), 1.6, ax)
     for place, (axis, (name, values)) in enumerate(zip(axes, channels, strict=True)):
         for record in range(data.records):
             part = data.record == record

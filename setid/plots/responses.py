@@ -9,14 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from setid.errors import SetidError
-from setid.plots.axes import COLOUR, READING, fill_between, new_axes, require_matplotlib
+from setid.plots.axes import (
+    ATTAINED,
+    COLOUR,
+    clip,
+    far,
+    fill_between,
+    ink,
+    new_axes,
+    require_matplotlib,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.bands.responses import FrequencyBand, StepBand
+    from setid.bands.responses import FrequencyBand
+    from setid.bands.steps import StepBand
 
 __all__ = ["plot_frequency_band", "plot_step_band"]
+
+Reals = NDArray[np.float64]
 
 
 def plot_frequency_band(band: FrequencyBand, kind: str = "bode") -> NDArray[Any] | Axes:
@@ -47,20 +59,33 @@ def _bode(band: FrequencyBand) -> NDArray[Any]:
     _, axes = plt.subplots(2, 1, sharex=True, figsize=(7.0, 5.5), layout="constrained")
     nominal = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
     angle = np.degrees(np.unwrap(np.angle(band.nominal)))
+    omega, decibel, phase = _everywhere(band)
     for ax, ends, centre, label in (
-        (axes[0], _finite(band.decibel), nominal, "magnitude, dB"),
-        (axes[1], np.degrees(band.phase), angle, "phase, degrees"),
+        (axes[0], _finite(decibel), nominal, "magnitude, dB"),
+        (axes[1], np.degrees(phase), angle, "phase, degrees"),
     ):
-        ax.fill_between(
-            band.omega, *ends.T, color=COLOUR[band.kind], alpha=0.35, lw=0, label=band.kind
-        )
-        ax.semilogx(band.omega, centre, color=READING, lw=1, label="nominal")
+        ax.fill_between(omega, *ends.T, color=COLOUR[band.kind], alpha=0.35, lw=0, label=band.kind)
+        ax.semilogx(band.omega, centre, color=ink(), lw=1, label="nominal")
         ax.set_ylabel(label)
         ax.grid(alpha=0.3, which="both")
     axes[0].legend(loc="best")
-    axes[0].set_title(f"y{band.output} from u{band.input}")
+    where = "" if band.arcs is None else ", proved at all frequencies"
+    axes[0].set_title(f"y{band.output} from u{band.input}{where}")
     axes[1].set_xlabel("frequency, rad per unit of time")
     return np.asarray(axes)
+
+
+_DENSE = 400  # frequencies at which a band that is proved everywhere is drawn
+
+
+def _everywhere(band: FrequencyBand) -> tuple[Reals, Reals, Reals]:
+    """Frequencies, decibels and phases to draw: dense where the band is proved everywhere."""
+    if band.arcs is None or band.omega.size < 2:
+        return band.omega, band.decibel, band.phase
+    omega = np.union1d(np.geomspace(band.omega[0], band.omega[-1], _DENSE), band.omega)
+    gains, phase = band.between(np.clip(omega, band.omega[0], band.omega[-1]))
+    with np.errstate(divide="ignore"):
+        return omega, 20.0 * np.log10(gains), phase
 
 
 def _nyquist(band: FrequencyBand) -> Axes:
@@ -73,8 +98,8 @@ def _nyquist(band: FrequencyBand) -> Axes:
     else:
         ax.plot(band.regions.real, band.regions.imag, color=colour, alpha=0.3, lw=0.5)
         ax.plot([], [], color=colour, label="sampled")
-    ax.plot(band.nominal.real, band.nominal.imag, color=READING, lw=1, label="nominal")
-    ax.plot([-1], [0], "+", color=READING)
+    ax.plot(band.nominal.real, band.nominal.imag, color=ink(), lw=1, label="nominal")
+    ax.plot([-1], [0], "+", color=ink())
     ax.set_xlabel("real part")
     ax.set_ylabel("imaginary part")
     ax.grid(alpha=0.3)
@@ -91,8 +116,8 @@ def _nichols(band: FrequencyBand) -> Axes:
         )
     ax.fill([], [], color=COLOUR[band.kind], alpha=0.2, label=f"{band.kind}, at each frequency")
     gains = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
-    ax.plot(np.degrees(np.unwrap(np.angle(band.nominal))), gains, color=READING, lw=1)
-    ax.plot([-180], [0], "+", color=READING)
+    ax.plot(np.degrees(np.unwrap(np.angle(band.nominal))), gains, color=ink(), lw=1)
+    ax.plot([-180], [0], "+", color=ink())
     ax.set_xlabel("phase, degrees")
     ax.set_ylabel("magnitude, dB")
     ax.grid(alpha=0.3)
@@ -120,8 +145,12 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     matplotlib Axes
     """
     axes = new_axes(ax)
-    fill_between(axes, band.time, band.low, band.high, COLOUR[band.kind], band.kind)
-    axes.step(band.time, band.nominal, color=READING, lw=1, where="post", label="nominal")
+    fill_between(axes, band.time, *far(band.low, band.high), COLOUR[band.kind], band.kind)
+    attained = band.attained_low, band.attained_high
+    if band.kind == "proved" and np.any(np.isfinite(attained)):
+        fill_between(axes, band.time, *attained, ATTAINED, "attained", 0.5)
+    clip(axes, np.concatenate([band.nominal, *attained]), (band.low, band.high))
+    axes.step(band.time, band.nominal, color=ink(), lw=1, where="post", label="nominal")
     axes.set_xlabel("time")
     axes.set_ylabel(f"y{band.output} for a step in u{band.input}")
     axes.grid(alpha=0.3)

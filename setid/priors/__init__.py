@@ -6,6 +6,7 @@ conditions are closed, so that what is proved about the set holds for the limit 
 
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, Given, Known, Sign, parameters
+from setid.priors.physical import Physical
 from setid.priors.transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Given",
     "Known",
     "MinimumPhase",
+    "Physical",
     "PoleIn",
     "Prior",
     "Sign",

@@ -16,6 +16,7 @@ from setid.data.checks import FrozenMapping
 from setid.errors import PriorError
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, Known, Sign
+from setid.priors.physical import Physical
 from setid.priors.transfer import DCGain, MinimumPhase, PoleIn, Stable, ZeroIn
 
 __all__ = ["prior_kinds", "read_prior", "register_prior"]
@@ -122,5 +123,5 @@ def read_prior(text: str) -> Prior:
     return prior
 
 
-for _kind in (Box, DCGain, Known, MinimumPhase, PoleIn, Sign, Stable, ZeroIn):
+for _kind in (Box, DCGain, Known, MinimumPhase, Physical, PoleIn, Sign, Stable, ZeroIn):
     register_prior(_kind)

@@ -7,8 +7,9 @@ the structure, the noise bounds and the priors lies in it. ``inner`` always mean
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,11 @@ from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.unbounded import Unbounded
 from setid.proofs.verification import verify
+from setid.result.holdout import Holdout
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
     from setid.bands.outputs import Comparison, Mode, OutputBand
@@ -35,6 +39,8 @@ if TYPE_CHECKING:
     from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
+    from setid.result.reports import Remarks
+    from setid.sensitivity import Sensitivity
 
 __all__ = ["Identification"]
 
@@ -79,6 +85,8 @@ class Identification(FeasibleSet):
         For a structure without a normalisation: the result with the one that was used.
     nonzero : ParameterBox or CellBox, optional
         What proves that this normalisation excludes no consistent system.
+    holdout : Holdout, optional
+        What samples that were held out say of the noise bounds; not written to JSON.
     fewer_priors : Identification, optional
         The result without priors that have unknowns of their own, where these intervals use it.
 
@@ -105,6 +113,7 @@ class Identification(FeasibleSet):
     unbounded: Unbounded | None = None
     reference: Identification | None = None
     nonzero: Nonzero | None = None
+    holdout: Holdout | None = None
     fewer_priors: Identification | None = None
 
     @property
@@ -139,14 +148,21 @@ class Identification(FeasibleSet):
 
     def summary(self) -> str:
         """The table, what it rests on, and what to do about wide or empty intervals."""
-        from setid.result.reports import Remarks, summary
+        from setid.result.reports import summary
 
-        return summary(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+        return summary(self, self._remarks())
+
+    def _remarks(self) -> Remarks:
+        """Remarks of texts and pages."""
+        from setid.result.reports import Remarks
+
+        held = () if self.holdout is None else (self.holdout.text,)
+        return Remarks(self.active, self.samples, (*self.notes, *held), self.assumptions)
 
     def _repr_html_(self) -> str:
-        from setid.result.reports import Remarks, html
+        from setid.result.reports import html
 
-        return html(self, Remarks(self.active, self.samples, self.notes, self.assumptions))
+        return html(self, self._remarks())
 
     def binding(self) -> tuple[tuple[int, int, int], ...]:
         """Samples whose noise is at its bound where ends of intervals are attained.
@@ -238,6 +254,29 @@ class Identification(FeasibleSet):
 
         return to_frame(self)
 
+    def report(self, path: str | os.PathLike[str], validation: IOData | None = None) -> Path:
+        """Write one self-contained page: data, assumptions, intervals, bands, how to verify.
+
+        Parameters
+        ----------
+        path : path-like
+            Of the page, HTML with its pictures and the stored result inside.
+        validation : IOData, optional
+            A record to compare with; that of the identification when left out.
+
+        Returns
+        -------
+        pathlib.Path
+
+        Raises
+        ------
+        SolverNotFound
+            If jinja2 or matplotlib is missing; the message says how to install them.
+        """
+        from setid.result.page import report
+
+        return report(self, path, validation)
+
     # ---- estimates ----------------------------------------------------------------------
 
     @property
@@ -300,6 +339,18 @@ class Identification(FeasibleSet):
         from setid.feasible_points.witness import consistent
 
         return consistent(self.formulation, theta)
+
+    def sensitivity(self, factors: Iterable[float] | None = None) -> Sensitivity:
+        """Widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
+
+        Parameters
+        ----------
+        factors : iterable of float, optional
+            On all noise bounds; 1 to 2 in six steps when left out.
+        """
+        from setid.sensitivity import FACTORS, sensitivity
+
+        return sensitivity(self, FACTORS if factors is None else factors)
 
     # ---- one-line delegations -----------------------------------------------------------
 
@@ -390,7 +441,7 @@ class Identification(FeasibleSet):
         output, input : int
             Channels, from 1.
         """
-        from setid.bands.responses import step_band
+        from setid.bands.steps import step_band
 
         return step_band(self, length, kind, output, input).plot()
 

@@ -1,13 +1,20 @@
-"""A progress line over all bounds, drawn only on a terminal."""
+"""Progress over all bounds: a changing line, a callback, a log."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 
 from sparsepop_py.progress import Line
+from sparsepop_py.verified.arithmetic.display import rounded
 
-__all__ = ["Progress"]
+__all__ = ["OnProgress", "Progress"]
 
+Ends = tuple[float, float]
+OnProgress = Callable[[str, Ends, Ends], None]
+
+_LOG = logging.getLogger(__name__)
+logging.getLogger("setid").addHandler(logging.NullHandler())
 _BAR = 24
 
 
@@ -21,9 +28,11 @@ class Progress:
     tol : float
         Gap that counts as closed, as a fraction of the attained width.
     show : bool
-        Draw the line; ignored unless standard error is a terminal.
-    listener : callable, optional
-        Called with the number of settled ends and of all ends after each report.
+        Draw the line; ignored unless standard error is a terminal or a notebook listens.
+    units : sequence of float, optional
+        Units of the parameters in what is reported; 1 when left out.
+    on_progress : callable, optional
+        Called with a parameter's name, its proved and its attained interval.
     """
 
     def __init__(
@@ -31,18 +40,27 @@ class Progress:
         names: Sequence[str],
         tol: float,
         show: bool,
-        listener: Callable[[int, int], None] | None = None,
+        units: Sequence[float] | None = None,
+        on_progress: OnProgress | None = None,
     ) -> None:
-        self._names, self._tol, self._listener = list(names), tol, listener
+        self._names, self._tol = list(names), tol
+        self._units = [1.0] * len(self._names) if units is None else [float(u) for u in units]
         self._ends = [(float("-inf"), float("inf"))] * (2 * len(self._names))
-        self._shown = Line(show)
+        self._shown, self._on_progress = Line(show), on_progress
 
     def report(self, index: int, lower_bound: float, upper_bound: float) -> None:
         """Note what is proved and attained of one objective."""
         self._ends[index] = (lower_bound, upper_bound)
         self._shown.draw(self.line(index))
-        if self._listener is not None:
-            self._listener(self.settled, len(self._ends))
+        name, (outer, inner) = self._names[index // 2], self._interval(index // 2)
+        _LOG.info("%s: proved [%.8g, %.8g], attained [%.8g, %.8g]", name, *outer, *inner)
+        if self._on_progress is not None:
+            self._on_progress(name, outer, inner)
+
+    def _interval(self, place: int) -> tuple[Ends, Ends]:
+        """Return the proved and the attained interval of one parameter."""
+        low, high, unit = *self._ends[2 * place : 2 * place + 2], self._units[place]
+        return (low[0] * unit, -high[0] * unit), (low[1] * unit, -high[1] * unit)
 
     @property
     def settled(self) -> int:
@@ -59,10 +77,13 @@ class Progress:
     def line(self, index: int) -> str:
         """The text of the line."""
         full = round(_BAR * self.settled / max(1, len(self._ends)))
-        side = "low" if index % 2 == 0 else "high"
-        name, gap = self._names[index // 2], self._gap(index)
+        name, (outer, _) = self._names[index // 2], self._interval(index // 2)
         count = f"{self.settled}/{len(self._ends)} ends"
-        return f"[{'#' * full}{'.' * (_BAR - full)}] {count}, {name} {side}: gap {gap:.2g}"
+        side = "low" if index % 2 == 0 else "high"
+        low = rounded(outer[0], False, 6, scientific=False)
+        high = rounded(outer[1], True, 6, scientific=False)
+        last = f"{name} in [{low}, {high}], {side}: gap {self._gap(index):.2g}"
+        return f"[{'#' * full}{'.' * (_BAR - full)}] {count}, {last}"
 
     def close(self) -> None:
         """Erase the line."""

@@ -29,6 +29,8 @@ from sparsepop_py.files import write_text
 
 __all__ = ["Form", "read_form", "work"]
 
+Ends = tuple[float, float]
+_CLOSED = 1e-3  # of the attained width, the tolerance of options
 MOST_SAMPLES, MOST_ORDER, MOST_SECONDS = 20_000, 20, 3600.0
 
 
@@ -157,7 +159,7 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     dict
         ``status``, ``sections`` (titles with HTML or SVG), ``files`` (names for download).
     """
-    report = _Report(Path(folder))
+    report = _Report(Path(folder), len(form.model.parameters))
     report.stage("consistency")
     limit = Options(time_limit=max(form.seconds / 4, 1.0), progress=False)
     priors = [Stable()] if form.stable else []
@@ -165,7 +167,9 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     report.add("Do the noise bounds explain the record?", _html(scale))
     report.stage("intervals")
     options = Options(time_limit=form.seconds, progress=False)
-    result = identify(form.record, form.model, form.noise, priors, options, on_progress=report.ends)
+    result = identify(
+        form.record, form.model, form.noise, priors, options, on_progress=report.interval
+    )
     report.add("Intervals", _html(result))
     report.stage("files")
     report.file("report.txt", lambda: result.summary())
@@ -196,8 +200,9 @@ def _pictures(report: _Report, form: Form, result: Identification) -> None:
 class _Report:
     """Sections and files of a report. Mutable."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._stage = folder, ""
+    def __init__(self, folder: Path, parameters: int) -> None:
+        self._folder, self._stage, self._parameters = folder, "", parameters
+        self._settled: dict[str, bool] = {}
         self.sections: list[dict[str, str]] = []
         self.files: list[str] = []
 
@@ -206,9 +211,11 @@ class _Report:
         self._stage = name
         self._write({})
 
-    def ends(self, settled: int, total: int) -> None:
-        """Say how many ends of intervals are settled."""
-        self._write({"settled": settled, "ends": total})
+    def interval(self, name: str, outer: Ends, inner: Ends) -> None:
+        """Say what is proved and attained of a parameter so far."""
+        gap = max(inner[0] - outer[0], outer[1] - inner[1])
+        self._settled[name] = bool(gap <= _CLOSED * (inner[1] - inner[0]))
+        self._write({"settled": sum(self._settled.values()), "ends": self._parameters})
 
     def _write(self, more: dict[str, int]) -> None:
         state = {"stage": self._stage, **more, "sections": self.sections}

@@ -22,6 +22,7 @@ from sparsepop_py.presolve.size_limits import fitting_relaxations
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
 from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.relaxation.reboxed import reboxed
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
 from sparsepop_py.relaxation.sparsepop.reduction import ReducedProgram, reduce_program
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
@@ -101,6 +102,8 @@ class CertifiedBound:
     solution : ConicSolution or None
     value : float
         The solver's value in units of the objective: no bound.
+    simpler : Certificate or None
+        Of a weaker bound that is verified in less time, where the certificate is a tree.
     """
 
     model: Model
@@ -108,6 +111,7 @@ class CertifiedBound:
     relaxation: Relaxation | None = None
     solution: ConicSolution | None = None
     value: float = np.nan
+    simpler: Certificate | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +169,8 @@ def bound_box(
     shares = (0.0,) if boxed else BOUNDING.margins if switches is None else (0.0, *BOUNDING.margins)
     first: BoxBound | None = None
     for share in shares:
+        if context.deadline.late:
+            break
         with context.stages.stage("assemble"):
             minimised = scaled_objective
             if share:
@@ -183,9 +189,10 @@ def bound_box(
                 break
         if outcome.proved.bound > -np.inf or context.deadline.over:
             break
-    if switches is not None and first is not None:  # further margins and solvers are for the proof
+    nothing = outcome.proved.bound == -np.inf
+    if first is not None and (switches is not None or nothing):  # the others are for the proof
         return replace(outcome, solution=first.solution, value=first.value)
-    if context.options.effort != "auto":
+    if context.options.effort != "auto" or context.deadline.late:
         return outcome
     with context.stages.stage("certify"):
         return short_if(context.enough(outcome.proved.bound), replay, box, outcome)
@@ -308,6 +315,8 @@ def _certified(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> Bo
         return outcome
     loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
     scale = max(1.0, abs(attempt.size * attempt.solution.primal))
+    if context.deadline.late:
+        return outcome
     if loss > 1e-9 * scale and not context.closed(outcome.proved.bound):
         outcome = stronger(
             outcome, attempt.box_bound(repaired(attempt.program, attempt.solution.z))
@@ -364,14 +373,17 @@ def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
             typical = best.x if best is not None else None
             scaled = build_relaxations(problem, (problem.objective,), model, options, typical)
         outcome = _prove(context, scaled)
-        if _sensible(context, outcome) or options.effort == "plain":
+        if options.effort == "plain":
+            return _on_derived_box(context, outcome)
+        if _sensible(context, outcome):
             return outcome
         # a far attained point spoils the scale, a huge box the proof: try without either
         with context.stages.stage("relax"):
             bare = Model(*find_box(problem, best, options, done=True))
             bare = build_relaxations(problem, (problem.objective,), bare, options)
         return better(outcome, _prove(context, bare))
-    return _prove(context, model)
+    outcome = _prove(context, model)
+    return _on_derived_box(context, outcome) if options.effort == "plain" else outcome
 
 
 def _sensible(context: SolveContext, bound: CertifiedBound) -> bool:
@@ -379,6 +391,40 @@ def _sensible(context: SolveContext, bound: CertifiedBound) -> bool:
     if context.best is None:
         return True
     return lower_bound(bound.certificate) > context.upper - 1e3 * (1.0 + abs(context.upper))
+
+
+def _on_derived_box(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
+    """Prove the multipliers of a plain relaxation anew on a box that the rows imply.
+
+    That is done where the proof lost what the relaxation had: steps that bound variables become
+    part of the certificate, the relaxation stays as it was asked for.
+    """
+    model, solution, relaxation = outcome.model, outcome.solution, outcome.relaxation
+    if solution is None or relaxation is None or model.scaled is None:
+        return outcome
+    bound = lower_bound(outcome.certificate)
+    good = outcome.value - bound <= BOUNDING.lost * (1.0 + abs(outcome.value))
+    if good or bool(np.all(model.scaled.scaling.boxed)) or solution.status == "infeasible":
+        return outcome
+    if bound == np.inf or context.deadline.over:
+        return outcome
+    options = replace(context.options, effort="presolve", switches=None)
+    with context.stages.stage("presolve"):
+        proof, box = find_box(context.problem, context.best, options)
+    with context.stages.stage("certify"):
+        replay, best = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
+        objective, size = scale_objective(context.problem.objective, model.scaled.scaling)
+        program = assemble(relaxation, objective)
+        for z in (solution.z, repaired(program, solution.z)):
+            identity = identity_of(relaxation, model.scaled, z, size)
+            smaller = reboxed(identity, box, len(context.problem.constraints))
+            if smaller is not None:
+                proved = prove(replay, box, smaller, False)
+                best = stronger(best, BoxBound(proved, Node(argument=smaller)))
+    derived = replace(model, proof=proof, box=box)
+    found = certified_bound(replay, derived, best)
+    outcome = replace(outcome, model=derived)
+    return outcome if found.certificate is None else better(found, outcome)
 
 
 def _emptiness(problem: Problem, model: Model) -> Certificate | None:
@@ -491,4 +537,4 @@ def better(old: CertifiedBound | None, new: CertifiedBound) -> CertifiedBound:
     """Return the larger certified bound, with the newest solver output."""
     if old is None or lower_bound(new.certificate) >= lower_bound(old.certificate):
         return new
-    return replace(new, certificate=old.certificate)
+    return replace(new, certificate=old.certificate, simpler=old.simpler)

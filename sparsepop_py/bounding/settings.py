@@ -40,6 +40,16 @@ class BoundingSettings:
         Relative gap that is nearly closed, with many variables.
     few_monomials : int
         Monomials up to which rational elimination takes no time.
+    linear_entries : int
+        Entries of a matrix of linear rows up to which it is formed densely.
+    convex_variables : int
+        Variables up to which a quadratic objective is recognised as convex.
+    lost : float
+        Share of a solver's value; where the proof loses more, it is tried on another box.
+    convex_accuracy : float
+        Accuracy of multipliers that rationals take the place of.
+    exact_variables : int
+        Variables up to which the simplex method in integers takes no time.
     """
 
     bits: tuple[int, ...] = (0, 2, 6, 12)
@@ -54,6 +64,11 @@ class BoundingSettings:
     many_variables: int = 300
     small_gap: float = 1e-4
     few_monomials: int = 40
+    linear_entries: int = 1_000_000
+    convex_variables: int = 300
+    lost: float = 1e-7
+    convex_accuracy: float = 1e-10
+    exact_variables: int = 40
 
 
 BOUNDING = BoundingSettings()

@@ -15,6 +15,7 @@ R. Horst, H. Tuy, Global Optimization, Springer, 1996 (convergence of best-first
 from __future__ import annotations
 
 import heapq
+import logging
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.node import NodeSettings, ProcessedNode, process_node
 from sparsepop_py.branch_and_bound.settings import BRANCHING
+from sparsepop_py.branch_and_bound.workers import run_on
 from sparsepop_py.budget import spend
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
@@ -77,6 +79,8 @@ class Search:
         What is proved of the root, the argument, and whether it proves emptiness.
     seen : int
         Nodes that count as processed already.
+    broken : bool
+        Whether an executor failed: it is not asked again.
     """
 
     context: SolveContext
@@ -87,6 +91,7 @@ class Search:
     start: tuple[Proved, Argument | None, bool] = (Proved(-np.inf, 0.0, ""), None, False)
     count: int = 0
     seen: int = 0
+    broken: bool = False
     left: float = BRANCHING.prior_left
     _closed: float = np.inf
     _heap: list[tuple[float, int, _OpenNode]] = field(default_factory=list)
@@ -141,6 +146,7 @@ class Search:
         """
         seen = 0
         while seen < nodes and not self.done and not stop():
+            executor = None if self.broken else executor
             taken = [heapq.heappop(self._heap)[2]]
             while executor is not None and self._heap and len(taken) < min(8, nodes - seen):
                 taken.append(heapq.heappop(self._heap)[2])
@@ -165,12 +171,19 @@ class Search:
             ]
         options = replace(self.context.options, executor=None)  # an executor cannot be pickled
         lone = replace(self.context, stages=Stages(), options=options, repair=None)
-        jobs = [
-            executor.submit(process_node, lone, self.settings, p.box, self.cutoff) for p in nodes
+        tasks = [(lone, self.settings, node.box, self.cutoff) for node in nodes]
+        found, broken = run_on(executor, _in_worker, tasks, self.context.deadline)
+        spend(sum(each.work for each in found if each is not None))  # not counted here so far
+        if broken:
+            self.broken = True
+            text = f"the executor failed ({broken}): nodes are processed in this process"
+            self.context.stages.note(text, logging.WARNING)
+        return [
+            process_node(self.context, self.settings, node.box, self.cutoff)
+            if made is None
+            else made
+            for node, made in zip(nodes, found, strict=True)
         ]
-        found = [job.result() for job in jobs]
-        spend(sum(each.work for each in found))  # counted by the workers, who are not here
-        return found
 
     def _take(self, node: _OpenNode, found: ProcessedNode) -> None:
         """Record a processed node, search the incumbent from its point, branch if it is open."""
@@ -244,6 +257,14 @@ class Search:
         root = _certificate_node(self._root)
         root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))
         return certify(replay, root, least)
+
+
+def _in_worker(
+    context: SolveContext, settings: NodeSettings, box: Interval, cutoff: float | None
+) -> ProcessedNode:
+    """Process a node in another process or thread, within the limits."""
+    with context.deadline.kept():
+        return process_node(context, settings, box, cutoff)
 
 
 def _leaves_of(root: _OpenNode) -> list[_OpenNode]:

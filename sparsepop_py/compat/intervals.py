@@ -8,21 +8,24 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import variables
-from sparsepop_py.compat.param import read_parameters
+from sparsepop_py.compat.param import Parameters, read_parameters, stated_fields
 from sparsepop_py.compat.sparsepop import with_tolerance
 from sparsepop_py.compat.structs import from_structs
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve_each
 from sparsepop_py.result import Result
 
 __all__ = ["IntervalsDetail", "interval_details", "sparsePOPintervals"]
+
+_SECONDS = 60.0  # limit of the adaptive search where none was given
 
 
 class Ends(NamedTuple):
@@ -80,8 +83,9 @@ def sparsePOPintervals(
     indices : int or sequence of int, optional
         Variables, counted from 1 as in MATLAB; None, ``[]`` and ``'a'`` stand for all.
     param : struct, optional
-        As for :func:`~sparsepop_py.sparsePOP`. ``param.effort = 'auto'`` with
-        ``param.timeLimit``, for all intervals together, closes what one relaxation leaves open.
+        As for :func:`~sparsepop_py.sparsePOP`, but without ``effort`` and ``tighten`` the effort
+        is ``'auto'``, which closes what one relaxation leaves open. ``timeLimit`` is for all
+        intervals together, then 60 seconds by default.
     strict : bool
         Unknown fields of ``param`` are errors instead of warnings.
 
@@ -127,6 +131,7 @@ def interval_details(
 ) -> IntervalsDetail:
     """Prove intervals as :func:`sparsePOPintervals`, with what stands behind them."""
     parameters = read_parameters(param, strict, stacklevel=stacklevel)
+    options = _chosen_effort(parameters, {"effort", "tighten"} & set(stated_fields(param)))
     n = _dimension(lbd)
     anything = {"typeCone": 1, "dimVar": n, "noTerms": 1, "supports": [[0] * n], "coef": [0.0]}
     problem = from_structs(anything, ineqPolySys, lbd, ubd)
@@ -134,7 +139,7 @@ def interval_details(
     chosen = _chosen(indices, n)
     x = variables(n)
     distinct = sorted(set(chosen))
-    solved = solve_each(problem, [p for v in distinct for p in (x[v], -x[v])], parameters.options)
+    solved = solve_each(problem, [p for v in distinct for p in (x[v], -x[v])], options)
     pair = {v: (solved[2 * k], solved[2 * k + 1]) for k, v in enumerate(distinct)}
     results = tuple(pair[v] for v in chosen)
     return IntervalsDetail(
@@ -146,6 +151,15 @@ def interval_details(
         [[str(low.status), str(high.status)] for low, high in results],
         results,
     )
+
+
+def _chosen_effort(parameters: Parameters, stated: set[str]) -> Options:
+    """Take the adaptive search where the parameters ask for no other effort."""
+    options = parameters.options
+    if stated:
+        return options
+    limit = options.time_limit or _SECONDS
+    return replace(options, effort="auto", time_limit=limit, chordal="auto", search_limit=None)
 
 
 def _dimension(lbd: Any) -> int:

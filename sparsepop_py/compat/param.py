@@ -30,6 +30,7 @@ __all__ = [
     "check_one_of",
     "check_order",
     "read_parameters",
+    "stated_fields",
     "wrong",
 ]
 
@@ -169,11 +170,18 @@ def _local_search(name: str, value: Any) -> Any:
     """Check a switch or the name of a local search."""
     if isinstance(value, str) and value in _LOCAL_SEARCH:
         return value
-    return check_one_of(name, value, tuple(_LOCAL_SEARCH))
+    return check_one_of(name, value, tuple(_LOCAL_SEARCH)[1:])
 
 
 _EFFORTS = ("plain", "presolve", "auto")
-_LOCAL_SEARCH = {0: "none", 1: "scipy", "scipy": "scipy", "ipopt": "ipopt", "none": "none"}
+_LOCAL_SEARCH = {
+    "": "scipy",
+    0: "none",
+    1: "scipy",
+    "scipy": "scipy",
+    "ipopt": "ipopt",
+    "none": "none",
+}
 
 CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "multiCliquesFactor": _factor,
@@ -202,6 +210,7 @@ def check_error_bounds(values: Mapping[str, Any]) -> None:
 
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
+_SEARCH = 0.3  # CPU seconds without POPsolver, for points whose values tighten boxes
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.
@@ -329,6 +338,7 @@ def read_parameters(param: Any = None, strict: bool = False, *, stacklevel: int 
         gap=values.get("gap", 1e-6),
         time_limit=values.get("timeLimit", "") or None,
         refine=_refine(values, local),
+        search_limit=_search_limit(values, local, effort),
         solver=solver,
         progress=level[0] > 0,
         accuracy=values.get("SDPsolverEpsilon"),
@@ -355,8 +365,14 @@ def _effort_and_tighten(values: dict[str, Any], says: list[str]) -> tuple[Any, i
 
 def _refine(values: Mapping[str, Any], local: str) -> Any:
     """Choose the local search: ``localSearch`` where it was given, else as ``POPsolver`` says."""
-    chosen = _LOCAL_SEARCH[values.get("localSearch", 1)]
+    chosen = _LOCAL_SEARCH[values.get("localSearch", "")]
     return "ipopt" if local == "ipopt" and chosen == "scipy" else chosen
+
+
+def _search_limit(values: Mapping[str, Any], local: str, effort: str) -> float | None:
+    """Limit a local search that was not asked for: its points serve the proof alone."""
+    asked = local or values.get("localSearch", "") != ""
+    return None if asked or effort == "auto" else _SEARCH
 
 
 def _switches(order: float, values: Mapping[str, Any]) -> Switches:
@@ -377,6 +393,11 @@ def _switches(order: float, values: Mapping[str, Any]) -> Switches:
         narrow=values.get("sparseSW", 1) > 1,
         perturbation=values.get("perturbation", 0.0),
     )
+
+
+def stated_fields(param: Any) -> list[str]:
+    """List the fields of a ``param`` struct that hold a value."""
+    return [name for name, value in _items(param).items() if _plain(value) not in (None, "")]
 
 
 # ---- containers -------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from sparsepop_py.io.expressions import (
     parse_number,
 )
 from sparsepop_py.io.gams_writer import write_gms
+from sparsepop_py.io.integers import problem_with_integers
 from sparsepop_py.io.rational_expressions import parse_rational
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
@@ -35,6 +36,7 @@ __all__ = ["Statement", "read_gms", "read_statements", "write_gms"]
 _SOLVE_COMMENT = re.compile(
     r"\*\s*(solve\b.*\busing\b.*\b(?:mini|maxi)mi[sz]ing\s+[a-z]\w*)", re.IGNORECASE
 )
+_SOLVE = re.compile(r"solve\b", re.IGNORECASE)
 _INCLUDE = re.compile(r"\$(?:bat|lib|sys)?include\b", re.IGNORECASE)
 
 
@@ -127,16 +129,17 @@ def _without_comments(path: str, text: str) -> tuple[list[str], list[tuple[int, 
 
 
 def _split(path: str, text: str) -> Iterator[Statement]:
-    line, start = 1, 0
+    line, start, solved = 1, 0, False
     for end in [*(match.start() for match in re.finditer(";", text)), len(text)]:
         piece = text[start:end]
         stripped = piece.lstrip()
         begin = line + piece[: len(piece) - len(stripped)].count("\n")
         if stripped:
             statement = Statement(path, stripped.rstrip(), begin)
-            if end == len(text):
+            if end == len(text) and not solved:
                 raise statement.error("the end of the file", "';' after the last statement")
             yield statement
+            solved = solved or _SOLVE.match(stripped) is not None  # the rest says nothing new
         line += piece.count("\n")
         start = end + 1
 
@@ -172,6 +175,11 @@ class _Variable:
         high = most if self.upper is None else self.upper
         return (-np.inf if low <= -INFINITE else low, np.inf if high >= INFINITE else high)
 
+    @property
+    def is_integer(self) -> bool:
+        """Check for an integer that is no binary."""
+        return self.kind == "integer" and self.bounds != (0.0, 1.0)
+
 
 @dataclass(slots=True)
 class _Definition:
@@ -198,9 +206,9 @@ def read_gms(path: str | os.PathLike[str]) -> Problem | RationalProblem:
         The second where something is divided by variables. Without the objective variable:
         the one that Solve names, or ``objvar``. The relation of its equation is ignored; its
         bounds become constraints. Bounds of magnitude 1e10 or more are infinite. A binary
-        variable b adds ``b^2 - b == 0``. A maximisation is stored negated, with
-        ``sense="max"``; without a Solve statement a comment such as
-        ``* Solve m using NLP maximizing objvar;`` counts.
+        variable b adds ``b^2 - b == 0``, an integer its lower bound plus a sum of bits, further
+        variables. A maximisation is stored negated, with ``sense="max"``; without a Solve
+        statement a comment such as ``* Solve m using NLP maximizing objvar;`` counts.
 
     Raises
     ------
@@ -350,11 +358,10 @@ class _Reader:
                 raise statement.error("a part of the equations", "'/ all /'")
         for variable in self.variables.values():
             low, high = variable.bounds
-            if variable.kind == "integer" and (low, high) != (0.0, 1.0):
+            if variable.kind == "integer" and not np.isfinite([low, high]).all():
                 raise variable.statement.error(
                     f"the integer variable {variable.name!r}",
-                    "continuous or binary variables: integers are not polynomial data; bound "
-                    "the variable by 0 and 1, or write it as a weighted sum of binaries",
+                    "two bounds of each integer variable: it becomes a sum of binaries",
                 )
             if low > high or low >= INFINITE or high <= -INFINITE:
                 raise variable.statement.error(
@@ -396,16 +403,16 @@ class _Reader:
         constraints += _binaries(others, names)
         bounds = np.array([variable.bounds for variable in others])
         sense: Literal["min", "max"] = "max" if word == "maxi" else "min"
-        polynomial = all(isinstance(row, Constraint) for row in constraints)
-        kind = Problem if polynomial and isinstance(objective, Polynomial) else RationalProblem
-        return kind(
-            -objective if sense == "max" else objective,
-            constraints,
-            bounds[:, 0],
-            bounds[:, 1],
-            names,
-            sense=sense,
-        )
+        stated = -objective if sense == "max" else objective
+        low, high = bounds[:, 0].tolist(), bounds[:, 1].tolist()
+        integer = [v for v, each in enumerate(others) if each.is_integer]
+        polynomial = [row for row in constraints if isinstance(row, Constraint)]
+        if isinstance(stated, Polynomial) and len(polynomial) == len(constraints):
+            return problem_with_integers(stated, polynomial, (low, high), names, integer, sense)
+        if integer:
+            found = f"{names[integer[0]]!r} in a model with ratios"
+            raise others[integer[0]].statement.error(found, "no integer variable beside ratios")
+        return RationalProblem(stated, constraints, low, high, names, sense=sense)
 
     def rows(self, vocabulary: Vocabulary) -> dict[str, Row]:
         rows: dict[str, Row] = {}
@@ -516,7 +523,7 @@ def _objective_bounds(
 
 def _binaries(variables: list[_Variable], names: tuple[str, ...]) -> Iterator[Constraint]:
     for letter, variable in enumerate(variables, 1):
-        if variable.kind in ("binary", "integer"):
+        if variable.kind in ("binary", "integer") and not variable.is_integer:
             words = np.array([[0, letter], [letter, letter]], np.int32)
             row = Polynomial.from_words(words, np.array([-1.0, 1.0]), len(names), names)
             yield Constraint(row, Kind.ZERO, f"binary {variable.name}")

@@ -32,8 +32,7 @@ from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION, _OLDER = "sparsepop-py", 3, 2
-_WITH_RATIOS = 4  # the version of files about problems with ratios
+_FORMAT, _VERSION, _READ = "sparsepop-py", 4, (2, 3, 4)
 Value = Problem | Certificate | Result | RationalProblem | RationalCertificate | RationalResult
 
 
@@ -64,9 +63,9 @@ def to_json(value: Value) -> str:
     >>> certificate.verify(sp.from_json(sp.to_json(problem))).ok
     True
     """
-    for kind, (name, codec, version) in _KINDS.items():
+    for kind, (name, codec, _) in _KINDS.items():
         if isinstance(value, kind):
-            found = {"format": _FORMAT, "version": version, "is": name, name: codec.write(value)}
+            found = {"format": _FORMAT, "version": _VERSION, "is": name, name: codec.write(value)}
             return json.dumps(found, allow_nan=False, separators=(",", ":"))
     raise ProblemError(
         f"to_json: found {type(value).__name__}, expected a Problem, Certificate or Result"
@@ -74,7 +73,7 @@ def to_json(value: Value) -> str:
 
 
 def from_json(source: str) -> Any:
-    """Read the JSON text of :func:`to_json`, of this version or of version 2.
+    """Read the JSON text of :func:`to_json`, of this version or of versions 2 and 3.
 
     The certificate of a result of version 2 gets the fingerprint of today, if it had that of
     the result's problem. A certificate alone keeps its own: ``verify`` knows it.
@@ -109,20 +108,19 @@ def from_json(source: str) -> Any:
     if codecs.field_of(found, "format", "JSON") != _FORMAT:
         raise codecs.wrong("JSON.format", found["format"], repr(_FORMAT))
     version = codecs.field_of(found, "version", "JSON")
-    if type(version) is not int or version not in (_OLDER, _VERSION, _WITH_RATIOS):
-        raise codecs.wrong("JSON.version", version, f"{_OLDER}, {_VERSION} or {_WITH_RATIOS}")
+    if type(version) is not int or version not in _READ:
+        raise codecs.wrong("JSON.version", version, "one of " + ", ".join(map(str, _READ)))
     name = codecs.field_of(found, "is", "JSON")
-    for known, codec, own in _KINDS.values():
-        if name == known and (version == own or own == _VERSION and version == _OLDER):
+    for known, codec, since in _KINDS.values():
+        if name == known and version >= since:
             content = codecs.field_of(found, name, "JSON")
-            if version == _OLDER:
+            if version == 2:
                 _upgrade(name, content)
+            if name == "result" and version < _VERSION:
+                codecs.fields_of(content, name).setdefault("ray", None)
             return codec.read(content, name)
-    raise codecs.wrong(
-        "JSON.is",
-        name,
-        "one of " + ", ".join(n for n, _, own in _KINDS.values() if own == max(version, _VERSION)),
-    )
+    known_here = [kind for kind, _, since in _KINDS.values() if version >= since]
+    raise codecs.wrong("JSON.is", name, "one of " + ", ".join(known_here))
 
 
 def _upgrade(name: str, content: Any) -> None:
@@ -199,10 +197,10 @@ def read_json(path: str | Path) -> Any:
 
 
 _KINDS: dict[type, tuple[str, Codec, int]] = {
-    Problem: ("problem", PROBLEM, _VERSION),
-    Certificate: ("certificate", CERTIFICATE, _VERSION),
-    Result: ("result", RESULT, _VERSION),
-    RationalProblem: ("rational_problem", RATIONAL_PROBLEM, _WITH_RATIOS),
-    RationalCertificate: ("rational_certificate", RATIONAL_CERTIFICATE, _WITH_RATIOS),
-    RationalResult: ("rational_result", RATIONAL_RESULT, _WITH_RATIOS),
+    Problem: ("problem", PROBLEM, 2),
+    Certificate: ("certificate", CERTIFICATE, 2),
+    Result: ("result", RESULT, 2),
+    RationalProblem: ("rational_problem", RATIONAL_PROBLEM, 4),
+    RationalCertificate: ("rational_certificate", RATIONAL_CERTIFICATE, 4),
+    RationalResult: ("rational_result", RATIONAL_RESULT, 4),
 }

@@ -11,6 +11,7 @@ from sparsepop_py.io.json_codecs import (
     flag,
     number,
     optional,
+    rational,
     record,
     sequence,
     tagged,
@@ -20,6 +21,7 @@ from sparsepop_py.io.json_codecs import (
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
+from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity, Multipliers, Priced
@@ -64,7 +66,16 @@ INVERSE = record(
     LeftInverse, rows=array, variables=array, inverse=array, centre=array, radius=array
 )
 GRAM = record(ExactGram, basis=array, first=array, second=array, value=array)
-ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM})
+EXACT = record(
+    ExactDual,
+    lower=array,
+    upper=array,
+    row=array,
+    word=array,
+    value=sequence(rational),
+    gram=optional(tagged({ExactGram: GRAM})),
+)
+ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM, ExactDual: EXACT})
 _DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR})
 TIGHTENING = record(
     Tightening, variable=array, side=array, value=array, argument=_DUAL, uses_cutoff=flag

@@ -6,8 +6,10 @@ strings. Arrays carry their type and shape.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ __all__ = [
     "mapping",
     "number",
     "optional",
+    "rational",
     "record",
     "sequence",
     "tagged",
@@ -32,6 +35,7 @@ __all__ = [
 
 _TYPES = {"f8": np.float64, "f4": np.float32, "i8": np.int64, "i4": np.int32, "b1": np.bool_}
 _NAMES = {np.dtype(kind): name for name, kind in _TYPES.items()}
+_RATIONAL = re.compile("-?[0-9]+(/0*[1-9][0-9]*)?")
 _SPECIAL = {"inf": np.inf, "-inf": -np.inf, "nan": np.nan}
 
 
@@ -109,10 +113,20 @@ def _read_flag(found: Any, place: str) -> bool:
     return found
 
 
+def _read_rational(found: Any, place: str) -> Fraction:
+    if not isinstance(found, str) or not _RATIONAL.fullmatch(found):
+        raise wrong(place, found, "a rational number such as '-2/3'")
+    try:
+        return Fraction(found)
+    except ValueError:  # Python's limit of digits
+        raise wrong(place, found, "a rational number of fewer digits") from None
+
+
 number = Codec(_write_number, _read_number)
 whole = Codec(int, _read_whole)
 text = Codec(str, _read_text)
 flag = Codec(bool, _read_flag)
+rational = Codec(str, _read_rational)
 
 
 def _write_array(values: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Problems and results as JSON: what each field is, and what is proved again on reading."""
+"""Problems and results as JSON: their fields, and what reading proves again."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def _status(found: Any, place: str) -> Status:
 
 
 def check_bounds(lower: float, upper: float, proved: float, attained: float) -> None:
-    """Raise if the bounds that a text states are better than what is proved and attained.
+    """Raise if stated bounds are better than what is proved and attained.
 
     Parameters
     ----------
@@ -186,8 +186,9 @@ def _result(**parts: Any) -> Result:
     attained = math.inf
     point = None if result.attained is None else result.attained.recheck(result.problem)
     if point is not None:
-        falls = result.status is Status.UNBOUNDED and falling_ray(result.problem, point) is not None
-        attained = -math.inf if falls else point.value
+        ends = result.status is not Status.UNBOUNDED
+        ray = None if ends else falling_ray(result.problem, point, result.ray)
+        attained = point.value if ray is None else -math.inf
     check_bounds(result.lower_bound, result.upper_bound, proved, attained)
     claims = {Status.INFEASIBLE: proved == math.inf, Status.UNBOUNDED: attained == -math.inf}
     if not claims.get(result.status, True):
@@ -213,6 +214,10 @@ HISTORY_ENTRY = record(
     nodes=whole,
 )
 OPTIONS = _simple(Options)
+_RAY = Codec(
+    lambda ray: [number.write(v) for v in ray],
+    lambda found, place: np.array(sequence(number).read(found, place), float),
+)
 RESULT = record(
     _result,
     problem=PROBLEM,
@@ -228,4 +233,5 @@ RESULT = record(
     history=sequence(HISTORY_ENTRY),
     timings=codecs.mapping(number),
     notes=sequence(text),
+    ray=optional(_RAY),
 )

@@ -16,6 +16,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.lp.highs import solve_lp
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_point
@@ -60,6 +61,7 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     goal += _WORSE * (1.0 + abs(goal))
     best: ProvedPoint | None = None
     for candidate in _candidates(problem, x):
+        check()
         proved = _first_proof(problem, candidate)
         if proved is None:
             continue

@@ -5,7 +5,9 @@ Every attained point carries a proof of existence.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -65,18 +67,42 @@ def search_incumbent(
         All nearly feasible vectors seen, by value.
     """
     options = context.options
-    if options.refine == "none" or not starts:
+    if options.refine == "none" or not starts or _used_up(context):
         return None, []
     rough = options.effort == "auto" and options.gap_kind != "width" and not context.closed(proved)
     gain = _GAIN * context.allowed if rough else 0.0  # more points follow while the bound improves
     aim = Aim(options.tolerance, _enough(problem, context, proved), False, context.upper, gain)
-    return best_attained(
-        problem, _with_repaired(context, starts), aim, _method(context), context.deadline.end
-    )
+    with _counted(context):
+        repaired = _with_repaired(context, starts)
+        return best_attained(problem, repaired, aim, _method(context), _end(context))
 
 
 def _method(context: SolveContext) -> str | None:
-    return "ipopt" if context.options.refine == "ipopt" else None
+    return None if context.options.refine == "scipy" else context.options.refine
+
+
+def _used_up(context: SolveContext) -> bool:
+    """Check whether local searches have had all that they may take."""
+    limit = context.options.search_limit
+    return limit is not None and context.stages.searched >= limit
+
+
+def _end(context: SolveContext) -> float:
+    """Compute the moment on the monotonic clock at which a search is to end."""
+    end, limit = context.deadline.end, context.options.search_limit
+    if limit is None or context.deadline.counts_work:
+        return end
+    return min(end, time.monotonic() + limit - context.stages.searched)
+
+
+@contextmanager
+def _counted(context: SolveContext) -> Iterator[None]:
+    """Count CPU seconds or work of a search."""
+    start = context.deadline.now()
+    try:
+        yield
+    finally:
+        context.stages.searched += context.deadline.now() - start
 
 
 def _enough(problem: Problem, context: SolveContext, proved: float) -> float:
@@ -109,15 +135,16 @@ def first_incumbent(
     vectors : list of (n,) float
         All nearly feasible vectors seen.
     """
-    if context.options.refine == "none":
+    if context.options.refine == "none" or _used_up(context):
         return context, []
     if context.repair is not None:
         starts = (x for start in starts for x in _with_repaired(context, [start]))
     enough = _enough(context.problem, context, -np.inf)
     aim = Aim(context.options.tolerance, enough, any=enough == -np.inf)
-    found, vectors = best_attained(
-        context.problem, starts, aim, _method(context), context.deadline.end
-    )
+    with _counted(context):
+        found, vectors = best_attained(
+            context.problem, starts, aim, _method(context), _end(context)
+        )
     return (context if found is None else replace(context, best=found)), vectors
 
 
@@ -191,6 +218,8 @@ def first_moments(
 def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
     """Choose starting points in a box: many in few variables, none in very many."""
     n = problem.dimension
+    if options.refine in ("prove", "none"):
+        return []
     count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
     if options.effort == "auto":  # relaxations bring better ones
         count = 0 if Products.of(problem).has_star else count // 3

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import check
 from sparsepop_py.lp.highs import LinearModel
 from sparsepop_py.verified.certificate.polyhedron import Polyhedron, doubles, integers
 
@@ -146,6 +147,7 @@ class Simplex:
     def _pivot(self, place: int, number: int, weights: list[int]) -> None:
         """Put a row in the place of another; what is divided here divides exactly."""
         pivot, old = weights[place], self._determinant
+        check()
         for row in self._adjugate:
             leaving = row[place]
             for j, weight in enumerate(weights):

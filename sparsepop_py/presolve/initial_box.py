@@ -38,6 +38,10 @@ __all__ = ["find_box", "finite", "rounding_slack", "shrinks"]
 
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this do not help
+_SCALES = (1.0, 2.0, 16.0, 128.0, 1024.0)  # of unbounded variables, for sublevel identities
+_FEW = 8  # unbounded variables up to which several scales are tried
+_SWEEPS = 60  # of one step of propagation
+_CHAINED = 50  # such steps, one after the other
 _LARGEST_BLOCK = 60  # of a sublevel identity at a raised order, which must stay cheap
 _SLACK_OF_START = 2.0**-36  # of the first widths, which tell the size of numbers in the rows
 _SHARE = 2.0**-20  # of the widths now: more would weaken bounds
@@ -113,21 +117,32 @@ def find_box(
     if cutoff is None and incumbent is not None:
         cutoff = incumbent.value
     replay = Replay(problem, cutoff)
-    box, step = tighten(replay, box)
-    steps: list[Step] = [step]
+    box, steps = _propagated(replay, box)
     if "inverse" not in options.skip and not finite(box) and not is_empty(box):
         inverse = left_inverse(problem, box)
         if inverse is not None:
-            box, step = tighten(replay, inverse.shrink(problem, box))
-            steps += [inverse, step]
+            box, more = _propagated(replay, inverse.shrink(problem, box))
+            steps += [inverse, *more]
     if incumbent is not None and not done and not finite(box) and not is_empty(box):
         found = _sublevel(problem, incumbent, box, options)
         if found is not None:
             steps.append(found)
-            box = sublevel_box(problem, cutoff, found, box)
-            box, step = tighten(replay, box)
-            steps.append(step)
+            box, more = _propagated(replay, sublevel_box(problem, cutoff, found, box))
+            steps += more
     return BoxProof(tuple(steps)), box
+
+
+def _propagated(replay: Replay, box: Interval) -> tuple[Interval, list[Step]]:
+    """Propagate; as long as sweeps bound further variables, as along a chain, go on."""
+    steps: list[Step] = []
+    for _ in range(_CHAINED):
+        missing = np.count_nonzero(np.isinf(box.lo)) + np.count_nonzero(np.isinf(box.hi))
+        box, step = tighten(replay, box, _SWEEPS)
+        steps.append(step)
+        left = np.count_nonzero(np.isinf(box.lo)) + np.count_nonzero(np.isinf(box.hi))
+        if step.sweeps < _SWEEPS or left in (0, missing) or is_empty(box):
+            break
+    return box, steps
 
 
 def _cliques(scaled: Scaled, options: Options) -> Cliques:
@@ -157,10 +172,12 @@ def _sublevel(
     tries = [(box, np.ones_like(rows))]
     if problem.constraints or np.any(unbounded & (np.isfinite(box.lo) | np.isfinite(box.hi))):
         tries.insert(0, (loose, rows))
-    for around, active in tries:
-        step = _sublevel_on(problem, incumbent, (box, around), active, options)
-        if step is not None:
-            return step
+    scales = _SCALES if np.count_nonzero(unbounded) <= _FEW else _SCALES[:1]
+    for scale in scales:
+        for around, active in tries:
+            step = _sublevel_on(problem, incumbent, (box, around), active, options, scale)
+            if step is not None:
+                return step
     return None
 
 
@@ -170,10 +187,13 @@ def _sublevel_on(
     boxes: tuple[Interval, Interval],
     active: NDArray[np.bool_],
     options: Options,
+    scale: float,
 ) -> Sublevel | None:
     """Solve relaxations with some of the constraints, on a box around the box.
 
-    They minimise -sum_b b(t)^2 over the sublevel set, b running over the moment bases.
+    They minimise -sum_b b(t)^2 over the sublevel set, b running over the moment bases. Far out the
+    leading form of an objective outweighs its other terms, however large their coefficients are:
+    a larger ``scale`` makes an ill-conditioned program regular, and the box larger.
     """
     f, (box, around) = problem.objective, boxes
     inside = Problem(
@@ -184,11 +204,16 @@ def _sublevel_on(
         problem.names,
     )
     scaling = Scaling.of_box(around, typical=incumbent.x)
+    if scale != 1.0:
+        free = ~scaling.boxed & (scaling.side == 0)
+        centre = np.where(free, incumbent.x, scaling.centre)
+        size = np.where(scaling.boxed, 1.0, scale) * scaling.scale
+        scaling = replace(scaling, centre=centre, scale=np.where(free, scale, size))
     scaled = Scaled.of(inside, scaling, (f,), active)
     cliques = _cliques(scaled, options)
     least = least_order(scaled.problem)
     solver = "clarabel" if options.solver == "auto" else options.solver  # unbounded moments
-    for order in (least, least + 1):
+    for order in (least, least + 1) if scale == 1.0 else (least,):
         if not worth_building(cliques, order):
             break
         relaxation = relax(scaled.problem, order, cliques=cliques)
@@ -198,7 +223,7 @@ def _sublevel_on(
             break
         program = assemble(relaxation, margin(relaxation) * -1.0)
         solution = solve_conic(program, solver, options.time_limit)
-        if solution.status not in ("solved", "almost"):
+        if not np.all(np.isfinite(solution.z)):
             continue
         step = Sublevel(
             identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0), incumbent.value

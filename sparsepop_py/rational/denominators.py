@@ -13,7 +13,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
-from sparsepop_py.result import Result
+from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, certify, prove
 from sparsepop_py.verified.certificate.rational_bound import RangeProof
@@ -23,6 +23,7 @@ __all__ = ["prove_ranges", "sharpened"]
 
 Solve = Callable[[Problem, Options], Result]
 _SECONDS = 20.0  # for one denominator, where no limit is given
+_QUICK, _FAR, _DIRECTIONS = 1.0, 1e4, 64  # seconds; where polynomials with a minimum are positive
 _SHARP, _SHARE = 2.0, 0.2  # seconds to sharpen one range; of the time limit, for all of them
 
 
@@ -95,10 +96,37 @@ def sharpened(
     found = list(proofs)
     for place in places:
         proof, q = proofs[place], problem.denominators[place]
-        result = solve(problem.base.with_objective(q * float(proof.sign)), attempt)
-        if result.certificate is not None and result.lower_bound > proof.below.bound:
-            found[place] = replace(proof, below=result.certificate)
+        below = _better(problem.base, q * float(proof.sign), attempt, solve)
+        if below is not None and below.bound > proof.below.bound:
+            found[place] = replace(proof, below=below)
     return tuple(found)
+
+
+def _better(
+    base: Problem, objective: Polynomial, attempt: Options, solve: Solve
+) -> Certificate | None:
+    """Bound a polynomial over all of space where it may have one there, else over the base."""
+    found = _everywhere(base, objective, attempt, solve)
+    return solve(base.with_objective(objective), attempt).certificate if found is None else found
+
+
+def _everywhere(
+    base: Problem, objective: Polynomial, attempt: Options, solve: Solve
+) -> Certificate | None:
+    """Prove the minimum over all of space, as an exact sum of squares; None where this fails.
+
+    Such a proof is sharp and needs no box. It is not tried if the polynomial is negative far out.
+    """
+    generator = np.random.default_rng(attempt.seed)
+    far = _FAR * generator.standard_normal((_DIRECTIONS, objective.dimension))
+    if objective.degree % 2 or not np.all(objective(far) > 0):
+        return None
+    quick = replace(attempt, effort="presolve", time_limit=_QUICK)
+    result = solve(Problem(objective), quick)
+    if result.status is not Status.OPTIMAL or result.certificate is None:
+        return None
+    moved = replace(result.certificate, fingerprint=base.with_objective(objective).fingerprint)
+    return moved if moved.verify(base.with_objective(objective)).ok else None
 
 
 def _for_denominators(options: Options) -> Options:
@@ -129,6 +157,10 @@ def _by_relaxations(
     limit = _SECONDS if options.time_limit is None else min(_SECONDS, options.time_limit / 2)
     first = replace(_for_denominators(options), time_limit=limit)
     efforts = [first, replace(first, effort="auto")]
+    for sign in (1, -1):
+        proof = _everywhere(base, q * float(sign), first, solve)
+        if proof is not None and proof.bound > 0:
+            return sign, proof
     low, high = -np.inf, np.inf  # what is proved of q
     seen: list[str] = []
     for attempt in efforts:

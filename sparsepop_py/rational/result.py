@@ -5,18 +5,21 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.options import Options
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
-from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.result import HistoryEntry, Result, Status
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
+
+if TYPE_CHECKING:
+    from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["RationalResult", "attained_value"]
 
@@ -108,7 +111,7 @@ class RationalResult:
 
     @property
     def message(self) -> str:
-        """What the status means, in a sentence."""
+        """Meaning of the status, in a sentence."""
         return self.status.message
 
     @property

@@ -41,7 +41,7 @@ def solve_rational(
     ----------
     problem : RationalProblem
     options : Options
-        ``time_limit`` holds for all polynomial problems together.
+        ``time_limit`` and ``cpu_limit`` hold for all polynomial problems together.
     start : (n,) array_like or None
     solve : callable
         Solves a polynomial problem: problem, options, and start by name.
@@ -78,15 +78,31 @@ class _RationalSearch:
 
     def __init__(self, problem: RationalProblem, options: Options, solve: Solve) -> None:
         self.problem, self.options, self.solve = problem, options, solve
-        self.end = time.monotonic() + (np.inf if options.time_limit is None else options.time_limit)
+        self.clocks = [
+            (name, clock, np.inf if given is None else clock() + given)
+            for name, clock, given in (
+                ("time_limit", time.monotonic, options.time_limit),
+                ("cpu_limit", time.process_time, options.cpu_limit),
+            )
+        ]
+        self.interrupted = False
         self.proofs: tuple[RangeProof, ...] = ()
         self.ranges: list[Range] = []
 
     def limited(self, options: Options) -> Options:
-        """Reduce the time limit to what is left."""
-        left = max(0.05, self.end - time.monotonic())
-        given = np.inf if options.time_limit is None else options.time_limit
-        return options if left == np.inf else replace(options, time_limit=min(left, given))
+        """Reduce the limits of time to what is left."""
+        changed: dict[str, Any] = {}
+        for name, clock, end in self.clocks:
+            given = getattr(options, name)
+            if end < np.inf:
+                left = max(0.05, end - clock())
+                changed[name] = left if given is None else min(left, given)
+        return replace(options, **changed)
+
+    @property
+    def over(self) -> bool:
+        """True if a limit is reached, or the user ended the work."""
+        return self.interrupted or any(clock() >= end for _, clock, end in self.clocks)
 
     def run(self, start: NDArray[np.float64] | None) -> RationalResult:
         problem = self.problem
@@ -138,13 +154,15 @@ class _RationalSearch:
 
     def limited_solve(self, problem: Problem, options: Options) -> Result:
         """Solve a polynomial problem in at most the time that is left."""
-        return self.solve(problem, self.limited(options))
+        found = self.solve(problem, self.limited(options))
+        self.interrupted |= found.status is Status.INTERRUPTED
+        return found
 
     def done(self, found: list[RationalResult]) -> bool:
         """Check whether the gap is closed, or time is over after a first result."""
         if any(result.status in (Status.OPTIMAL, Status.INFEASIBLE) for result in found):
             return True
-        return bool(found) and time.monotonic() >= self.end
+        return bool(found) and self.over
 
     def sample(self) -> NDArray[np.float64] | None:
         """Draw points of the box and return the best feasible one, None without one."""
@@ -178,7 +196,7 @@ class _RationalSearch:
             x = found.x
             after = float(problem.objective(x)) - constant
             still = abs(after - level) <= _STILL * max(1.0, abs(level))
-            if still or not np.isfinite(after) or time.monotonic() >= self.end:
+            if still or not np.isfinite(after) or self.over:
                 break
             level = after
         assert best is not None
@@ -190,6 +208,7 @@ class _RationalSearch:
         polynomial = problem.lifted(self.ranges, level)
         lifted = None if start is None else self.point(start, level, polynomial)
         found = self.solve(polynomial, self.limited(self.options), start=lifted)
+        self.interrupted |= found.status is Status.INTERRUPTED
         proof = RationalCertificate(
             problem.fingerprint, -np.inf, self.proofs, level, found.certificate
         )
@@ -244,7 +263,7 @@ def _status(
     allowed = options.gap * (max(1.0, abs(upper)) if options.gap_kind == "relative" else 1.0)
     if np.isfinite(upper) and proof.bound >= upper - allowed:
         return Status.OPTIMAL
-    limit = found is not None and found.status in (Status.LIMIT, Status.FAILED)
-    if limit and found is not None:
+    ended = (Status.LIMIT, Status.FAILED, Status.INTERRUPTED)
+    if found is not None and found.status in ended:
         return found.status
     return Status.BOUNDED if proof.bound > -np.inf else Status.UNPROVED

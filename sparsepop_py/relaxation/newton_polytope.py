@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.budget import check
 from sparsepop_py.relaxation.basis import Bases, by_size
 
 __all__ = ["consistent_bases"]
@@ -84,6 +85,7 @@ def consistent_bases(
     low = [monomials.degrees(basis) < degree for _, basis in bases]
     while True:
         alive = [fixed]
+        check()
         for keep, product in zip(kept, products, strict=True):
             j, i = np.tril_indices(keep.shape[1], -1)
             alive.append(product[keep[:, i] & keep[:, j]])

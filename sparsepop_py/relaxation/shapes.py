@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
@@ -83,6 +84,7 @@ class Products:
         chosen = set(self.pairs[square, 0].tolist())
         open_ &= ~np.isin(self.pairs, list(chosen)).any(axis=1)
         while open_.any():
+            check()
             count = np.bincount(self.pairs[open_].ravel(), minlength=self.meets.size)
             most = np.flatnonzero(count == count.max())
             best = int(most[np.argmax(self.meets[most])])

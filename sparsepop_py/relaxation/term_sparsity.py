@@ -42,6 +42,7 @@ from scipy.sparse.csgraph import connected_components
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.generators import Generators
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, row_monomials, stacked_groups
@@ -125,6 +126,7 @@ def term_sparse(
     step = 0
     while True:
         step += 1
+        check()
         grown, covers = alive.copy(), []
         for table in tables:
             # an arrow would lose its shape if it fell into cliques

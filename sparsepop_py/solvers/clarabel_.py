@@ -24,9 +24,9 @@ import scipy.sparse as sps
 from sparsepop_py.conic.program import Cones, ConicProgram, ConicSolution, solution
 from sparsepop_py.solvers.interface import SolverSettings
 
-__all__ = ["moment_form", "squares_form"]
+__all__ = ["STATUS", "moment_form", "run_clarabel", "squares_form"]
 
-_MOMENT_STATUS = {
+STATUS = {
     "Solved": "solved",
     "AlmostSolved": "almost",
     "PrimalInfeasible": "infeasible",
@@ -65,27 +65,34 @@ def _run(
     q: Any,
     A: Any,
     b: Any,
-    cones: list[Any],
+    cones: Cones,
     settings: SolverSettings,
 ) -> tuple[Any, float]:
+    start = time.process_time()
+    result = run_clarabel(sps.csc_matrix((q.size, q.size)), q, A, b, cones, settings)
+    return result, time.process_time() - start
+
+
+def run_clarabel(
+    hessian: Any, q: Any, A: Any, b: Any, cones: Cones, settings: SolverSettings
+) -> Any:
+    """Minimise a convex quadratic function on a cone.
+
+    That is x' hessian x / 2 + q'x subject to A x + s = b, s in K; hessian is upper.
+    """
     import clarabel
 
-    nothing = sps.csc_matrix((q.size, q.size))
-    start = time.process_time()
-    solver = clarabel.DefaultSolver(nothing, q, A, b, cones, _settings(settings))
-    result = solver.solve()
-    return result, time.process_time() - start
+    return clarabel.DefaultSolver(hessian, q, A, b, _cones(cones), _settings(settings)).solve()
 
 
 def moment_form(program: ConicProgram, settings: SolverSettings) -> ConicSolution:
     """Solve the program as it stands, moments being the variables."""
     matrix = sps.csc_matrix(program.A)
-    cones = _cones(program.cones)
-    result, seconds = _run(program.q, matrix, program.b, cones, settings)
+    result, seconds = _run(program.q, matrix, program.b, program.cones, settings)
     status = str(result.status)
     return solution(
         program,
-        _MOMENT_STATUS.get(status, "failed"),
+        STATUS.get(status, "failed"),
         np.array(result.x),
         np.array(result.z),
         result.iterations,
@@ -105,9 +112,9 @@ def squares_form(program: ConicProgram, settings: SolverSettings) -> ConicSoluti
     matrix = sps.csc_matrix(sps.vstack([program.A.T, conic]))
     right = np.concatenate([-program.q, np.zeros(rows - zero)])
     cones = Cones(program.q.size, program.cones.nonnegative, program.cones.psd)
-    result, seconds = _run(program.b, matrix, right, _cones(cones), settings)
+    result, seconds = _run(program.b, matrix, right, cones, settings)
     status = str(result.status)
-    seen = _MOMENT_STATUS.get(status, "failed")
+    seen = STATUS.get(status, "failed")
     return solution(
         program,
         _SWAPPED.get(seen, seen),

@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
 
 __all__ = ["Members", "Method", "chordal_extension", "clique_tree", "incidence", "join"]
@@ -192,6 +193,7 @@ def _eliminate(adjacent: list[set[int]]) -> tuple[list[int], list[list[int]]]:
     rows: list[list[int]] = []
     while queue:
         size, v = heapq.heappop(queue)
+        check()
         if done[v] or size != len(adjacent[v]):
             continue  # an entry that a later change of degree has replaced
         front = adjacent[v]

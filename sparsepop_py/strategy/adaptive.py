@@ -142,7 +142,7 @@ class AdaptiveSearch:
                 self._close_search()
 
     def _say_what_was_left_out(self) -> None:
-        if not self.over and (text := self.queue.left_out(self.context.deadline.left)):
+        if not self.over and (text := self.queue.left_out(self.context.deadline.expected)):
             self.context.stages.note(text)
 
     def restart(self, model: Model) -> None:
@@ -183,7 +183,7 @@ class AdaptiveSearch:
         if self.search is not None and not self.search.update_context(self.context):
             self.seen, self.search = self.search.seen, None  # another tree must be grown
         with self.context.stages.stage("relax"):
-            best, most = self.queue.best(self.context.deadline.left)
+            best, most = self.queue.best(self.context.deadline.expected)
         branch = self._branch_rate()
         if branch is not None and (best is None or branch > most):
             return _BRANCH
@@ -272,7 +272,7 @@ class AdaptiveSearch:
         if same in self.solved:
             return None
         expected = expected_seconds(dict(relaxation.block_sizes), relaxation.rows)
-        left, seen = self.context.deadline.left, self.shared_state.cost_model
+        left, seen = self.context.deadline.expected, self.shared_state.cost_model
         self._put_off = left is not None and seen.pace * expected > STRATEGY.over_time * left
         if self._put_off:
             self.queue.put_off(spec, expected)
@@ -337,6 +337,8 @@ class AdaptiveSearch:
         """Solve the linear relaxation, then alternate with OBBT rounds while these gain."""
         mccormick = self._mccormick()
         for number in range(STRATEGY.obbt_rounds):
+            if self.context.deadline.late:
+                break
             solution = self._bound_linear(mccormick)
             if solution is None or self.over:
                 break
@@ -452,4 +454,5 @@ class AdaptiveSearch:
         assert self.search is not None
         certificate = self.search.certificate()
         if lower_bound(certificate) > self.bound:
-            self.outcome = replace(self.outcome, certificate=certificate)
+            simpler = self.outcome.simpler or self.outcome.certificate
+            self.outcome = replace(self.outcome, certificate=certificate, simpler=simpler)

@@ -107,7 +107,7 @@ class MultiObjectiveSearch:
             self.deadline.ended(cause)
         states = [self._state(auto) for auto in self.searches]
         for state in states:
-            state.context.report(lower_bound(state.outcome.certificate))
+            state.context.report_last(lower_bound(state.outcome.certificate))
         return states
 
     def _state(self, auto: AdaptiveSearch) -> SearchState:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.bounding.exact_convex import exact_convex_bound, falling_direction
 from sparsepop_py.bounding.relaxation_bound import (
     BoxBound,
     CertifiedBound,
@@ -104,6 +105,27 @@ def run_orders(
     -------
     SearchState
     """
+    if finite(Interval(context.problem.lower, context.problem.upper)):
+        return _by_relaxations(context, candidates, shared, more_starts)
+    if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
+        state = _by_relaxations(context, candidates, shared, more_starts)
+        return _added(state, _by_exact_multipliers(state.context, state.candidates))
+    exact = _by_exact_multipliers(context, candidates)
+    if exact is None:
+        return _by_relaxations(context, candidates, shared, more_starts)
+    proved = lower_bound(exact.outcome.certificate)
+    if exact.context.closed(proved) or exact.context.deadline.over or _falls(exact):
+        return exact
+    return _added(_by_relaxations(exact.context, exact.candidates, shared, more_starts), exact)
+
+
+def _by_relaxations(
+    context: SolveContext,
+    candidates: list[NDArray[Any]],
+    shared: Model | None,
+    more_starts: Iterator[NDArray[Any]],
+) -> SearchState:
+    """Bound the objective on the whole space and by relaxations, as far as each applies."""
     free = shared is None and context.options.effort != "plain" and not _restricted(context.problem)
     if free:
         return _after_unconstrained(
@@ -116,6 +138,47 @@ def run_orders(
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
         return _with_unconstrained(state)
     return state
+
+
+def _by_exact_multipliers(
+    context: SolveContext, candidates: list[NDArray[Any]]
+) -> SearchState | None:
+    """Bound a convex quadratic objective over a polyhedron by rational multipliers."""
+    start = time.process_time()
+    try:
+        found = exact_convex_bound(context)
+    except KeyboardInterrupt:
+        return unstarted_state(context, candidates)
+    if found is None:
+        return None
+    bound, starts = found
+    proved = lower_bound(bound.certificate)
+    if not context.closed(proved):
+        context, more = update_incumbent(context, starts, proved)
+        candidates = candidates + more
+    entry = _history_entry(context, bound, bound, time.process_time() - start)
+    return SearchState(context, bound, candidates, (replace(entry, name="exact multipliers"),))
+
+
+def _falls(state: SearchState) -> bool:
+    """Check whether the objective provably falls without limit, so that no order proves any."""
+    best, problem = state.context.best, state.context.problem
+    if best is None or lower_bound(state.outcome.certificate) > -np.inf:
+        return False
+    direction = falling_direction(problem)
+    return direction is not None and falling_ray(problem, best, direction) is not None
+
+
+def _added(state: SearchState, exact: SearchState | None) -> SearchState:
+    """Add a bound by exact multipliers where it is larger."""
+    if exact is None:
+        return state
+    best = exact.context.best if exact.context.upper < state.context.upper else state.context.best
+    state = replace(state, context=replace(state.context, best=best))
+    if lower_bound(exact.outcome.certificate) <= lower_bound(state.outcome.certificate):
+        return state
+    outcome = better(exact.outcome, state.outcome)  # with the output of the relaxation
+    return replace(state, outcome=outcome, history=state.history + exact.history)
 
 
 def _restricted(problem: Problem) -> bool:
@@ -233,6 +296,7 @@ def _orders(
     """Solve one order, or with effort "auto" growing orders."""
     outcome: CertifiedBound | None = None
     history: list[HistoryEntry] = []
+    own = shared is None
     for order in _order_numbers(context):
         start = time.process_time()
         options = replace(_timed(context), order=order)
@@ -259,7 +323,35 @@ def _orders(
                 break  # no order proves anything
         shared = None
     assert outcome is not None
+    if own and context.options.effort != "auto":
+        outcome = _by_lower_orders(context, outcome)
     return SearchState(context, outcome, candidates, tuple(history))
+
+
+def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
+    """Take a lower order's certificate where an order proves nothing.
+
+    Multipliers of a lower order are multipliers of the higher one. Without bounds on the variables
+    the higher one may have no optimal ones of its own, and a solver finds none that prove
+    anything. The output of the solver stays that of the order that was asked for.
+    """
+    options, problem = context.options, context.problem
+    least, asked = least_order(problem), options.order or 1
+    if lower_bound(outcome.certificate) > -np.inf or outcome.relaxation is None or asked <= least:
+        return outcome
+    if context.best is not None and falling_ray(problem, context.best) is not None:
+        return outcome  # no order proves anything
+    for order in range(asked - 1, least - 1, -1):
+        if context.deadline.over:
+            break
+        switches = options.switches and replace(options.switches, order=order)
+        lower = replace(_timed(context), order=order, switches=switches)
+        bound = bound_order(replace(context, options=lower), None)
+        if lower_bound(bound.certificate) > -np.inf:
+            note = f"order {asked} proves nothing by itself: the bound is that of order {order}"
+            model = replace(outcome.model, notes=(*outcome.model.notes, note))
+            return replace(outcome, certificate=bound.certificate, model=model)
+    return outcome
 
 
 def _timed(context: SolveContext) -> Options:

@@ -53,8 +53,9 @@ class RelaxationQueue:
         Parameters
         ----------
         left : float or None
-            Seconds left; relaxations expected to take over twice as long are left out. Linear
-            programs prove something when they are stopped, and may take far longer.
+            CPU seconds that are expected to be left; relaxations expected to take over twice as
+            long are left out. Linear programs prove something when they are stopped, and may take
+            far longer.
 
         Returns
         -------

@@ -229,6 +229,15 @@ def deep() -> Solved:
         yield f"dense-{seed}", sp.solve(problem, sp.Options(effort="auto", time_limit=30, **more))
 
 
+def polyhedra(count: int = 30) -> Solved:
+    """Linear and convex quadratic objectives over unbounded polyhedra."""
+    for seed in range(count):
+        problem, _ = random_cases.over_a_polyhedron(seed)
+        yield str(seed), sp.solve(problem, options("presolve"))
+    x = sp.variables(2)
+    yield "empty", sp.solve(sp.Problem(x[0], [x[0] + x[1] >= 1, x[0] + x[1] <= 0]))
+
+
 GROUPS: dict[str, Callable[[], Solved]] = {
     "known": known,
     "known_auto": known_auto,
@@ -246,6 +255,7 @@ GROUPS: dict[str, Callable[[], Solved]] = {
     "unbounded": unbounded,
     "switches": switches,
     "deep": deep,
+    "polyhedra": polyhedra,
 }
 
 
@@ -284,6 +294,7 @@ def traits(argument: dict) -> set[str]:
 
 # what fast tests look at: how many of a group
 FEW = {"known": 6, "random": 9, "trees": 8, "matrices": 6, "coercive": 4, "inverses": 4}
+FEW |= {"polyhedra": 10}
 FEW |= {"empty": 4, "families": 4, "switches": 4, "unbounded": 2, "examples": 4, "chains": 6}
 
 

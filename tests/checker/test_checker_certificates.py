@@ -44,7 +44,8 @@ def test_the_few_are_of_all_kinds():
     for group, most in FEW.items():
         for text in solved(group, most).values():
             seen |= corpus.kinds(json.loads(text)["result"])
-    assert seen >= {"Identity", "LinearDual", "ExactGram", "Propagation", "Sublevel", "LeftInverse"}
+    assert seen >= {"Identity", "LinearDual", "ExactGram", "ExactDual"}
+    assert seen >= {"Propagation", "Sublevel", "LeftInverse"}
     assert seen >= {"Known", "tree", "floor", "products", "matrix multiplier", "ends of t"}
     assert seen >= {"attained exact", "attained krawczyk", "ray", "no feasible point"}
 
@@ -75,7 +76,7 @@ def test_nothing_but_the_standard_library_is_imported():
 def test_the_program_prints_what_is_proved(tmp_path):
     """min x y on the unit disc is -1/2; a claim of -0.4 is false; a text states it as well."""
     found = loaded("known", 6, "disc")
-    own = {"format": "sparsepop-py", "version": 3}
+    own = {"format": "sparsepop-py", "version": 4}
     problem = tmp_path / "problem.json"
     problem.write_text(json.dumps(own | {"is": "problem", "problem": found["problem"]}))
     words = tmp_path / "problem.txt"
@@ -98,7 +99,7 @@ def test_version_two_is_read(tmp_path, capsys, group):
     old = {"branch": "cut", "uses_cutoff": "cutoff"}
     for name, text in solved(group, FEW[group]).items():
         file = json.loads(text)
-        assert file["version"] == 3
+        assert file["version"] == 4
         for part in (p for c in file["result"]["certificate"] for p in c["parts"]):
             part["cut"] = part.pop("branch")
             for step in part["steps"]:
@@ -107,7 +108,7 @@ def test_version_two_is_read(tmp_path, capsys, group):
                 for field in set(step) & set(old):
                     step[old[field]] = step.pop(field)
         path = tmp_path / f"{name}.json"
-        for version, code in ((2, 0), (3, 2)):
+        for version, code in ((2, 0), (4, 2)):
             path.write_text(json.dumps(file | {"version": version}))
             assert command.main([str(path)]) == code
     assert "proved: objective >= " in capsys.readouterr().out
@@ -133,9 +134,9 @@ def test_fingerprints_are_those_of_the_package(tmp_path, capsys):
 def test_files_of_another_kind_are_refused(tmp_path, change):
     text = solved("known", 6)["disc"]
     edits = {
-        "version": ('"version":3', '"version":4'),
+        "version": ('"version":4', '"version":5'),
         "format": ('"sparsepop-py"', '"sparsepop"'),
-        "twice": ('"version":3', '"version":3,"version":3'),
+        "twice": ('"version":4', '"version":4,"version":4'),
         "nan": ('"lower_bound":', '"lower_bound":NaN,"other":'),
         "large": ('"lower_bound":', '"lower_bound":1e999,"other":'),
     }
@@ -425,6 +426,59 @@ def test_exact_grams_have_to_be_semidefinite():
     gram["basis"]["data"] = [0, 0]
     with pytest.raises(reading.Malformed, match="constant"):
         least(one_part(-1.0, argument=gram), square)
+
+
+def exact_dual(**changes):
+    """min x with 3 x >= 1 is 1/3."""
+    dual = {
+        "is": "ExactDual",
+        "lower": numbers("f8", [1], "-inf"),
+        "upper": numbers("f8", [1], "inf"),
+        "row": numbers("i8", [1], 0),
+        "word": numbers("i4", [1, 1], 0),
+        "value": ["1/3"],
+        "gram": None,
+    }
+    return one_part(1 / 3, argument=dual | changes)
+
+
+def thrice(kind="NONNEGATIVE", slope=1.0, lower="-inf"):
+    row = {"words": numbers("i4", [2, 1], 0, 1), "dimension": 1}
+    row |= {"coefficients": numbers("f8", [2], -1.0, 3.0)}
+    rows = [{"polynomial": row, "kind": kind, "name": "", "entries": []}]
+    objective = {"words": numbers("i4", [1, 1], 1), "dimension": 1}
+    objective |= {"coefficients": numbers("f8", [1], slope)}
+    given = {"objective": objective, "constraints": rows, "lower": numbers("f8", [1], lower)}
+    return ONE_VARIABLE | given | {"upper": numbers("f8", [1], "inf")}
+
+
+def test_exact_multipliers_have_to_cancel_and_have_signs():
+    assert least(exact_dual(), thrice()) == 1 / 3
+    assert least(exact_dual(value=["1/4"]), thrice()) == -INF
+    assert least(exact_dual(value=["-1/3"]), thrice("ZERO", -1.0)) == -1 / 3
+    low = {"row": numbers("i8", [1], 1), "value": ["1"], "lower": numbers("f8", [1], 0.5)}
+    assert least(exact_dual(**low), thrice(lower=0.5)) == 0.5
+    assert least(exact_dual(**low), thrice(lower=0.25)) == 0.25  # by the bound alone
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"value": ["-1/3"]},
+        {"value": ["1/0"]},
+        {"value": [0.5]},
+        {"value": []},
+        {"word": numbers("i4", [1, 1], 1)},
+        {"row": numbers("i8", [1], 3)},
+        {"row": numbers("i8", [1], 1)},
+        {"row": numbers("i8", [1], 2)},
+        {"lower": numbers("f8", [2], "-inf", "-inf")},
+    ],
+    ids=str,
+)
+def test_exact_multipliers_that_make_no_sense_are_refused(changes):
+    with pytest.raises(reading.Malformed):
+        least(exact_dual(**changes), thrice())
 
 
 def test_attained_points_have_to_be_feasible():

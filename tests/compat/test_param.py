@@ -46,7 +46,9 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 @pytest.mark.parametrize("nothing", [None, {}, [], np.zeros((0, 0)), SimpleNamespace()])
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
-    assert parameters == Parameters(options=Options(order=1, chordal="min-degree", progress=True))
+    assert parameters == Parameters(
+        options=Options(order=1, chordal="min-degree", search_limit=0.3, progress=True)
+    )
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
 
@@ -362,6 +364,23 @@ def test_effort_overrules_tighten_and_says_so() -> None:
 )
 def test_local_search_by_number_and_name(given: Any, refine: str) -> None:
     assert read_parameters({"localSearch": given}).options.refine == refine
+
+
+@pytest.mark.parametrize(
+    ("given", "seconds"),
+    [
+        ({}, 0.3),
+        ({"localSearch": ""}, 0.3),
+        ({"localSearch": 1}, None),
+        ({"POPsolver": "active-set"}, None),
+        ({"effort": "auto"}, None),
+        ({"effort": "plain"}, 0.3),
+    ],
+)
+def test_a_search_that_nobody_asked_for_is_short(
+    given: dict[str, Any], seconds: float | None
+) -> None:
+    assert read_parameters(given).options.search_limit == seconds
 
 
 def test_a_local_solver_does_not_switch_the_search_on() -> None:

@@ -336,3 +336,20 @@ problems = st.builds(
 @given(problems)
 def test_round_trips(tmp_path_factory: pytest.TempPathFactory, problem: sp.Problem) -> None:
     check_round_trip(problem, tmp_path_factory.mktemp("gms") / "random.gms")
+
+
+def test_what_follows_solve_needs_no_end(read) -> None:
+    text = file("e1.. objvar =E= x; e2.. y =G= 0; Solve m using nlp minimizing objvar;")
+    problem = read(text + "\nScalar s 'status';\ns = m.modelstat\n\nScalar t\n")
+    assert problem.names == ("x", "y")
+
+
+def test_integers_are_sums_of_bits(read) -> None:
+    problem = read(
+        file("e1.. objvar =E= x; e2.. x =G= y;\nInteger Variables y; y.lo = 2; y.up = 7;")
+    )
+    assert problem.names == ("x", "y", "y_bit0", "y_bit1", "y_bit2")
+    for y in range(2, 8):
+        bits = [float(digit) for digit in f"{y - 2:03b}"[::-1]]
+        assert problem.violation([9.0, y, *bits]) == 0
+    assert problem.violation([9.0, 2.5, 0.5, 0, 0]) > 0.2

@@ -1,136 +1,42 @@
-"""Trigonometric polynomials with uncertain coefficients on arcs of the unit circle.
+"""Zeros and ratios of uncertain trigonometric polynomials over a set of parameters, on arcs.
 
-f(w; theta) = sum_k (alpha_k + beta_k theta) exp(-j k w). On an arc of half width h about w0 its
-Taylor polynomial of degree d, in Bernstein form, lies in the convex hull of d + 1 points, each
-affine in theta, and the remainder is at most sum_k abs(c_k) (abs(k - s) h)^(d+1) / (d+1)! after the
-harmless factor exp(j s w). Proved ranges of the points over a polytope bound f on the whole arc.
+The polynomials and their Taylor forms are those of :mod:`setid.proofs.frequency.arcs`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from fractions import Fraction
-from math import comb, factorial, pi
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from setid.control.parameters.parameter_set import ParameterSet
+from setid.proofs.frequency.arcs import (
+    DEGREE,
+    Arc,
+    Family,
+    bernstein,
+    first_arcs,
+    halves,
+    taylor,
+)
 
 __all__ = ["Arc", "Family", "first_arcs", "ratio_on_arcs", "zero_free"]
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-Arc = tuple[float, float]  # centre, half width
-_DEGREE = 3
-_ROUNDING = 1e-13  # relative to the sum of abs(coefficients); see _points
-_FIRST = 24  # arcs
 _LEAST = 1e-6  # half width below which an arc is given up
 _MOST = 4000  # arcs of one question
 _TURNS = (0.0, 0.6, -0.6, 1.1, -1.1)  # rad, of half planes that are tried
 _OCTAGON = 1.0 / np.cos(pi / 8) * (1.0 + 1e-12)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Family:
-    """Coefficients alpha_k + beta_k theta of q^-k.
-
-    Parameters
-    ----------
-    constants, weights : (K,), (K, p) float
-        Within one unit in the last place of the exact ones.
-    """
-
-    constants: Reals
-    weights: Reals
-
-    @classmethod
-    def of_products(
-        cls, first: Sequence[Fraction], second: Sequence[Fraction], na: int, lags: Sequence[int]
-    ) -> Family:
-        """First A(theta) + second B(theta), A = 1 + a_1 q^-1 + ..., B with coefficients at lags.
-
-        Parameters
-        ----------
-        first, second : polynomials in q^-1
-        na : int
-        lags : sequence of int
-            One for each coefficient of B.
-        """
-        size = max(len(first) + na, len(second) + max(lags, default=0))
-        constants, weights = np.zeros(size), np.zeros((size, na + len(lags)))
-        constants[: len(first)] = [float(c) for c in first]
-        for i in range(1, na + 1):
-            weights[i : i + len(first), i - 1] = [float(c) for c in first]
-        for j, lag in enumerate(lags):
-            weights[lag : lag + len(second), na + j] = [float(c) for c in second]
-        return cls(constants, weights)
-
-    @property
-    def shift(self) -> float:
-        """Half the degree: s of the factor exp(j s w)."""
-        return 0.5 * (self.constants.size - 1)
-
-    def padded(self, size: int) -> Family:
-        """With coefficients 0 up to a number of them."""
-        more = size - self.constants.size
-        return Family(np.pad(self.constants, (0, more)), np.pad(self.weights, ((0, more), (0, 0))))
-
-    def divided(self) -> Family:
-        """Quotient by (1 - q^-1), a factor of every member of the family."""
-        return Family(np.cumsum(self.constants)[:-1], np.cumsum(self.weights, axis=0)[:-1])
-
-    def scaled(self, radius: float) -> Family:
-        """Values on the circle of a radius: coefficient k divided by radius^k."""
-        powers = radius ** -np.arange(float(self.constants.size))
-        return Family(self.constants * powers, self.weights * powers[:, None])
-
-    def at(self, theta: Reals) -> Reals:
-        """Coefficients (K,) for parameters (p,)."""
-        return np.asarray(self.constants + self.weights @ theta, np.float64)
-
-
-def first_arcs(count: int = _FIRST) -> list[Arc]:
-    """Arcs that cover [0, pi]."""
-    half = 0.5 * pi / count
-    return [((2 * i + 1) * half, half * (1.0 + 1e-9)) for i in range(count)]
-
-
-def _halves(arc: Arc) -> list[Arc]:
-    centre, half = arc
-    return [(centre + sign * half / 2, half / 2 * (1.0 + 1e-9)) for sign in (-1.0, 1.0)]
-
-
-def _bernstein(degree: int) -> Reals:
-    """Matrix from coefficients of t^m on [-1, 1] to Bernstein coefficients."""
-    found = np.zeros((degree + 1, degree + 1))
-    for m in range(degree + 1):
-        for i in range(degree + 1):  # t = 2 x - 1
-            for r in range(min(m, i) + 1):
-                power = comb(m, r) * 2.0**r * (-1.0) ** (m - r)
-                found[i, m] += power * comb(i, r) / comb(degree, r)
-    return found
-
-
-_MATRIX = _bernstein(_DEGREE)
+_MATRIX = bernstein(DEGREE)
 
 
 def _taylor(size: int, shift: float, arcs: Sequence[Arc]) -> tuple[Complexes, Reals, Reals]:
-    """Bernstein points as combinations (arcs, d + 1, K) of coefficients, and what they lose.
-
-    Remainders (arcs, K) are for each unit of a coefficient, rounding errors (arcs, K) for each
-    unit of what it is summed from.
-    """
-    centre, half = np.array(arcs).T
-    lag = np.arange(size) - shift
-    turn = np.exp(-1j * centre[:, None] * lag)  # (arcs, K)
-    step = half[:, None] * lag
-    powers = np.stack([(-1j * step) ** m / factorial(m) for m in range(_DEGREE + 1)], axis=1)
-    points = np.einsum("im,amk->aik", _MATRIX, powers * turn[:, None, :])
-    rest = np.abs(step) ** (_DEGREE + 1) / factorial(_DEGREE + 1) * (1.0 + 1e-12)
-    grown = np.exp(np.minimum(np.abs(step), 50.0)) * np.abs(_MATRIX).sum(axis=1).max()
-    return points, rest, _ROUNDING * (size + 10) * grown
+    """Bernstein points as combinations (arcs, d + 1, K) of coefficients, and what they lose."""
+    powers, rest, rounding = taylor(size, shift, arcs)
+    return np.einsum("im,amk->aik", _MATRIX, powers), rest, rounding
 
 
 def _lost(
@@ -195,7 +101,7 @@ def zero_free(
             single = _half_planes(found, family, reference, [(arc[0], 0.0) for arc in failed])
             if not np.all(single):
                 return [arc[0] for arc, ok in zip(failed, single, strict=True) if not ok]
-        todo = [half for arc in failed for half in _halves(arc)]
+        todo = [half for arc in failed for half in halves(arc)]
     return []
 
 
@@ -268,7 +174,7 @@ def ratio_on_arcs(
             if close or hopeless or arc[1] < _LEAST or count > _MOST:
                 done.append((arc, float(bound)))
             else:
-                following += _halves(arc)
+                following += halves(arc)
         todo = following
     return sorted((max(c - h, 0.0), min(c + h, pi), bound) for (c, h), bound in done)
 

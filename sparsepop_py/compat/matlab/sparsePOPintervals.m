@@ -7,7 +7,8 @@ function [lo, hi, detail] = sparsePOPintervals(ineqPolySys, lbd, ubd, indices, p
 %   Inf where nothing is proved, lo = Inf and hi = -Inf where no point is feasible. lo and hi are
 %   columns. indices may be left out or [] (all variables), and so may param. One call does the
 %   work of the 2p calls of sparsePOP that minimise and maximise each variable; they share boxes
-%   and relaxations. param.effort = 'auto' with param.timeLimit closes what one relaxation leaves.
+%   and relaxations. Without param.effort and param.tighten the effort is 'auto', which closes what
+%   one relaxation leaves open, within param.timeLimit seconds for all (60 by default).
 %
 %   [lo, hi, detail] = ... returns a struct with the columns innerLo and innerHi, values that
 %   provably feasible points attain, and the cell array status: what is known of each end.

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.matrix_constraints import Matrices
+from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.interval import Interval, exact_values, gram, up
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 
@@ -138,6 +139,7 @@ def is_semidefinite(matrix: Sequence[Sequence[Fraction]]) -> bool:
         return False
     rest = [list(row) for row in matrix]
     while rest:
+        check()
         pivot, row = rest[0][0], rest[0][1:]
         if pivot < 0 or (pivot == 0 and any(row)):
             return False

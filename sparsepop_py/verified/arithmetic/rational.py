@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 
 __all__ = ["solve_rationally"]
 
@@ -41,6 +42,7 @@ def _eliminate(table: list[dict[int, Fraction]]) -> dict[int, Fraction] | None:
             where.setdefault(key, set()).add(number)
     order: list[tuple[int, dict[int, Fraction]]] = []
     while open_rows:
+        check()
         number = min(open_rows, key=lambda r: len(table[r]))
         open_rows.remove(number)
         row = {key: value for key, value in table[number].items() if value or key == -1}

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.interval import Interval, down, sum_by, up
 from sparsepop_py.verified.arithmetic.polynomial_range import Factors, product
@@ -86,6 +87,7 @@ def propagate(
     An empty box (lo > hi somewhere) proves that no point satisfies rows and box.
     """
     for number in range(1, limit + 1):
+        check()
         tighter = sweep(rows, box)
         if is_empty(tighter) or not _moved(box, tighter, progress):
             return tighter, number

@@ -16,20 +16,24 @@ claim weak.) Without any cutoff, leaves that are all empty prove that nothing is
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, fingerprint_v1
 from sparsepop_py.verified.arithmetic.array_checks import is_index
 from sparsepop_py.verified.arithmetic.interval import Interval, require_ieee
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.sos_identity import Identity
@@ -37,7 +41,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Known, Replay, Sub
 
 __all__ = ["Certificate", "Node", "Proved", "Verdict", "certify", "claim", "prove", "split_box"]
 
-Argument = Identity | LinearDual | ExactGram
+Argument = Identity | LinearDual | ExactGram | ExactDual
 _OLDER = "it was written by an older version, with that version's fingerprint"
 
 
@@ -90,7 +94,7 @@ class Node:
     ----------
     box : BoxProof
         Steps from the box of the node to a smaller one.
-    argument : Identity, LinearDual, ExactGram or None
+    argument : Identity, LinearDual, ExactGram, ExactDual or None
         Multipliers of the objective; of the constant 0 where ``empty``.
     empty : bool
         Whether the argument proves that the box holds no feasible point.
@@ -157,7 +161,7 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
     replay : Replay
         The problem and the cutoff.
     box : Interval
-    argument : Identity, LinearDual, ExactGram or None
+    argument : Identity, LinearDual, ExactGram, ExactDual or None
     empty : bool
         Whether the argument is to prove that the box holds no feasible point.
 
@@ -174,8 +178,11 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
     if isinstance(argument, ExactGram):
         value = -np.inf if empty else argument.bound(problem.objective)
         return Proved(max(bound, value), 0.0, "" if np.isfinite(value) else "no sum of squares")
-    if not argument.scaling.contains(box):
+    fits = argument.covers if isinstance(argument, ExactDual) else argument.scaling.contains
+    if not fits(box):
         return Proved(bound, 0.0, "the box is larger than the multipliers assume")
+    if isinstance(argument, ExactDual):
+        return _proved_exactly(problem, argument, empty, bound)
     objective = problem.objective_row
     if empty:
         objective = PolynomialSystem.stack([problem.objective * 0.0], problem.dimension)
@@ -192,6 +199,16 @@ def prove(replay: Replay, box: Interval, argument: Argument | None, empty: bool)
     if not value >= bound:  # or no number
         return Proved(bound, 0.0, reason)
     return Proved(value, correction, reason)
+
+
+def _proved_exactly(problem: Problem, argument: ExactDual, empty: bool, bound: float) -> Proved:
+    """Compute the bound of rational multipliers, at least a bound that is known."""
+    objective = problem.objective * 0.0 if empty else problem.objective
+    value = argument.bound(problem.rows, problem.equality, objective)
+    if empty:
+        value = np.inf if value > 0 else -np.inf
+    reason = "" if value > -np.inf else "the multipliers leave no sum of squares"
+    return Proved(max(bound, value), 0.0, reason)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,6 +229,8 @@ class Certificate:
         Largest cost of the remainder in one node, in units of the objective.
     assumptions : tuple of str
         Conditions of the conclusion; empty for problems given as numbers.
+    problem : Problem, optional
+        That of the result it belongs to, for :meth:`to_coq`; no check uses it.
 
     Examples
     --------
@@ -229,6 +248,7 @@ class Certificate:
     cutoff: float | None = None
     correction: float = 0.0
     assumptions: tuple[str, ...] = ()
+    problem: Problem | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.__dict__["assumptions"] = tuple(self.assumptions)
@@ -266,6 +286,29 @@ class Certificate:
             return Verdict(True, recomputed, _OLDER if old else "")
         reason = reason or "the argument proves less than what is claimed"
         return Verdict(False, recomputed, reason)
+
+    def to_coq(self, path: str | os.PathLike[str], problem: Problem | None = None) -> None:
+        """Write a Coq file that states the problem in rationals and proves the bound.
+
+        Parameters
+        ----------
+        path : str or PathLike
+            Ends in ``.v``; ``coqc`` checks it with Coq 8.16 and its standard library.
+        problem : Problem, optional
+            That of the result it belongs to when left out.
+
+        Raises
+        ------
+        ProblemError
+            If the problem is missing or another one, or the certificate holds an argument that
+            the export does not cover; the message names it.
+        OutputError
+            If the file cannot be written.
+        """
+        about = self.problem if problem is None else problem
+        if about is None:
+            raise ProblemError("to_coq: found no problem, expected the one that was certified")
+        import_module("sparsepop_py.io.coq").write_coq(self, path, about)  # no part of a check
 
     def recompute(
         self, problem: Problem, known: dict[Any, Any] | None = None
@@ -337,6 +380,7 @@ class Certificate:
         stack: list[tuple[Node, Interval | None]] = [(self.root, None)]
         while stack:
             node, outer = stack.pop()
+            check()
             box = node.box.replay(replay, outer)
             uses_cutoff |= node.box.uses_cutoff
             if node.branch is not None and len(node.children) == 2 and not is_empty(box):

@@ -141,7 +141,7 @@ def level_bound(problem: RationalProblem, level: float, found: float, size: Rang
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RationalCertificate:
-    """Proof of a lower bound of a problem with ratios, or that no point is feasible.
+    """Proof of a lower bound, or of infeasibility, of a problem with ratios.
 
     Parameters
     ----------

@@ -18,6 +18,7 @@ import heapq
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +26,38 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval
 
-__all__ = ["ExactGram"]
+__all__ = ["ExactGram", "RationalPolynomial"]
 
 _BITS = 1_000_000  # numbers longer than this end the elimination without a result
 
 Rows = dict[int, dict[int, Fraction]]
+
+
+@dataclass(frozen=True, eq=False)
+class RationalPolynomial:
+    """Polynomial with rational coefficients, its words distinct.
+
+    Parameters
+    ----------
+    words : (T, D) int32
+    coefficients : (T,) object
+        Fractions.
+    dimension : int
+    """
+
+    words: Words
+    coefficients: NDArray[Any]
+    dimension: int
+
+    @property
+    def constant_term(self) -> Fraction:
+        """The coefficient of 1."""
+        constant = ~self.words.any(axis=1)
+        return sum(self.coefficients[constant].tolist(), Fraction(0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +94,12 @@ class ExactGram:
         """Number of stored numbers."""
         return self.value.size
 
-    def bound(self, objective: Polynomial) -> float:
+    def bound(self, objective: Polynomial | RationalPolynomial) -> float:
         """Compute the proved lower bound over all of space, -inf where none is.
 
         Parameters
         ----------
-        objective : Polynomial
+        objective : Polynomial or RationalPolynomial
 
         Returns
         -------
@@ -103,7 +128,7 @@ class ExactGram:
             and are_numbers(self.value)
         )
 
-    def _matrix(self, objective: Polynomial) -> Rows | None:
+    def _matrix(self, objective: Polynomial | RationalPolynomial) -> Rows | None:
         """Rows of Q without the entry of the constant; None where f has other monomials."""
         n = objective.dimension
         letters = np.sort(self.basis, axis=1)
@@ -159,6 +184,7 @@ def _eliminated(rows: Rows) -> Fraction | None:
     hidden: list[Fraction] = []
     while queue:
         urgency, i = heapq.heappop(queue)
+        check()
         if i in done:
             continue
         now = _urgency(len(rows[i]), depth[i])

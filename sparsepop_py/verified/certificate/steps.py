@@ -20,6 +20,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.matrix_constraints import Matrices
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, is_index
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -197,6 +198,7 @@ class Replay:
         if isinstance(step, Propagation):
             rows = self.rows(step.uses_cutoff)
             for _ in range(min(step.sweeps, _MOST_SWEEPS)):
+                check()
                 old, box = box, sweep(rows, box)
                 still = np.array_equal(old.lo, box.lo) and np.array_equal(old.hi, box.hi)
                 if still or is_empty(box):

@@ -32,7 +32,7 @@ from sparsepop_py.verified.arithmetic.krawczyk import polished, zero_near
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.arithmetic.rational import solve_rationally
 
-__all__ = ["ProvedPoint", "prove_point"]
+__all__ = ["ProvedPoint", "exact_coordinates", "prove_point"]
 
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
 
@@ -140,14 +140,8 @@ def prove_point(
 def _prove_exactly(
     problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
 ) -> ProvedPoint | None:
-    exact = [Fraction(value) for value in x.tolist()]
-    if rows.size:
-        solution = solve_rationally(problem.rows.take(rows), exact, solved.tolist())
-        if solution is None:
-            return None
-        for variable, value in solution.items():
-            exact[variable] = value
-    if not _holds_exactly(problem, exact):
+    exact = exact_coordinates(problem, x, rows, solved)
+    if exact is None:
         return None
     objective = problem.objective_row
     value = exact_values(objective.words, objective.coefficients, objective.row, 1, exact)[0]
@@ -160,6 +154,20 @@ def _prove_exactly(
     kept = x.copy()
     kept[solved] = point[solved]
     return ProvedPoint(kept, upper, reach, "exact", rows, solved)
+
+
+def exact_coordinates(
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
+) -> list[Fraction] | None:
+    """Solve rows in rationals for some variables; None unless that point is feasible."""
+    exact = [Fraction(value) for value in x.tolist()]
+    if rows.size:
+        solution = solve_rationally(problem.rows.take(rows), exact, solved.tolist())
+        if solution is None:
+            return None
+        for variable, value in solution.items():
+            exact[variable] = value
+    return exact if _holds_exactly(problem, exact) else None
 
 
 def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:

@@ -17,32 +17,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.definiteness import entries_hold
-from sparsepop_py.verified.points.feasible_point import ProvedPoint
+from sparsepop_py.verified.points.feasible_point import ProvedPoint, exact_coordinates
 
 __all__ = ["falling_ray"]
 
 _LIMIT = 200  # variables; the search tries 2n + a few directions exactly
 
 
-def falling_ray(problem: Problem, start: ProvedPoint) -> NDArray[np.float64] | None:
+def falling_ray(
+    problem: Problem, start: ProvedPoint, known: NDArray[np.float64] | None = None
+) -> NDArray[np.float64] | None:
     """Find a direction that proves the objective unbounded from an exact point.
 
     Parameters
     ----------
     problem : Problem
     start : ProvedPoint
-        Only a point whose doubles are feasible themselves can start a ray.
+        Only a point with rational coordinates can start a ray.
+    known : (n,) float, optional
+        The only direction to be tried.
 
     Returns
     -------
     (n,) float or None
     """
-    if start.proof != "exact" or start.radius > 0 or problem.dimension > _LIMIT:
+    fits = known is None or (known.shape == start.x.shape and np.all(np.isfinite(known)))
+    if start.proof != "exact" or problem.dimension > _LIMIT or not fits:
         return None
-    origin = [Fraction(v) for v in start.x.tolist()]
-    for direction in _directions(problem, start.x):
+    origin = exact_coordinates(problem, start.x, start.rows, start.solved)
+    if origin is None:
+        return None
+    for direction in _directions(problem, start.x) if known is None else (known,):
+        check()
         if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
             return direction
     return None

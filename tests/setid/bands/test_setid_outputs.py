@@ -73,7 +73,7 @@ def test_unstable_boxes_end_in_infinite_bands_not_in_wrong_ones() -> None:
     u = np.random.default_rng(0).uniform(-1, 1, 150)
     truth = setid.simulate_record(model, [-0.9, 1.0], u, noise)
     found = identified(setid.formulate(truth.data, model, noise), [(-3.0, 1.0), (-9.0, 9.0)])
-    band = simulate_band(found)
+    band = simulate_band(found, time_limit=0.5)
     assert np.all((truth.y >= band.low) & (truth.y <= band.high))
 
 

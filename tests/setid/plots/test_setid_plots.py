@@ -14,7 +14,8 @@ import setid
 import sparsepop_py as sp
 from setid.bands.outputs import compare, simulate_band
 from setid.bands.residuals import residuals
-from setid.bands.responses import frequency_band, step_band
+from setid.bands.responses import frequency_band
+from setid.bands.steps import step_band
 from setid.feasible_set.projections import project
 from setid.plots.axes import require_matplotlib
 from setid.plots.intervals import plot_intervals

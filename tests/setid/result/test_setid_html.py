@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from html.parser import HTMLParser
-
 import numpy as np
 import pytest
+from html_cells import Cells
 from identified_cases import empty, first_order
 
 import setid
@@ -14,29 +13,6 @@ from setid.models.html import equation_text
 DATA = setid.IOData(
     [4, -3, 2, 1], [0, -6.25, np.nan, 2.0875], input_names="valve <1>", output_units="m"
 )
-
-
-class Cells(HTMLParser):
-    """Texts of table cells; fails on tags that do not close."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.cells: list[str] = []
-        self.feed(text)
-        assert not self.open
-
-    def handle_starttag(self, tag: str, attrs: object) -> None:
-        self.open.append(tag)
-        if tag in ("td", "th"):
-            self.cells.append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if self.open and self.open[-1] in ("td", "th"):
-            self.cells[-1] += data
 
 
 def test_a_record_shows_its_channels() -> None:

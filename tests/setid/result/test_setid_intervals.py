@@ -50,7 +50,10 @@ def test_the_progress_line_counts_settled_ends() -> None:
     assert progress.settled == 0
     progress.report(1, -1.0001, -1.0)
     assert progress.settled == 2
-    assert progress.line(1) == "[############............] 2/4 ends, a1 high: gap 5e-05"
+    assert (
+        progress.line(1)
+        == "[############............] 2/4 ends, a1 in [-1, 1.0001], high: gap 5e-05"
+    )
     progress.close()
 
 
@@ -74,7 +77,8 @@ def test_methods_take_what_their_functions_take(name: str) -> None:
     given = {key: (p.default, p.kind) for key, p in list(method.items())[1:]}
     taken = {key: (p.default, p.kind) for key, p in list(function.items())[1 : len(method)]}
     assert list(given.items()) == list(taken.items())
-    assert set(function) - set(method) - {"result"} <= {"samples", "seed", "options"}
+    settings = {"samples", "seed", "options", "tolerance", "time_limit", "all_time", "executor"}
+    assert set(function) - set(method) - {"result"} <= settings
 
 
 def test_methods_pass_on_what_they_are_given() -> None:

@@ -125,6 +125,27 @@ def test_only_points_that_are_feasible_themselves_start_a_ray():
     problem = sp.Problem(y + 0 * x)
     good = at(0, 0)
     assert falling_ray(problem, good) is not None
-    assert falling_ray(problem, replace(good, radius=1e-16)) is None
     assert falling_ray(problem, replace(good, proof="krawczyk")) is None
     assert falling_ray(problem, replace(good, proof="krawczyk", radius=1e-16)) is None
+
+
+def test_rays_start_where_the_rows_put_the_point():
+    """3 x = 1 has no double; from there y falls, and from a point that is not feasible nothing."""
+    problem = sp.Problem(y + 0 * x, [3 * x == 1])
+    near, first = at(0, 0), np.zeros(1, np.int64)
+    assert falling_ray(problem, near) is None
+    assert falling_ray(problem, replace(near, rows=first, solved=first)) is not None
+    assert falling_ray(problem, replace(near, rows=first, solved=first + 1)) is None
+    above = sp.Problem(y + 0 * x, [3 * x == 1], lower=[0.5, -np.inf])
+    assert falling_ray(above, replace(near, rows=first, solved=first)) is None
+    crossed = sp.Problem(y + 0 * x, [3 * x == 1, 3 * y * x == y])
+    assert falling_ray(crossed, replace(near, rows=first, solved=first)) is not None
+    assert falling_ray(sp.Problem(y, [3 * x == 1, 2 * x * y == 0]), near) is None
+
+
+def test_a_known_direction_is_the_only_one_tried():
+    problem = sp.Problem(y + 0 * x)
+    assert falling_ray(problem, at(0, 0), np.array([0.0, 1.0])) is None
+    assert falling_ray(problem, at(0, 0), np.array([3.0, -1.0])) is not None
+    for wrong in (np.array([-1.0]), np.array([0.0, -np.inf]), np.array([np.nan, -1.0])):
+        assert falling_ray(problem, at(0, 0), wrong) is None

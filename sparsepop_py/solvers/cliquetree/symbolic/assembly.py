@@ -86,7 +86,7 @@ class Assembly:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StackProduct:
-    """The two sparse factors of one assembly, the second one for ranges of columns of Z.
+    """Two sparse factors of one assembly, the second for ranges of columns.
 
     Large blocks are taken in ranges: their products take less memory, and the clock is looked at
     in between.

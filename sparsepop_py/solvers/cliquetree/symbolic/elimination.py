@@ -22,6 +22,8 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import check
+
 __all__ = ["Front", "amalgamate", "eliminate", "front_seconds", "maximal", "parents"]
 
 _CROWDED = 16  # a column in more cliques than this, and in a quarter of all, is a global one
@@ -164,6 +166,7 @@ class _Quotient:
             limit = slack * max(heap[0][0], 1)
             touched: set[int] = set()
             self.fresh = len(self.size)
+            check()
             while heap and heap[0][0] <= limit:
                 degree, node = heappop(heap)
                 if node not in self.alive or degree != self.degree[node] or node in touched:

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from setid.models.equations import Structure
 from setid.proofs.supports import Cover, Multipliers, supports
 
-__all__ = ["frequency_regions", "rounding_of"]
+__all__ = [
+    "angles_of",
+    "frequency_regions",
+    "gains_of",
+    "quotient_rectangle",
+    "rounding_of",
+]
 
 Reals = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -125,15 +131,38 @@ def _one_frequency(
     e, q : (low, high)
         Rectangles.
     """
-    if not q[0].real > 0 or not np.all(np.isfinite([*e, *q])):
+    west, east, south, north = quotient_rectangle(e, q, 8 * _EPS * gain)
+    if not np.isfinite(west):
         return (0.0, np.inf), (-np.pi, np.pi), np.full(4, np.inf + 0j)
+    # the gain moves the rectangle; its rounding is in what was added to the quotient
+    west, east = gain + west, gain + east
+    corners = np.array([west + 1j * south, east + 1j * south, east + 1j * north, west + 1j * north])
+    return gains_of(west, east, south, north), angles_of(west, east, south, north), corners
+
+
+def quotient_rectangle(
+    e: tuple[complex, complex], q: tuple[complex, complex], slack: float
+) -> tuple[float, float, float, float]:
+    """Bound e / q by a rectangle, for e and q in rectangles, q near 1.
+
+    Parameters
+    ----------
+    e, q : (low, high)
+        Lower left and upper right corners.
+    slack : float
+        Added on all sides.
+
+    Returns
+    -------
+    west, east, south, north : float
+        Infinite where q may have no positive real part.
+    """
+    if not q[0].real > 0 or not np.all(np.isfinite([*e, *q])):
+        return -np.inf, np.inf, -np.inf, np.inf
     size = _farthest(*e)
     off = _farthest(q[0] - 1.0, q[1] - 1.0) / q[0].real  # abs(1/q - 1) is at most this
-    slack = off * size * (1.0 + 8 * _EPS) + 8 * _EPS * (gain + size)
-    west, east = gain + e[0].real - slack, gain + e[1].real + slack
-    south, north = e[0].imag - slack, e[1].imag + slack
-    corners = np.array([west + 1j * south, east + 1j * south, east + 1j * north, west + 1j * north])
-    return _gains(west, east, south, north), _angles(corners, west), corners
+    wide = off * size * (1.0 + 8 * _EPS) + 8 * _EPS * size + slack
+    return e[0].real - wide, e[1].real + wide, e[0].imag - wide, e[1].imag + wide
 
 
 def _farthest(low: complex, high: complex) -> float:
@@ -143,7 +172,7 @@ def _farthest(low: complex, high: complex) -> float:
     return float(np.hypot(real, imaginary) * (1.0 + 4 * _EPS))
 
 
-def _gains(west: float, east: float, south: float, north: float) -> tuple[float, float]:
+def gains_of(west: float, east: float, south: float, north: float) -> tuple[float, float]:
     """Least and largest absolute value in the rectangle."""
     across = max(0.0, west, -east), max(0.0, south, -north)
     far = max(abs(west), abs(east)), max(abs(south), abs(north))
@@ -151,9 +180,9 @@ def _gains(west: float, east: float, south: float, north: float) -> tuple[float,
     return least, float(np.hypot(*far)) * (1.0 + 4 * _EPS)
 
 
-def _angles(corners: Complexes, west: float) -> tuple[float, float]:
+def angles_of(west: float, east: float, south: float, north: float) -> tuple[float, float]:
     """Range of the angle in a rectangle; all angles where it reaches the left half plane."""
     if west <= 0:
         return -np.pi, np.pi
-    angles = np.angle(corners)
+    angles = np.angle([west + 1j * south, west + 1j * north, east + 1j * south, east + 1j * north])
     return float(angles.min()) - 8 * _EPS, float(angles.max()) + 8 * _EPS

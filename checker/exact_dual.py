@@ -1,0 +1,71 @@
+"""Rational multipliers of constraints and bounds, and an exact sum of squares for the rest."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+from .gram import ExactGram
+from .polynomial import INF, Polynomial, Word, power_of_two
+from .reading import Malformed, Problem, alike, below, fields, items, rational
+
+
+class ExactDual:
+    """f - sum of multipliers times words times rows: a constant, or a sum of squares and one."""
+
+    def __init__(self, found: Any, n: int, place: str) -> None:
+        kinds = {"lower": "F1", "upper": "F1", "row": "i1", "word": "w2"}
+        got = fields(found, place, n, value=_rationals, gram=_gram, **kinds)
+        self.lower, self.upper, self.gram, self.place = got.lower, got.upper, got.gram, place
+        alike(place, got.lower, got.upper, range(n))
+        alike(place, got.row, got.word, got.value)
+        self.terms = list(zip(got.row, got.word, got.value, strict=True))
+
+    def holds(self, ends: list[tuple[Any, Any]]) -> bool:
+        """Whether a box lies within the bounds that are assumed."""
+        sides = zip(ends, self.lower, self.upper, strict=True)
+        return all(a <= low and high <= b for (low, high), a, b in sides)
+
+    def prove(self, problem: Problem, objective: Polynomial) -> Any:
+        """The lower bound within the bounds assumed, -INF where nothing is proved."""
+        m, n = len(problem.constraints), problem.dimension
+        below([row for row, _, _ in self.terms], m + 2 * n, f"{self.place}.row")
+        rest: dict[Word, Fraction] = {}
+        add(rest, objective, (), Fraction(1))
+        for row, word, value in self.terms:
+            free = row < m and problem.constraints[row].equality
+            if not free and (word or value < 0):
+                raise Malformed(f"{self.place}: a monomial or a sign at no equality")
+            add(rest, self._row(problem, row), word, -value)
+        constant = rest.pop((), Fraction(0))
+        rest = {word: value for word, value in rest.items() if value}
+        if self.gram is not None:
+            return self.gram.below(rest, constant)
+        return -INF if rest else constant
+
+    def _row(self, problem: Problem, row: int) -> Polynomial:
+        m, n = len(problem.constraints), problem.dimension
+        if row < m:
+            return problem.constraints[row].polynomial
+        side, v = divmod(row - m, n)
+        end = (self.lower, self.upper)[side][v]
+        if end in (INF, -INF):
+            raise Malformed(f"{self.place}: a multiplier of a bound that is not there")
+        slope = 1.0 if side == 0 else -1.0
+        return Polynomial.affine(v + 1, slope, -slope * end)
+
+
+def add(rest: dict[Word, Fraction], p: Polynomial, word: Word, times: Fraction) -> None:
+    """Add a multiple of a polynomial times a monomial, in place."""
+    unit = times * power_of_two(p.exp)
+    for letters, value in p.terms.items():
+        key = tuple(sorted(letters + word))
+        rest[key] = rest.get(key, Fraction(0)) + value * unit
+
+
+def _rationals(found: Any, n: int, place: str) -> list[Fraction]:
+    return [rational(value, place) for value in items(found, place)]
+
+
+def _gram(found: Any, n: int, place: str) -> ExactGram | None:
+    return None if found is None else ExactGram(found, n, place)

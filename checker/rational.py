@@ -1,0 +1,295 @@
+"""Problems with ratios: signs of denominators, and the polynomial problem that they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf, nextafter
+from typing import Any
+
+from .certificate import Certificates
+from .point import ProvedPoint, falls_without_limit
+from .polynomial import INF, Polynomial, total
+from .reading import (
+    Constraint,
+    Malformed,
+    Problem,
+    fields,
+    finite,
+    item,
+    items,
+    number,
+    polynomial,
+    problem,
+    whole,
+)
+from .result import STATUSES, NotProved, shown
+
+ONE = Polynomial({(): 1})
+Ratio = tuple[Polynomial, Polynomial]
+
+
+@dataclass
+class Rational:
+    """A polynomial and ratios, added."""
+
+    whole: Polynomial
+    ratios: list[Ratio]
+
+    @property
+    def is_fraction(self) -> bool:
+        """Whether it is one ratio and nothing beside it."""
+        return len(self.ratios) == 1 and not any(self.whole.terms.values())
+
+
+@dataclass
+class Range:
+    """The sign of a denominator, and bounds of its size as doubles: 0 < least <= |q| <= most."""
+
+    sign: int
+    least: Any
+    most: Any
+
+    def reciprocal(self) -> tuple[Any, Any]:
+        """Bounds of 1 / q: the doubles next to 1 / most and 1 / least, outwards."""
+        low = Fraction(0) if self.most == INF else inverse(self.most, -inf)
+        high = INF if self.least == INF else inverse(self.least, inf)
+        return (low, high) if self.sign > 0 else (-high, -low)
+
+
+def inverse(value: float, towards: float) -> Any:
+    """The double next to 1 / value on one side, infinite beyond all doubles."""
+    exact = 1 / Fraction(value)
+    try:
+        near = float(exact)
+    except OverflowError:
+        return INF if towards > 0 else Fraction(nextafter(inf, 0))
+    short = Fraction(near) < exact if towards > 0 else Fraction(near) > exact
+    near = nextafter(near, towards) if short else near
+    return INF if near == inf else Fraction(near)
+
+
+def key(p: Polynomial) -> Any:
+    """What equal polynomials share."""
+    return p.coefficient(), tuple(sorted(p.open().items()))
+
+
+# ---- reading ---------------------------------------------------------------------------------
+
+
+def rational(found: Any, n: int, place: str) -> Rational:
+    """A sum of ratios; denominators have variables and differ."""
+    got = fields(found, place, n, whole=polynomial, ratios="l")
+    pairs = []
+    for k, pair in enumerate(got.ratios):
+        here = f"{place}.ratios[{k}]"
+        if len(items(pair, here)) != 2:
+            raise Malformed(f"{here}: no numerator and denominator")
+        pairs.append((polynomial(pair[0], n, here), polynomial(pair[1], n, here)))
+    if any(not q.open() for _, q in pairs) or len({key(q) for _, q in pairs}) < len(pairs):
+        raise Malformed(f"{place}: a denominator that is constant, or occurs twice")
+    return Rational(got.whole, pairs)
+
+
+class RationalProblem:
+    """Minimise a sum of ratios subject to polynomial constraints, bounds and such sums."""
+
+    def __init__(self, found: Any, place: str = "rational_problem") -> None:
+        aim = item(item(found, "objective", place), "whole", place)
+        n = whole(item(aim, "dimension", place), place)
+        got = fields(found, place, n, objective=rational, rational_constraints="l", sense="t")
+        nothing = {"type": "i4", "shape": [0, 1], "data": []}
+        zero = {"words": nothing, "coefficients": {"type": "f8", "shape": [0], "data": []}}
+        base = {name: item(found, name, place) for name in ("constraints", "lower", "upper")}
+        base |= {"names": item(found, "names", place), "sense": got.sense, "squares": []}
+        base["objective"] = zero | {"dimension": n}
+        self.base, self.objective = problem(base, place), got.objective
+        self.rows: list[tuple[str, Rational]] = []
+        for k, row in enumerate(got.rational_constraints):
+            here = f"{place}.rational_constraints[{k}]"
+            one = fields(row, here, n, expression=rational, kind="t")
+            if one.kind not in ("NONNEGATIVE", "ZERO"):
+                raise Malformed(f"{here}: kind {one.kind!r:.20}")
+            self.rows.append((one.kind, one.expression))
+        everything = [self.objective, *(expression for _, expression in self.rows)]
+        self.denominators = list({key(q): q for f in everything for _, q in f.ratios}.values())
+        self._places = {key(q): k for k, q in enumerate(self.denominators)}
+
+    def place(self, q: Polynomial) -> int:
+        """Which of the denominators."""
+        return self._places[key(q)]
+
+    @property
+    def constant(self) -> Fraction:
+        """What an objective with a level has beside its ratio."""
+        return self.objective.whole.coefficient()
+
+    def fits(self, level: Any) -> bool:
+        """Whether the objective can be compared with a level: one ratio beside a constant."""
+        one = len(self.objective.ratios) == 1 and not self.objective.whole.open()
+        return level is None or one
+
+    def lifted(self, ranges: list[Range], level: float | None) -> Problem:
+        """The polynomial problem in x, reciprocals of denominators, and the level."""
+        several = [f for _, f in self.rows if not f.is_fraction]
+        several += [self.objective] if level is None else []
+        places = sorted({self.place(q) for f in several for _, q in f.ratios})
+        n = self.base.dimension
+        letters = {k: Polynomial({(n + 1 + j,): 1}) for j, k in enumerate(places)}
+
+        def linear(f: Rational) -> Polynomial:
+            return total([f.whole, *(p.times(letters[self.place(q)]) for p, q in f.ratios)])
+
+        rows = list(self.base.constraints)
+        for k in places:
+            rows.append(Constraint("ZERO", minus(self.denominators[k].times(letters[k]), ONE)))
+        for kind, f in self.rows:
+            if f.is_fraction:
+                ((p, q),) = f.ratios
+                rows.append(Constraint(kind, signed(p, ranges[self.place(q)].sign)))
+            else:
+                rows.append(Constraint(kind, linear(f)))
+        ends = [ranges[k].reciprocal() for k in places]
+        if level is None:
+            objective = linear(self.objective)
+        else:
+            ((p, q),) = self.objective.ratios
+            last = Polynomial({(n + len(places) + 1,): 1})
+            objective = signed(minus(p, q.times(last)), ranges[self.place(q)].sign)
+            ends.append((Fraction(level), Fraction(level)))
+        lower = [*self.base.lower, *(low for low, _ in ends)]
+        upper = [*self.base.upper, *(high for _, high in ends)]
+        names = [*self.base.names, *(f"new{k}" for k in range(len(ends)))]
+        return Problem(len(names), objective, rows, lower, upper, names)
+
+
+def signed(p: Polynomial, sign: int) -> Polynomial:
+    """The polynomial times 1 or -1."""
+    found = Polynomial()
+    found.add(p, sign)
+    return found
+
+
+def minus(one: Polynomial, other: Polynomial) -> Polynomial:
+    """The difference."""
+    found = signed(one, 1)
+    found.add(other, -1)
+    return found
+
+
+# ---- what is proved --------------------------------------------------------------------------
+
+
+class RationalCertificate:
+    """Signs of all denominators, and a certificate of the polynomial problem."""
+
+    def __init__(self, found: Any, about: RationalProblem, place: str) -> None:
+        got = fields(found, place, 0, fingerprint="t", bound="F", ranges="l", level="f?")
+        self.about, self.claim, self.level, self.place = about, got.bound, got.level, place
+        self.found = item(found, "certificate", place)
+        if len(got.ranges) != len(about.denominators) or not about.fits(self.level):
+            raise NotProved(
+                "a sign for each denominator, or an objective for the level, is missing"
+            )
+        self.ranges = [
+            self.range_of(one, q, f"{place}.ranges[{k}]")
+            for k, (one, q) in enumerate(zip(got.ranges, about.denominators, strict=True))
+        ]
+        self.empty = any(size.least == INF for size in self.ranges)
+        self.problem = None if self.empty else about.lifted(self.ranges, self.level)
+
+    def range_of(self, found: Any, q: Polynomial, place: str) -> Range:
+        """The sign of a denominator and its size; raises where the sign is not proved."""
+        sign = whole(item(found, "sign", place), place)
+        if sign not in (1, -1):
+            raise Malformed(f"{place}.sign: {sign}")
+        least = self.claimed(item(found, "below", place), signed(q, sign), f"{place}.below")
+        if not least > 0:
+            raise NotProved(f"{place}: the sign of the denominator is not proved")
+        above, most = item(found, "above", place), INF
+        if above is not None:
+            most = -self.claimed(above, signed(q, -sign), f"{place}.above")
+        return Range(sign, least, max(least, most))
+
+    def claimed(self, found: Any, objective: Polynomial, place: str) -> Any:
+        """The claim of a certificate about the base, -INF where it is not proved."""
+        base = self.about.base
+        given = base.constraints, base.lower, base.upper, base.names
+        proof = Certificates(found, Problem(base.dimension, objective, *given), place)
+        return proof.claim if proof.prove()[0] >= proof.claim else -INF
+
+    def bound(self) -> Any:
+        """What is proved of the objective."""
+        if self.empty:
+            return INF
+        if self.found is None or self.problem is None:
+            return -INF
+        proof = Certificates(self.found, self.problem, f"{self.place}.certificate")
+        least = proof.prove()[0]
+        least = least if least >= proof.claim else -INF
+        return self.translated(least, 1)
+
+    def translated(self, value: Any, side: int) -> Any:
+        """A bound of the polynomial objective as one of the ratio: from below (1), above (-1)."""
+        if self.level is None or value in (INF, -INF):
+            return value
+        ((_, q),) = self.about.objective.ratios
+        size = self.ranges[self.about.place(q)]
+        part = Fraction(0)
+        if side * value < 0:
+            part = Fraction(value) / Fraction(size.least)
+        elif size.most != INF:
+            part = Fraction(value) / Fraction(size.most)
+        return self.about.constant + Fraction(self.level) + part
+
+
+def check_rational_certificate(about: RationalProblem, found: Any) -> list[str]:
+    """The claim of a certificate of a problem with ratios."""
+    proof = RationalCertificate(found, about, "rational_certificate")
+    return [lower(proof, proof.claim)]
+
+
+def lower(proof: RationalCertificate, claim: Any) -> str:
+    """The sentence about a lower bound; raises where it is not proved."""
+    bound = proof.bound()
+    if bound < claim:
+        raise NotProved(f"objective >= {shown(claim)}: not proved, only {shown(bound)} is")
+    return "proved: no feasible point" if claim == INF else f"proved: objective >= {shown(claim)}"
+
+
+def check_rational_result(found: Any, given: RationalProblem | None = None) -> list[str]:
+    """The claims of a result about ratios; of its own problem, or of one that is given."""
+    place = "rational_result"
+    got = fields(found, place, 0, lower_bound="F", upper_bound="F", status="t")
+    about = RationalProblem(item(found, "problem", place), f"{place}.problem")
+    about = about if given is None else given
+    if got.status not in STATUSES:
+        raise Malformed(f"{place}.status: {got.status!r:.20}")
+    if got.status == "INFEASIBLE" and got.lower_bound != INF:
+        raise NotProved("the status says that no point is feasible, the bound does not")
+    proof = RationalCertificate(item(found, "certificate", place), about, f"{place}.certificate")
+    lines = [] if got.lower_bound == -INF else [lower(proof, got.lower_bound)]
+    return lines + upper(found, got, proof)
+
+
+def upper(found: Any, got: Any, proof: RationalCertificate) -> list[str]:
+    """What is proved of the upper bound, and of the status that there is no lower one."""
+    claim, endless = got.upper_bound, got.status == "UNBOUNDED" or got.upper_bound == -INF
+    point = item(found, "attained", "rational_result")
+    if point is None or proof.problem is None:
+        if claim != INF or endless:
+            raise NotProved(f"objective <= {shown(claim)} is attained: there is no point")
+        return []
+    attained = ProvedPoint(point, proof.problem, "rational_result.attained")
+    if endless:
+        ray = [Fraction(finite(v, "rational_result.ray")) for v in found.get("ray") or ()]
+        one = proof.level is None and falls_without_limit(proof.problem, attained, ray or None)
+        if not one:
+            raise NotProved("the objective is unbounded: no feasible ray is known to prove it")
+        return ["proved: the objective falls without limit along a feasible ray"]
+    reason = attained.fails()
+    if not reason and proof.translated(number(attained.value, "value"), -1) > claim:
+        reason = "the point attains more"
+    if reason:
+        raise NotProved(f"objective <= {shown(claim)} is attained: {reason}")
+    return [f"proved: objective <= {shown(claim)} is attained"]

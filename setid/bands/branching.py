@@ -1,0 +1,334 @@
+"""Search for cells on which the range of an output is narrow: branch and bound.
+
+Cells of the denominator's parameters are halved until the union of their proved ranges is within a
+tolerance of what the vertices that the linear programs meet attain, or until the time is over.
+Everything here only guides: the proof is that of :mod:`setid.proofs.time_bands.partition`.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter, lfiltic
+
+from setid.feasible_set.proposer import Proposer
+from setid.proofs.supports import Cover
+from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, noise_reach
+from setid.proofs.time_bands.partition import Partition, Ranges
+
+__all__ = ["Effort", "Found", "attained_by", "branched", "force_of", "principal_frame", "surveyed"]
+
+Reals = NDArray[np.float64]
+_FLOOR = 0.01  # of the largest attained width: narrower samples are measured against this
+_GAIN = 0.9  # cells with a larger gain are halved before they are enclosed
+_DIRECTIONS = 40  # that are looked at for the principal axes of the set
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """When to stop halving cells.
+
+    Parameters
+    ----------
+    tolerance : float
+        Share of the attained width by which the proved range may reach beyond it on each side.
+    until : float
+        Reading of ``time.monotonic``.
+    cells : int
+        Largest number of cells that are looked at.
+    """
+
+    tolerance: float
+    until: float
+    cells: int = 20_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What the search ended with.
+
+    Parameters
+    ----------
+    ranges : Ranges or None
+        Proved; None where the set is proved empty.
+    low, high : (N,) float
+        What vertices of the cover attain.
+    points : (M, p) float
+        Those vertices.
+    cells : int
+        Number of cells that were looked at.
+    left : int
+        Number of cells whose union is the range.
+    growing : int
+        Number of these with a gain of 1 or more.
+    excess : float
+        Largest distance of the range from what is attained, as a share of the attained width.
+    """
+
+    ranges: Ranges | None
+    low: Reals
+    high: Reals
+    points: Reals
+    cells: int
+    left: int
+    growing: int
+    excess: float
+
+
+def force_of(experiment: Experiment, cover: Cover) -> Reals:
+    """Regressors (N, p) of the known signals: the residual of the output 0."""
+    return experiment.row.residual(np.zeros(len(experiment.u)), experiment.u, cover)[1]
+
+
+def outputs_of(experiment: Experiment, theta: Reals, force: Reals) -> Reals:
+    """Outputs (N,) of given parameters, from the first readings on.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    theta : (p,) float
+    force : (N, p) float
+        See :func:`force_of`.
+    """
+    den, first = _denominator(experiment, theta), experiment.first
+    drive = -(force @ theta)[first.size :] / den[0]
+    den = den / den[0]
+    with np.errstate(all="ignore"):
+        if not first.size or den.size == 1:
+            rest = lfilter([1.0], den, drive)
+        else:
+            rest = lfilter([1.0], den, drive, zi=lfiltic([1.0], den, first[::-1]))[0]
+    return np.concatenate([first, rest])
+
+
+def attained_by(experiment: Experiment, theta: Reals, force: Reals) -> tuple[Reals, Reals]:
+    """Range (N,) of the outputs of given parameters over the noise in inputs and first outputs."""
+    outputs = outputs_of(experiment, theta, force)
+    reach = np.concatenate([experiment.start, np.zeros(experiment.samples)])
+    with np.errstate(all="ignore"):
+        if np.any(experiment.start) or np.any(experiment.input_noise):
+            den = _denominator(experiment, theta)
+            impulse = lfilter([1.0 / den[0]], den / den[0], np.eye(1, experiment.samples)[0])
+            rest = noise_reach(experiment, (theta, theta), theta, impulse)
+            reach[experiment.first.size :] = rest
+        return outputs - reach, outputs + reach
+
+
+def _denominator(experiment: Experiment, theta: Reals) -> Reals:
+    found = np.zeros(experiment.row.lag + 1)
+    for lag, factor in experiment.row.feedback.items():
+        found[lag] = factor.at(theta)
+    return found if found[0] != 0.0 else found + np.eye(1, found.size)[0]
+
+
+@dataclass(slots=True, eq=False)
+class _Leaf:
+    """What is known of a cell for choices."""
+
+    number: int
+    source: Proposer
+    centre: Centre
+    gain: float
+    cost: Reals  # (q, N), or (q, 1) before it is enclosed
+    enclosed: bool
+
+
+@dataclass(slots=True, eq=False)
+class _Search:
+    experiment: Experiment
+    cover: Cover
+    effort: Effort
+    settle: int  # samples of the impulse response that are kept
+    partition: Partition
+    force: Reals
+    low: Reals
+    high: Reals
+    points: dict[bytes, Reals] = field(default_factory=dict)
+    leaves: dict[int, _Leaf] = field(default_factory=dict)
+    cells: int = 0
+    slowest: float = 0.0  # seconds for one enclosure
+
+    def run(self, seeds: list[NDArray[np.int64]]) -> Found:
+        heap: list[tuple[float, int]] = []
+        for number in self.partition.numbers:
+            self._look(number, seeds, heap)
+        while heap:
+            _, number = heapq.heappop(heap)
+            worst = self._excess(number)  # less than it was when more points are known
+            if heap and worst < -heap[0][0]:
+                heapq.heappush(heap, (-worst, number))
+                continue
+            if worst <= self.effort.tolerance or not self._more():
+                break
+            leaf = self.leaves.pop(number)
+            axis, cell = self._axis(leaf), self.partition.cell(number)
+            at = float((cell.tight[0][axis] + cell.tight[1][axis]) / 2)
+            for part in self.partition.cut(number, axis, at):
+                self._look(part, leaf.source.bases, heap)
+        return self._found()
+
+    def _more(self) -> bool:
+        """Whether there is time for another cell, and for those that are not enclosed yet."""
+        waiting = sum(not leaf.enclosed for leaf in self.leaves.values())
+        now = time.monotonic() + self.slowest * waiting
+        return now < self.effort.until and self.cells < self.effort.cells
+
+    def _look(
+        self, number: int, seeds: list[NDArray[np.int64]], heap: list[tuple[float, int]]
+    ) -> None:
+        """Enclose a cell, or find it empty."""
+        self.cells += 1
+        source = Proposer(self.partition.polytope(number), seeds)
+        if not self.partition.tighten(number, source):
+            return
+        if source.contradictory:
+            weights = source.contradiction()
+            if weights is not None and self.partition.drop(number, weights):
+                return
+        leaf = _Leaf(number, source, self._centre(number, source), inf, np.zeros((0, 0)), False)
+        self.leaves[number] = leaf
+        self._enclose(leaf, _GAIN)
+        heapq.heappush(heap, (-self._excess(number), number))
+
+    def _enclose(self, leaf: _Leaf, limit: float) -> None:
+        begin = time.monotonic()
+        known, found = self.partition.enclose(leaf.number, leaf.centre, leaf.source, limit)
+        leaf.gain, leaf.enclosed = known.gain, found is not None
+        each = np.abs(known.spread).max(axis=0)[:, None] * np.abs(known.slopes)
+        leaf.cost = each.sum(axis=1, keepdims=True) if found is None else found.cost
+        for point in leaf.source.points:
+            self.attain(point)
+        if found is not None:
+            self.slowest = max(self.slowest, time.monotonic() - begin)
+
+    def attain(self, theta: Reals) -> None:
+        """Take the outputs of a point into what is attained, once."""
+        width = np.maximum(self.cover.upper - self.cover.lower, 1e-300)
+        key = np.round(theta / width, 6).tobytes()
+        if key in self.points:
+            return
+        self.points[key] = theta
+        low, high = attained_by(self.experiment, theta, self.force)
+        if np.all(np.isfinite(low) & np.isfinite(high)):
+            self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
+
+    def _centre(self, number: int, source: Proposer) -> Centre:
+        """The middle of the cell, the other parameters those of the mean vertex."""
+        points, cell = source.points, self.partition.cell(number)
+        frame = self.partition.frame
+        theta = points.mean(axis=0) if len(points) else self.cover.centre.copy()
+        theta[frame.columns] = frame.back @ ((cell.tight[0] + cell.tight[1]) / 2)
+        count = self.experiment.samples
+        with np.errstate(all="ignore"):
+            den = _denominator(self.experiment, theta)
+            impulse = lfilter([1.0 / den[0]], den / den[0], np.eye(1, count)[0])
+            outputs = outputs_of(self.experiment, theta, self.force)
+        if self.settle < count:
+            impulse[self.settle :] = 0.0
+            still = min(2 * self.settle, outputs.size - 1)
+            outputs[still:] = outputs[still]
+        return Centre(theta, outputs, impulse)
+
+    # ---- choices ------------------------------------------------------------------------
+
+    def _scale(self) -> Reals:
+        width = self.high - self.low
+        top = float(width.max(initial=0.0))
+        return np.asarray(np.maximum(width, _FLOOR * top if top > 0 else 1e-300), np.float64)
+
+    def _beyond(self, number: int) -> Reals:
+        """How far the range of a cell reaches beyond what is attained, in widths, (N,)."""
+        ranges = self.partition.range_of(number)
+        if not len(self.points):
+            return np.full(self.low.size, inf)
+        with np.errstate(invalid="ignore"):
+            gap = np.maximum(ranges.high - self.high, self.low - ranges.low) / self._scale()
+        return np.where(np.isnan(gap), inf, gap)
+
+    def _excess(self, number: int) -> float:
+        leaf = self.leaves[number]
+        beyond = float(self._beyond(number)[self.experiment.first.size :].max(initial=-inf))
+        return beyond if leaf.enclosed or beyond <= self.effort.tolerance else inf
+
+    def _axis(self, leaf: _Leaf) -> int:
+        """The coordinate that adds most to the width where the range reaches farthest beyond."""
+        if not leaf.enclosed or leaf.cost.shape[1] < self.low.size:
+            return int(np.argmax(leaf.cost[:, 0]))
+        place = int(np.argmax(self._beyond(leaf.number)))
+        column = leaf.cost[:, place]
+        return int(np.argmax(column if np.all(np.isfinite(column)) else leaf.cost[:, -1]))
+
+    def _found(self) -> Found:
+        for leaf in self.leaves.values():
+            if not leaf.enclosed and self._excess(leaf.number) > self.effort.tolerance:
+                self._enclose(leaf, inf)
+        excess = max((self._excess(number) for number in self.leaves), default=0.0)
+        growing = sum(not leaf.gain < 1.0 for leaf in self.leaves.values())
+        points = np.array(list(self.points.values())).reshape(-1, self.cover.lower.size)
+        ranges, left = self.partition.ranges(), len(self.leaves)
+        return Found(ranges, self.low, self.high, points, self.cells, left, growing, excess)
+
+
+def branched(
+    experiment: Experiment,
+    cover: Cover,
+    effort: Effort,
+    points: Reals | None = None,
+    settle: int | None = None,
+) -> Found:
+    """Bound an output by cells of the denominator's parameters.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With at least one sample after the first ones.
+    cover : Cover
+        A finite one.
+    effort : Effort
+    points : (M, p) float, optional
+        Parameter vectors whose outputs are attained, besides the vertices that are met.
+    settle : int, optional
+        Samples after which the impulse response of the centre is cut off, so that a bound for
+        all time can be proved; the input must be constant in the last ones.
+    """
+    columns = experiment.row.columns
+    root = surveyed(cover, columns)
+    width = np.maximum(cover.upper - cover.lower, 1e-300)
+    frame = principal_frame(root.points, columns, width[columns])
+    partition = Partition(experiment, cover, frame, root)
+    far = np.full(len(experiment.u), inf)
+    count = experiment.samples if settle is None else settle
+    force = force_of(experiment, cover)
+    search = _Search(experiment, cover, effort, count, partition, force, far, -far)
+    for point in root.points if points is None else np.concatenate([points, root.points]):
+        search.attain(point)
+    m = len(cover.right)
+    sides = [np.where(rows < m, rows, rows + 2 * columns.size) for rows in root.bases]
+    return search.run(sides)
+
+
+def surveyed(cover: Cover, columns: NDArray[np.int64]) -> Proposer:
+    """Bases of a cover for directions all around, most of them of some parameters."""
+    source = Proposer(cover)
+    rng, p = np.random.default_rng(0), cover.lower.size
+    width = np.maximum(cover.upper - cover.lower, 1e-300)
+    wanted = rng.standard_normal((_DIRECTIONS, p)) / width
+    wanted[:, columns] *= 3.0
+    for _ in source.multipliers(np.concatenate([wanted, np.diag(1.0 / width)])):
+        pass
+    return source
+
+
+def principal_frame(points: Reals, columns: NDArray[np.int64], width: Reals) -> Frame:
+    """Principal axes of points, in units of the box."""
+    q = columns.size
+    if len(points) < 2 or not q:
+        return Frame(columns, np.eye(q) / width[:, None], np.eye(q) * width)
+    a = points[:, columns]
+    _, _, axes = np.linalg.svd((a - a.mean(axis=0)) / width)
+    return Frame(columns, axes / width, axes.T * width[:, None])

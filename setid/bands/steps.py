@@ -1,0 +1,245 @@
+"""Bands of step responses over the feasible parameter set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.bands.enclosing import Accuracy, band_of, rows_of
+from setid.bands.verdicts import BandReport, Kind
+from setid.data.checks import frozen, natural, switch
+from setid.errors import ModelError, SetidError
+from setid.feasible_points.members import members, nominal
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.models.equations import Structure
+from setid.proofs.time_bands.enclosures import Experiment
+from setid.proofs.time_bands.rows import OutputRow
+from setid.simulation.simulate import simulate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+__all__ = ["StepBand", "step_band"]
+
+Reals = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepBand:
+    """Response of the plant to a unit step from rest over the feasible parameter set.
+
+    Parameters
+    ----------
+    kind : {"proved", "sampled"}
+    output, input : int
+        Channels, from 1.
+    time : (N,) float
+    nominal : (N,) float
+    low, high : (N,) float
+        Proved, or what members reach.
+    attained_low, attained_high : (N,) float
+        What members reach, up to rounding; NaN where none is known.
+    later : (float, float)
+        Proved range of the response after the last sample; infinite unless it was asked for and
+        proved.
+    report : BandReport or None
+        Of a proved band: how it compares with what is attained.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> setid.step_band(result, 3).time
+    array([0., 1., 2.])
+    """
+
+    kind: Kind
+    output: int
+    input: int
+    time: Reals
+    nominal: Reals
+    low: Reals
+    high: Reals
+    attained_low: Reals
+    attained_high: Reals
+    later: tuple[float, float] = (-np.inf, np.inf)
+    report: BandReport | None = None
+
+    @property
+    def all_time(self) -> tuple[float, float]:
+        """Range of the response at all samples, the later ones included."""
+        low, high = min(self.low.min(), self.later[0]), max(self.high.max(), self.later[1])
+        return float(low), float(high)
+
+    def summary(self) -> str:
+        """A few lines for people."""
+        lines = [f"{self.kind} band of the step response of y{self.output} from u{self.input}"]
+        if self.report is not None:
+            lines.append(self.report.text)
+        if np.all(np.isfinite(self.later)):
+            lines.append("after the last sample  [{:.5g}, {:.5g}]".format(*self.later))
+        return "\n".join(lines)
+
+    def plot(self) -> Axes:
+        """Draw what is proved and what is attained; returns the axes."""
+        from setid.plots.responses import plot_step_band
+
+        return plot_step_band(self)
+
+
+def step_band(
+    result: FeasibleSet,
+    length: int = 50,
+    kind: Kind = "proved",
+    output: int = 1,
+    input: int = 1,
+    samples: int = 100,
+    seed: int = 0,
+    tolerance: float = 0.1,
+    time_limit: float = 20.0,
+    all_time: bool = False,
+) -> StepBand:
+    """Band of the response to a unit step at one input, from rest, without noise.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    length : int
+        Number of samples.
+    kind : {"proved", "sampled"}
+        Proved bands are available for linear structures with one denominator an output.
+    output, input : int
+        Channels, from 1.
+    samples, seed : int
+        Mixtures of attained members, for sampled bands.
+    tolerance : float
+        Share of the attained width by which a proved band may reach beyond it on each side.
+    time_limit : float
+        Seconds in which that is tried.
+    all_time : bool
+        Whether to prove a range of the response after the last sample too; possible where every
+        member is stable.
+
+    Returns
+    -------
+    StepBand
+
+    Raises
+    ------
+    SetidError
+        If the feasible set is empty, or nothing can be proved of this structure.
+
+    Notes
+    -----
+    The response is that of the plant: an offset of a linear structure is left out.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> band = setid.step_band(result, 3, all_time=True)
+    >>> bool(((band.low <= band.nominal) & (band.nominal <= band.high)).all())
+    True
+    >>> [round(x, 2) for x in band.later]  # from the fourth sample on, for ever
+    [2.85, 4.15]
+    """
+    data, model = result.formulation.data, result.formulation.model
+    count = natural(length, "length", SetidError, least=1)
+    channels = natural(output, "output", SetidError, 1), natural(input, "input", SetidError, 1)
+    if channels[0] > model.outputs or channels[1] > model.inputs:
+        raise ModelError(
+            f"output, input: found {output}, {input}, expected at most "
+            f"{model.outputs}, {model.inputs}, counted from 1"
+        )
+    column, theta = output - 1, _plant(model, nominal(result))
+    u = np.zeros((count, model.inputs))
+    u[:, input - 1] = 1.0
+    centre = simulate(model, theta, u)[:, column]
+    later, report = (-np.inf, np.inf), None
+    if kind == "proved":
+        accuracy = Accuracy(tolerance, time_limit)
+        later_on = switch(all_time, "all_time", SetidError)
+        low, high, attained, later, report = _proved_step(
+            result, (count, column, input - 1), theta, accuracy, later_on
+        )
+    elif kind == "sampled":
+        thetas = np.vstack([theta, _plant(model, members(result, samples, seed))])
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = np.array([simulate(model, t, u)[:, column] for t in thetas])
+        low, high = attained = found.min(axis=0), found.max(axis=0)
+    else:
+        raise SetidError(f"kind: found {kind!r}, expected 'proved' or 'sampled'")
+    time = np.arange(count) * data.Ts
+    columns = (frozen(x) for x in (time, centre, low, high, *attained))
+    t, middle, a, b, c, d = columns
+    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report)
+
+
+_SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time
+_LONGEST = 3000  # samples of it
+
+
+def _plant(model: Structure, thetas: Reals) -> Reals:
+    """Parameters (..., p) with the offsets of a linear structure put to 0."""
+    equations = model.regression()
+    constants = {
+        name
+        for equation in equations
+        for term in equation.terms
+        if not term.signals
+        for name in term.parameters
+    }
+    try:
+        rows_of(model)
+    except ModelError:
+        return thetas
+    off = [name in constants for name in model.parameters]
+    return np.where(off, 0.0, thetas)
+
+
+def _proved_step(
+    result: FeasibleSet,
+    place: tuple[int, int, int],
+    theta: Reals,
+    accuracy: Accuracy,
+    all_time: bool,
+) -> tuple[Reals, Reals, tuple[Reals, Reals], tuple[float, float], BandReport]:
+    """Proved and attained band, the range after it, and the report."""
+    length, output, input = place
+    model = result.formulation.model
+    row = rows_of(model)[output].without_constant()
+    settle, count = None, length
+    if all_time:
+        lags = [row.lag, *(lag for *_, lag in row.others)]
+        settle = _settling(row, theta)
+        count = max(length, 2 * settle + 1) + 2 * (settle + max(lags)) + max(lags) + 2
+    u, none = np.zeros((count, model.inputs)), np.zeros(0)
+    u[:, input] = 1.0
+    experiment = Experiment(row, u, none, none, np.zeros_like(u), np.zeros(count))
+    band = band_of(result, experiment, accuracy, settle)
+    ranges, part = band.ranges, slice(0, length)
+    ends = float(ranges.later[0]), float(ranges.later[1])
+    if np.all(np.isfinite(ends)):
+        rest = ranges.low[length:], ranges.high[length:]
+        ends = min(ends[0], float(rest[0].min())), max(ends[1], float(rest[1].max()))
+    attained = band.low[part], band.high[part]
+    return ranges.low[part], ranges.high[part], attained, ends, band.report
+
+
+def _settling(row: OutputRow, theta: Reals) -> int:
+    """Samples after which the nominal impulse response of 1 / D is small."""
+    lags = {lag: f.at(theta) for lag, f in row.feedback.items()}
+    roots = np.roots(np.array([lags.get(lag, 0.0) for lag in range(row.lag + 1)]))
+    radius = float(np.abs(roots).max(initial=0.0))
+    if radius < 1e-9:
+        return row.lag + 1
+    if radius >= 1.0:
+        return 1  # nothing will be proved
+    count = np.ceil(np.log(_SETTLED) / np.log(radius)) + row.lag + 1
+    return int(min(count, _LONGEST))

@@ -1,0 +1,109 @@
+"""What a search for a proved band ended with, in numbers and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["BandReport", "Kind", "Verdict", "ratio_of"]
+
+Kind = Literal["proved", "sampled"]
+Reals = NDArray[np.float64]
+Verdict = Literal["tight", "wide", "unstable", "unproved"]
+_FLOOR = 0.01  # of the largest attained width: narrower samples do not count
+
+
+@dataclass(frozen=True, slots=True)
+class BandReport:
+    """How wide a proved band is beside what members attain, and why.
+
+    Parameters
+    ----------
+    verdict : {"tight", "wide", "unstable", "unproved"}
+        ``"tight"``: within the tolerance of what points of the cover attain (members, where the
+        cover is the feasible set). ``"wide"``: finite, but the time was over. Where the band is
+        infinite: ``"unstable"`` where a member is, and ``"unproved"`` where the stability of a
+        cell was not proved in the time given.
+    cells : int
+        Number of cells of the denominator's parameters that were looked at.
+    left : int
+        Number of those whose union is the band.
+    growing : int
+        Number of these whose bounds grow with time: their stability is not proved.
+    ratio : float
+        Largest ratio of the proved width to the attained one, over samples where the latter is at
+        least 1 % of its largest value; NaN where nothing is attained.
+    pole_radius : float
+        Largest absolute value of a pole of the members that were simulated; NaN without one.
+    seconds : float
+        Wall time.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> report = setid.step_band(result, 3).report
+    >>> report.verdict, report.cells, report.ratio < 1.25
+    ('tight', 1, True)
+    """
+
+    verdict: Verdict
+    cells: int
+    left: int
+    growing: int
+    ratio: float
+    pole_radius: float
+    seconds: float
+
+    @property
+    def text(self) -> str:
+        """One sentence for people."""
+        size = f"{self.left} of {self.cells} cells, {self.seconds:.1f} s"
+        if self.verdict == "tight":
+            return f"proved width at most {self.ratio:.3g} times the attained one ({size})"
+        if self.verdict == "wide":
+            return (
+                f"time is over at a proved width of up to {self.ratio:.3g} times the attained one "
+                f"({size}); a larger time_limit narrows it"
+            )
+        if self.verdict == "unstable":
+            return (
+                f"the band is infinite: a member is unstable, with a pole of radius "
+                f"{self.pole_radius:.6g} ({size}); a Stable prior or a shorter record helps"
+            )
+        return (
+            f"the band is infinite: the stability of {self.growing} cells is not proved in the "
+            f"time given ({size}); a larger time_limit or a Stable prior with a margin helps"
+        )
+
+    @staticmethod
+    def merged(reports: Sequence[BandReport]) -> BandReport:
+        """One report of several outputs or records."""
+        order: list[Verdict] = ["tight", "wide", "unproved", "unstable"]
+        ratios = [r.ratio for r in reports]
+        radii = [r.pole_radius for r in reports]
+        return BandReport(
+            max((r.verdict for r in reports), key=order.index),
+            sum(r.cells for r in reports),
+            sum(r.left for r in reports),
+            sum(r.growing for r in reports),
+            float(np.fmax.reduce(ratios)),
+            float(np.fmax.reduce(radii)),
+            sum(r.seconds for r in reports),
+        )
+
+
+def ratio_of(proved: tuple[Reals, Reals], attained: tuple[Reals, Reals]) -> float:
+    """Largest ratio of widths over samples where the attained one counts; NaN without any."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        widths = proved[1] - proved[0], attained[1] - attained[0]
+    top = float(np.max(widths[1], initial=0.0))
+    counted = widths[1] > _FLOOR * top
+    if not np.isfinite(top) or not np.any(counted):
+        return float("nan")
+    return float(np.max(widths[0][counted] / widths[1][counted]))

@@ -1,0 +1,116 @@
+"""Proved ranges along the principal axes of the members of a feasible set.
+
+Where noise couples the rows, the rows in theta alone say little more than the outer box, although
+members fill a thin part of it. The axes of that part are directions in which the engine is asked
+for proved bounds, all at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen
+from setid.feasible_set.feasible_set import FeasibleSet
+from setid.feasible_set.supports import cover_of
+from setid.formulation.units import in_units
+from setid.proofs.existence import admitted
+from setid.proofs.supports import Cover
+
+__all__ = ["principal_cover", "solved_heights"]
+
+Reals = NDArray[np.float64]
+_EPS = float(np.finfo(float).eps)
+_GAP = 1e-2  # of the width along an axis
+
+
+def solved_heights(
+    result: FeasibleSet, directions: Reals, options: sp.Options
+) -> tuple[Reals, Reals]:
+    """Bound linear functions of theta by :func:`sparsepop_py.solve_each`.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+    directions : (K, p) float
+    options : sparsepop_py.Options
+
+    Returns
+    -------
+    heights : (K,) float
+        Proved upper bounds, infinite where the engine has none.
+    points : (M, p) float
+        Consistent parameter vectors that the engine found.
+    """
+    formulation = result.formulation
+    scaled = in_units(result.problem, formulation)
+    p = len(formulation.parameters)
+    asked = [scaled.asked(_negated(result, d)) for d in directions.tolist()]
+    objectives, factors = zip(*asked, strict=True)
+    found = sp.solve_each(scaled.problem, objectives, options)
+    units = scaled.units
+    points = [
+        point.x[:p] * units[:p]
+        for point in (r.attained for r in found if r.attained is not None)
+        if admitted(formulation, point.x[:p] * units[:p], point.radius * units[:p])
+    ]
+    heights = -np.array([r.lower_bound for r in found]) * factors
+    heights = np.where(np.isnan(heights), inf, heights + 4 * _EPS * np.abs(heights))
+    return heights, np.reshape(points, (-1, p))
+
+
+def _negated(result: FeasibleSet, direction: Sequence[float]) -> sp.Polynomial:
+    layout = result.formulation.layout
+    total = layout.polynomial(0) * (-direction[0])
+    for number, value in enumerate(direction[1:], 1):
+        total = total + layout.polynomial(number) * (-value)
+    return total
+
+
+@lru_cache(maxsize=4)
+def principal_cover(result: FeasibleSet, time_limit: float) -> tuple[Cover, Reals]:
+    """Cover of a feasible set with proved ranges along the principal axes of what is attained.
+
+    The last few results are kept, so that several bands of one result ask once.
+
+    Parameters
+    ----------
+    result : FeasibleSet
+        With finite intervals.
+    time_limit : float
+        Seconds for the engine.
+
+    Returns
+    -------
+    cover : Cover
+        That of :func:`cover_of` where it is the set itself or too few members are known.
+    points : (M, p) float
+        Members that were found on the way.
+
+    Raises
+    ------
+    SetidError
+        If the feasible set is empty.
+    """
+    cover, known = cover_of(result), result.attained
+    p = cover.lower.size
+    finite = bool(np.all(np.isfinite([cover.lower, cover.upper])))
+    if cover.exact or not finite or len(known) < 2 or time_limit <= 0:
+        return cover, np.zeros((0, p))
+    width = np.maximum(cover.upper - cover.lower, 1e-300)
+    _, _, axes = np.linalg.svd((known - known.mean(axis=0)) / width)
+    directions = np.concatenate([axes, -axes]) / width
+    options = replace(
+        result.options.for_engine(), gap=_GAP, gap_kind="width", time_limit=time_limit
+    )
+    heights, points = solved_heights(result, directions, options)
+    proved = np.isfinite(heights)
+    matrix = frozen(np.concatenate([cover.matrix, directions[proved]]))
+    right = frozen(np.concatenate([cover.right, heights[proved]]))
+    return replace(cover, matrix=matrix, right=right), frozen(points)

@@ -1,0 +1,1 @@
+"""Proved ranges of outputs over time, by cells of the denominator's parameters."""

@@ -1,0 +1,223 @@
+"""Intervals of physical parameters, from those of coefficients and the relations between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import FrozenMapping, frozen
+from setid.data.record import IOData
+from setid.errors import SetidError
+from setid.feasible_points.inner_ends import loosened
+from setid.formulation.formulation import Formulation
+from setid.formulation.printing import rounded
+from setid.formulation.units import InUnits, in_units
+from setid.options import Options
+from setid.priors.physical import Physical
+from setid.proofs.evidence import EndProof, Verification
+from setid.proofs.existence import admitted
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
+from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
+from setid.result.identification import Identification
+
+__all__ = ["Reparametrisation", "reparametrise"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Reparametrisation:
+    """Uncertainty intervals of physical parameters, and all that they rest on.
+
+    Parameters
+    ----------
+    identification : Identification
+        Of the coefficients of the structure.
+    physical : Physical
+        The physical parameters and their relations to the coefficients.
+    intervals : mapping of str to ParameterInterval
+        One a physical parameter: proved and attained ends.
+    formulation : Formulation or None
+        The problem in all unknowns; None where the set is empty already.
+    results : tuple of sparsepop_py.Result
+        What was proved and attained of phi_1, -phi_1, phi_2, ...
+    notes : tuple of str
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> gain = setid.Physical({"K": (0, 10)}, ["b0 = K*(1 + a1)"])
+    >>> result = setid.reparametrise(found, gain)
+    >>> result.intervals["K"].status, bool(result.verify(data))
+    (<IntervalStatus.CERTIFIED: 'certified'>, True)
+    """
+
+    identification: Identification
+    physical: Physical
+    intervals: Mapping[str, ParameterInterval]
+    formulation: Formulation | None
+    results: tuple[sp.Result, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def empty(self) -> bool:
+        """True if it is proved that no parameters are consistent."""
+        return all(item.status is IntervalStatus.EMPTY for item in self.intervals.values())
+
+    def table(self) -> str:
+        """Write the intervals as text, one row a parameter; outer ends rounded outwards."""
+        line = "{:<12}{:>15}{:>15}{:>15}{:>15}  {}"
+        lines = [line.format("parameter", "outer", "", "inner", "", "status")]
+        for name, item in self.intervals.items():
+            outer = rounded(item.outer[0], False), rounded(item.outer[1], True)
+            inner = ("-", "-")
+            if item.inner is not None:
+                inner = rounded(item.inner[0], True), rounded(item.inner[1], False)
+            outer = ("empty", "") if self.empty else outer
+            lines.append(line.format(name, *outer, *inner, item.status))
+        return "\n".join(lines)
+
+    def verify(self, data: IOData | None = None) -> Verification:
+        """Check every claim again from the data, without any solver.
+
+        Parameters
+        ----------
+        data : IOData, optional
+            The record; the one that was stored when left out.
+
+        Returns
+        -------
+        Verification
+            True where the identification, all outer and all attained ends hold.
+        """
+        ends = [EndProof(r.certificate, r.attained) for r in self.results]
+        claims = self.identification.evidence
+        return verify_physical(claims, self.physical, self.intervals, ends, data)
+
+    def __repr__(self) -> str:
+        return "\n".join(repr(item) for item in self.intervals.values())
+
+
+def reparametrise(
+    result: Identification, physical: Physical, options: Options | None = None
+) -> Reparametrisation:
+    """Prove an uncertainty interval for each physical parameter.
+
+    Parameters
+    ----------
+    result : Identification
+        Of a structure whose coefficients the relations speak of, without these relations.
+    physical : Physical
+    options : Options, optional
+
+    Returns
+    -------
+    Reparametrisation
+        Outer ends hold for all physical parameters that are consistent with the record, the
+        priors and the relations; inner ends are attained by such parameters with their noise.
+
+    Raises
+    ------
+    SetidError
+        If the parts do not fit together.
+
+    References
+    ----------
+    F. Bugarin, D. Henrion, J. B. Lasserre, "Minimizing the sum of many rational functions",
+    Math. Prog. Comp. 8 (2016) 83-111 (relations with quotients).
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> delay = setid.Physical({"T": (0.01, 100)}, ["a1 = -T/(1 + T)"])
+    >>> setid.reparametrise(found, delay).intervals["T"]
+    T in [0.527495, 1.09756], attained [0.527495, 1.09756], certified
+    """
+    settings = options or Options()
+    if not isinstance(result, Identification):
+        raise SetidError(f"result: found {type(result).__name__}, expected an Identification")
+    if not isinstance(physical, Physical):
+        raise SetidError(f"physical: found {type(physical).__name__}, expected setid.Physical")
+    if result.empty:
+        return Reparametrisation(result, physical, _empty(physical), None)
+    formulation = with_relations(result.formulation, physical)
+    problem = problem_within(formulation, result.intervals)
+    scaled = in_units(problem, formulation)
+    found = sp.solve_each(
+        scaled.problem,
+        [scaled.asked(objective)[0] for objective in objectives_of(formulation, physical)],
+        settings.for_engine(),
+        start=_start(formulation, result, scaled),
+    )
+    notes = tuple(dict.fromkeys(note for one in found for note in one.notes))
+    if any(one.status is sp.Status.INFEASIBLE for one in found):
+        items = _empty(physical)
+    else:
+        items = _intervals(formulation, physical, scaled, found, float(settings.tol))
+    return Reparametrisation(result, physical, items, formulation, tuple(found), notes)
+
+
+def _empty(physical: Physical) -> FrozenMapping[str, ParameterInterval]:
+    status = IntervalStatus.EMPTY
+    return FrozenMapping(
+        {name: ParameterInterval(name, (inf, -inf), None, status) for name in physical.names}
+    )
+
+
+def _start(
+    formulation: Formulation, result: Identification, scaled: InUnits
+) -> NDArray[np.float64] | None:
+    """Extend a consistent vector of the coefficients by physical parameters."""
+    witnesses = [w for item in result.intervals.values() for w in item.witnesses if w is not None]
+    if not witnesses:
+        return None
+    known = dict(zip(result.formulation.layout.names, witnesses[0].tolist(), strict=True))
+    theta = {name: known[name] for name in formulation.parameters}
+    known |= formulation.priors[-1].complete(formulation.model, theta)
+    x = np.array([known.get(name, 0.0) for name in formulation.layout.names])
+    return np.clip(x / scaled.units, scaled.problem.lower, scaled.problem.upper)
+
+
+def _intervals(
+    formulation: Formulation,
+    physical: Physical,
+    scaled: InUnits,
+    found: list[sp.Result],
+    tol: float,
+) -> FrozenMapping[str, ParameterInterval]:
+    items = {}
+    for place, name in enumerate(physical.names):
+        variable = formulation.layout.index(name)
+        unit, problem = float(scaled.units[variable]), scaled.problem
+        low, high = found[2 * place], found[2 * place + 1]
+        outer = (
+            max(float(problem.lower[variable]), low.lower_bound) * unit,
+            min(float(problem.upper[variable]), -high.lower_bound) * unit,
+        )
+        points = [_admitted(formulation, scaled, one.attained) for one in (low, high)]
+        ends = [loosened(point.value, point) * unit for point in points if point is not None]
+        inner = (ends[0], -ends[1]) if len(ends) == 2 else None
+        first, last = (None if q is None else frozen(q.x * scaled.units) for q in points)
+        item = ParameterInterval(name, outer, inner, IntervalStatus.PARTIAL, (first, last))
+        if item.gap <= tol * (1.0 + 1e-9) or inner == outer:
+            item = replace(item, status=IntervalStatus.CERTIFIED)
+        items[name] = item
+    return FrozenMapping(items)
+
+
+def _admitted(
+    formulation: Formulation, scaled: InUnits, point: sp.ProvedPoint | None
+) -> sp.ProvedPoint | None:
+    """Return a point, None where priors mean less than their rows and do not admit it."""
+    units = scaled.units[: len(formulation.parameters)]
+    if point is None:
+        return None
+    theta, reach = point.x[: units.size] * units, point.radius * units
+    return point if admitted(formulation, theta, reach) else None

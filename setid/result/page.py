@@ -1,0 +1,308 @@
+"""One self-contained page on an identification: what was measured, assumed and proved."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import sparsepop_py as sp
+from setid.bands.outputs import Mode, compare
+from setid.bands.residuals import residuals
+from setid.bands.responses import frequency_band
+from setid.bands.steps import step_band
+from setid.data.record import IOData
+from setid.errors import SetidError
+from setid.feasible_points.best import best
+from setid.html import table
+from setid.plots.axes import require_matplotlib
+from setid.result.identification import Identification
+from setid.result.json_ import to_json
+from setid.result.reports import advice, binding_kinds, html
+from sparsepop_py.files import write_text
+
+if TYPE_CHECKING:
+    import jinja2
+
+__all__ = ["report"]
+
+_STEPS = 50  # samples of a step response
+_MOST_STORED = 8_000_000  # characters of the stored result that a page carries
+_MOST_BINDING = 12  # samples named
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of a section: HTML, a picture, a list, code or a note."""
+
+    kind: str
+    text: Any
+    caption: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A title with the parts below it."""
+
+    name: str
+    title: str
+    parts: tuple[Part, ...]
+
+
+def report(
+    result: Identification, path: str | os.PathLike[str], validation: IOData | None = None
+) -> Path:
+    """Write one self-contained page on an identification.
+
+    Parameters
+    ----------
+    result : Identification
+    path : path-like
+        Of the page, HTML with its pictures inside.
+    validation : IOData, optional
+        A record to compare with; that of the identification when left out.
+
+    Returns
+    -------
+    pathlib.Path
+
+    Raises
+    ------
+    SolverNotFound
+        If jinja2 or matplotlib is missing; the message says how to install them.
+    """
+    environment = _environment()
+    plt = require_matplotlib()
+    with plt.style.context("default"):
+        sections = _sections(result, validation)
+    verdict = result.verify()
+    page = environment.from_string(
+        (files("setid.result") / "page.html").read_text(encoding="utf-8")
+    ).render(
+        title=f"Identification of {_named(result.formulation.data)}",
+        verdict=f"{result.status}: {result.status.message} "
+        + ("Verified again for this page." if verdict else f"NOT VERIFIED: {verdict.reason}"),
+        sections=sections,
+    )
+    write_text(path, page)
+    return Path(path)
+
+
+def _environment() -> jinja2.Environment:
+    try:
+        import jinja2
+    except ImportError as error:
+        raise sp.SolverNotFound(
+            "report: jinja2 is missing; install it with: pip install 'sparsepop-py[report]'"
+        ) from error
+    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+
+
+def _named(data: IOData) -> str:
+    return f"{', '.join(data.output_names)} from {', '.join(data.input_names)}"
+
+
+# ---- sections ---------------------------------------------------------------------------
+
+
+def _sections(result: Identification, validation: IOData | None) -> list[Section]:
+    formulation = result.formulation
+    remarks = result._remarks()
+    found = [
+        Section(
+            "data",
+            "Data",
+            (
+                Part("html", formulation.data._repr_html_()),
+                _picture("record", formulation.data.plot),
+            ),
+        ),
+        Section(
+            "assumptions",
+            "What is taken for granted",
+            (
+                _structure(result),
+                Part("list", [_noise(result), *result.assumptions]),
+                Part("note", "If one of these is false for the plant, so may be what follows."),
+            ),
+        ),
+        Section(
+            "intervals",
+            "Intervals of the parameters",
+            (
+                Part("html", html(result, remarks)),
+                _picture("outer and inner intervals", result.plot),
+            ),
+        ),
+    ]
+    if not result.empty:
+        found += _uses(result, validation)
+    found += [
+        Section("binding", "What binds", _binding(result)),
+        Section(
+            "narrowing", "What would narrow the intervals", (Part("list", advice(result, remarks)),)
+        ),
+        Section("verify", "How to verify this", _verification(result)),
+    ]
+    return found
+
+
+def _uses(result: Identification, validation: IOData | None) -> list[Section]:
+    """Estimates, bands and residuals of a set with members."""
+    about = "the validation record" if validation is not None else "the record itself"
+    bands = (
+        *_guarded(lambda: _bode(result)),
+        *_guarded(lambda: [_picture("response to a unit step", step_band(result, _STEPS).plot)]),
+    )
+    modes: tuple[Mode, ...] = ("prediction", "simulation")
+    compared = [p for m in modes for p in _guarded(partial(_compared, result, validation, m))]
+    return [
+        Section("estimates", "Members to work with", tuple(_guarded(lambda: _estimates(result)))),
+        Section("bands", "Bands of all consistent models", bands),
+        Section("outputs", f"Outputs on {about}", tuple(compared)),
+        Section(
+            "residuals",
+            "Residuals",
+            tuple(
+                _guarded(
+                    lambda: [
+                        _picture(
+                            "one-step residuals as shares of the largest that noise explains",
+                            residuals(result).plot,
+                        )
+                    ]
+                )
+            ),
+        ),
+    ]
+
+
+def _bode(result: Identification) -> list[Part]:
+    band = frequency_band(result)
+    return [_picture(f"gain and phase, {band.kind}", band.plot)]
+
+
+def _estimates(result: Identification) -> list[Part]:
+    rows, notes = [], []
+    names = result.formulation.parameters
+    if result.middle is not None:
+        rows.append(("centre of the box", *(f"{v:.6g}" for v in result.middle), ""))
+    for goal in ("simulation", "prediction"):
+        try:
+            member = best(result, goal)
+        except SetidError as error:
+            notes.append(Part("note", f"best in {goal}: {error}"))
+            continue
+        fits = ", ".join(f"{value:.1f} %" for value in member.fit)
+        rows.append((f"best in {goal}", *(f"{v:.6g}" for v in member.theta), fits))
+    return [Part("html", table(["estimate", *names, "fit"], rows)), *notes]
+
+
+def _compared(result: Identification, validation: IOData | None, mode: Mode) -> list[Part]:
+    found = compare(result, validation, mode)
+    return [Part("code", found.summary()), _picture(f"{mode}: readings and band", found.plot)]
+
+
+def _binding(result: Identification) -> tuple[Part, ...]:
+    items = [
+        f"prior {text}: {'active' if on else 'not active'}" for text, on in result.active.items()
+    ]
+    kinds = binding_kinds(result)
+    items += [
+        f"{kind}: at its bound {count} times where ends are attained"
+        for kind, count in kinds.items()
+    ]
+    for record, sample, count in result.binding()[:_MOST_BINDING]:
+        place = f"record {record}, " if result.formulation.data.records > 1 else ""
+        items.append(f"{place}sample {sample}: at its bound at {count} ends")
+    if result.samples:
+        shown = ", ".join(str(sample) for _, sample in result.samples[:_MOST_BINDING])
+        items.append(f"samples that contradict each other: {shown}")
+    return (
+        (Part("list", items),)
+        if items
+        else (Part("note", "No attained end: nothing is known of it."),)
+    )
+
+
+def _verification(result: Identification) -> tuple[Part, ...]:
+    parts = [
+        Part(
+            "note",
+            "Every outer end has a certificate, every inner end a point whose existence is proved. "
+            "They are checked again from the record, without any solver:",
+        ),
+        Part(
+            "code",
+            'import pathlib, setid\n\ntext = pathlib.Path("result.json").read_text()\n'
+            "result = setid.Identification.from_json(text)  # refuses what does not follow\n"
+            "print(result.verify(), result.table())",
+        ),
+        Part("note", f"fingerprint of the problem: {result.problem.fingerprint}"),
+    ]
+    try:
+        text = to_json(result)
+    except SetidError as error:
+        return (*parts, Part("note", f"The result has no text: {error}"))
+    if len(text) > _MOST_STORED:
+        return (
+            *parts,
+            Part("note", "The result is too large for this page: write result.to_json()."),
+        )
+    stored = base64.b64encode(text.encode()).decode()
+    link = f'<a download="result.json" href="data:application/json;base64,{stored}">result.json</a>'
+    return (*parts, Part("html", f"<p>{link}, with record, intervals and evidence</p>"))
+
+
+def _noise(result: Identification) -> str:
+    bounds = result.formulation.noise.bounds(result.formulation.data)
+    kinds = ("output noise", "input noise", "equation errors")
+    shown = [
+        f"{kind} within {_range(b)}" for kind, b in zip(kinds, bounds, strict=True) if np.any(b > 0)
+    ]
+    return "; ".join(shown) or "no noise"
+
+
+def _range(bound: Any) -> str:
+    low, high = float(np.min(bound)), float(np.max(bound))
+    return f"{high:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def _structure(result: Identification) -> Part:
+    """Equations, of structures that show them."""
+    model: Any = result.formulation.model
+    shown = getattr(model, "_repr_html_", None)
+    return Part("note", repr(model)) if shown is None else Part("html", shown())
+
+
+# ---- pictures ---------------------------------------------------------------------------
+
+
+def _guarded(work: Callable[[], Iterable[Part]]) -> list[Part]:
+    """Parts, or a note why there are none."""
+    try:
+        return list(work())
+    except (SetidError, sp.ProblemError) as error:
+        return [Part("note", f"Not available: {error}")]
+
+
+def _picture(caption: str, draw: Callable[[], Any]) -> Part:
+    """A picture as a data URI, in an image of its own so that names in it clash with none."""
+    plt = require_matplotlib()
+    axes = np.ravel(np.asarray(draw(), object))
+    figure = axes[0].figure
+    buffer = io.BytesIO()
+    try:
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    finally:
+        plt.close(figure)
+    text = base64.b64encode(buffer.getvalue()).decode()
+    return Part("picture", f"data:image/svg+xml;base64,{text}", caption)

@@ -1,0 +1,278 @@
+"""Widths and signs as functions of the noise bounds.
+
+An interval is as good as the noise bound behind it. All noise bounds are multiplied by factors, and
+the identification is done again. For each sign that is proved, the least factor at which parameters
+of the other sign explain the record is enclosed like any least noise: up to the proved end the sign
+holds, at the attained end it is lost.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.consistency import READ_OFF, Consistency, consistency
+from setid.data.checks import FrozenMapping, entries_of, frozen, number
+from setid.data.frames import require_pandas
+from setid.errors import NoiseError, SetidError
+from setid.formulation.printing import rounded
+from setid.html import listing, section
+from setid.html import table as html_table
+from setid.identify import identify
+from setid.models.continuous import without_delta
+from setid.options import Options
+from setid.priors import Box
+from setid.proofs.evidence import Verification
+from setid.proofs.noise_scale import scaled_noise
+from setid.result.identification import Identification
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["FACTORS", "Sensitivity", "sensitivity"]
+
+FACTORS = (1.0, 1.05, 1.1, 1.25, 1.5, 2.0)
+_LEAST = 1e-3  # seconds for a factor when the time is over
+_SIGN = {1: "+", -1: "-", 0: "?"}
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Sensitivity:
+    """Intervals and signs for several factors on all noise bounds.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters.
+    factors : (F,) float
+    outer : (F, p, 2) float
+        Proved ends at each factor; (inf, -inf) where the set is proved empty.
+    signs : (F, p) int
+        1 or -1 where the sign is proved, 0 where it is not. All are 0 for an empty set.
+    lost : mapping of str to (float, float)
+        For each sign that is proved at the factor 1: up to the first factor it is proved, at
+        the second a consistent parameter of the other sign (or zero) is attained, infinite where
+        none was found.
+    least : Consistency
+        The least factor that explains the record.
+    results : tuple of Identification
+        One a factor.
+    levels : mapping of str to Consistency
+        What proves ``lost``.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> found = result.sensitivity(factors=[1, 2])
+    >>> found.signs.tolist(), found.lost["a1"]
+    ([[-1, 1], [-1, 1]], (3.59, 3.5900000000000003))
+    """
+
+    names: tuple[str, ...]
+    factors: NDArray[np.float64]
+    outer: NDArray[np.float64]
+    signs: NDArray[np.int64]
+    lost: Mapping[str, tuple[float, float]]
+    least: Consistency
+    results: tuple[Identification, ...]
+    levels: Mapping[str, Consistency]
+
+    def table(self) -> str:
+        """Outer ends and signs, one row a factor and parameter."""
+        line = "{:>8}  {:<10}{:>15}{:>15}  {:<6}"
+        head = line.format("factor", "parameter", "outer", "", "sign").rstrip()
+        lines = [head, "-" * len(head)]
+        lines += [line.format(*row).rstrip() for row in self._rows()]
+        return "\n".join(lines)
+
+    def summary(self) -> str:
+        """The table, where signs are lost, and how near the bounds are to the least."""
+        return "\n".join([self.table(), "", *self._remarks()])
+
+    def verify(self) -> Verification:
+        """Check every interval and every factor again, without any solver."""
+        levels = [("the least factor", self.least.verify())]
+        levels += [(f"the sign of {name}", level.verify()) for name, level in self.levels.items()]
+        results = zip(self.factors, self.results, strict=True)
+        levels += [(f"factor {factor:g}", result.verify()) for factor, result in results]
+        for what, verdict in levels:
+            if not verdict:
+                return Verification(False, f"{what}: {verdict.reason}")
+        return Verification(True)
+
+    def to_frame(self) -> Any:
+        """The table as a pandas DataFrame.
+
+        Raises
+        ------
+        SolverNotFound
+            If pandas is missing; the message says how to install it.
+        """
+        rows = [
+            (float(factor), name, *self.outer[k, i].tolist(), int(self.signs[k, i]))
+            for k, factor in enumerate(self.factors)
+            for i, name in enumerate(self.names)
+        ]
+        columns = ["factor", "parameter", "outer_low", "outer_high", "sign"]
+        return require_pandas().DataFrame(rows, columns=columns)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the widths over the factors; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
+        from setid.plots.decisions import plot_sensitivity
+
+        return plot_sensitivity(self, ax)
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        rows: list[tuple[str, ...]] = []
+        for k, factor in enumerate(self.factors):
+            for i, name in enumerate(self.names):
+                low, high = self.outer[k, i]
+                ends = ("empty", "") if low > high else (rounded(low, False), rounded(high, True))
+                rows.append((f"{factor:g}", name, *ends, _SIGN[int(self.signs[k, i])]))
+        return rows
+
+    def _remarks(self) -> list[str]:
+        low, high = self.least.scale
+        lines = [
+            "least factor that explains the record: "
+            f"{rounded(low, False, 4)} (proved) to {rounded(high, True, 4)} (attained)"
+        ]
+        if any(READ_OFF in text for text in self.least.noise.assumptions):
+            lines.append("the noise bound was read off this record: check it on another (holdout=)")
+        for name, (proved, attained) in self.lost.items():
+            lines.append(
+                f"sign of {name}: proved up to factor {rounded(proved, False, 4)}, "
+                + (
+                    f"lost at {rounded(attained, True, 4)}"
+                    if attained < inf
+                    else "not found lost at any"
+                )
+            )
+        return lines
+
+    def _repr_html_(self) -> str:
+        rows = self._rows()
+        head = ["factor", "parameter", "outer (proved)", "", "sign"]
+        return section("noise factors", html_table(head, rows), listing("signs", self._remarks()))
+
+    def __repr__(self) -> str:
+        return f"<Sensitivity: {len(self.factors)} factors, {len(self.lost)} proved signs>"
+
+
+def sensitivity(
+    result: Identification,
+    factors: Iterable[float] = FACTORS,
+    options: Options | None = None,
+) -> Sensitivity:
+    """Identify again with noise bounds times factors; find where signs are lost.
+
+    Parameters
+    ----------
+    result : Identification
+    factors : iterable of float
+        Positive; 1 takes the result itself.
+    options : Options, optional
+        ``time_limit`` is for all of it together; those of the result when left out.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    NoiseError
+        If the noise has constraints over the record.
+    SetidError
+        If a factor is not positive.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    >>> print(setid.sensitivity(result, [1.0]).table().splitlines()[2])
+           1  a1            -0.52325582    -0.34533333  -
+    """
+    if not isinstance(result, Identification):
+        raise SetidError(f"result: found {type(result).__name__}, expected Identification")
+    listed = entries_of(factors, "factors", "a list of factors", SetidError)
+    values = [number(f, "factors", SetidError) for f in listed]
+    if not values or not all(0.0 < value < inf for value in values):
+        raise SetidError(f"factors: found {values!r:.60}, expected positive numbers")
+    formulation = result.formulation
+    if formulation.noise.constraints:
+        raise NoiseError("noise: found constraints over the record, expected bounds alone")
+    settings = options or result.options
+    work = _Work(result, settings, settings.deadline())
+    signed = [(n, s) for n, s in zip(formulation.parameters, _signs(result), strict=True) if s]
+    work.left = len(values) + 1 + len(signed)
+    results = tuple(work.identified(value) for value in values)
+    least = work.level(())
+    levels = {name: work.level([_other(name, sign)]) for name, sign in signed}
+    return Sensitivity(
+        names=formulation.parameters,
+        factors=frozen(np.array(values)),
+        outer=frozen(np.array([[i.outer for i in r.intervals.values()] for r in results])),
+        signs=frozen(np.array([_signs(r) for r in results])),
+        lost=FrozenMapping({name: level.scale for name, level in levels.items()}),
+        least=least,
+        results=results,
+        levels=FrozenMapping(levels),
+    )
+
+
+@dataclass(slots=True, eq=False)
+class _Work:
+    """Identifications and noise levels that share the time."""
+
+    result: Identification
+    settings: Options
+    until: float
+    left: int = 1
+
+    def _options(self) -> Options:
+        share = None
+        if self.until < inf:
+            share = max((self.until - time.monotonic()) / max(self.left, 1), _LEAST)
+        self.left -= 1
+        return replace(self.settings, time_limit=share)
+
+    def identified(self, factor: float) -> Identification:
+        """Identify with all noise bounds times a factor."""
+        options, known = self._options(), self.result.formulation
+        if factor == 1.0:
+            return self.result
+        noise = scaled_noise(known.noise.bounds(known.data), factor)
+        return identify(known.data, without_delta(known.model), noise, known.priors, options)
+
+    def level(self, more: Iterable[Any]) -> Consistency:
+        """Find the least factor on the noise bounds with further priors."""
+        options, known = self._options(), self.result.formulation
+        model, priors = without_delta(known.model), [*known.priors, *more]
+        return consistency(known.data, model, known.noise, priors, options)
+
+
+def _signs(result: Identification) -> list[int]:
+    if result.empty:
+        return [0] * len(result.intervals)
+    return [
+        int(item.outer[0] > 0.0) - int(item.outer[1] < 0.0) for item in result.intervals.values()
+    ]
+
+
+def _other(name: str, sign: int) -> Box:
+    """The half line where a parameter is zero or has the other sign."""
+    return Box({name: (None, 0.0) if sign > 0 else (0.0, None)})

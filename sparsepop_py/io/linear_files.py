@@ -1,0 +1,102 @@
+"""MPS and LP files: linear rows, an objective that may be quadratic, integers.
+
+HiGHS reads them. Files with quadratic rows, which it refuses, are read by SCIP where PySCIPOpt is
+installed (:mod:`sparsepop_py.io.scip_`).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.sparse as sps
+
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import FormatError, SolverNotFound
+from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.io.scip_ import read_by_scip
+from sparsepop_py.lp.files import ReadModel, read_model
+from sparsepop_py.problem.problem import Problem
+
+__all__ = ["read_linear"]
+
+
+def read_linear(path: str | os.PathLike[str]) -> Problem:
+    r"""Read an MPS or LP file.
+
+    Parameters
+    ----------
+    path : path-like
+        Integers have two bounds each. A row with two different ends gives two constraints.
+
+    Returns
+    -------
+    Problem
+        A maximisation is stored negated, with ``sense="max"``.
+
+    Raises
+    ------
+    FormatError
+        With the words of HiGHS, or of SCIP where there are quadratic rows.
+
+    Examples
+    --------
+    >>> import pathlib
+    >>> text = "Minimize obj: x + [ x^2 ] / 2 \n Subject To c: x + y >= 1 \n Bounds x >= -3 \n End"
+    >>> _ = pathlib.Path("small.lp").write_text(text)
+    >>> print(read_linear("small.lp"))
+    min x + 0.5*x^2
+      s.t. c: -1 + x + y >= 0
+      -3 <= x <= inf
+      0 <= y <= inf
+    """
+    try:
+        model = read_model(path)
+    except FormatError as error:
+        try:
+            return read_by_scip(path)
+        except SolverNotFound as missing:
+            raise FormatError(f"{error} (quadratic rows: {missing})") from None
+        except FormatError:
+            raise error from None
+    for name, kind in zip(model.names, model.kinds, strict=True):
+        if kind not in ("continuous", "integer"):
+            raise FormatError(
+                f"{path}: found the {kind} variable {name!r}, expected continuous or integer ones"
+            )
+    objective = _objective(model)
+    return problem_with_integers(
+        -objective if model.maximise else objective,
+        list(_rows(model)),
+        (model.lower.tolist(), model.upper.tolist()),
+        model.names,
+        [v for v, kind in enumerate(model.kinds) if kind == "integer"],
+        "max" if model.maximise else "min",
+    )
+
+
+def _objective(model: ReadModel) -> Polynomial:
+    n = len(model.names)
+    squares = sps.coo_array(model.hessian)
+    i, j, value = squares.row + 1, squares.col + 1, squares.data
+    value = np.where(i == j, 0.5 * value, value)  # off the diagonal, both halves of x'Qx / 2
+    words = [np.zeros((1, 2)), *(np.stack([np.zeros(n), np.arange(1, n + 1)], 1),)]
+    words += [np.stack([np.minimum(i, j), np.maximum(i, j)], 1)]
+    values = np.concatenate([[model.offset], model.cost, value])
+    return Polynomial.from_words(np.concatenate(words).astype(np.int32), values, n, model.names)
+
+
+def _rows(model: ReadModel) -> Iterator[Constraint]:
+    n, matrix = len(model.names), sps.csr_array(model.matrix)
+    for k, name in enumerate(model.row_names):
+        part = slice(matrix.indptr[k], matrix.indptr[k + 1])
+        letters = np.append(matrix.indices[part] + 1, 0).astype(np.int32)[:, None]
+        values, low, high = matrix.data[part], model.row_lower[k], model.row_upper[k]
+        for sign, end, given in ((1.0, low, np.isfinite(low)), (-1.0, high, np.isfinite(high))):
+            if not given or (sign < 0 and low == high):
+                continue
+            row = Polynomial.from_words(
+                letters, np.append(sign * values, -sign * end), n, model.names
+            )
+            yield Constraint(row, Kind.ZERO if low == high else Kind.NONNEGATIVE, name)

@@ -1,0 +1,263 @@
+r"""Files with nonlinear rows, as SCIP reads them: ``.nl``, ``.pip``, ``.osil``, ``.cip``.
+
+Rows of degree one and two are taken number by number. SCIP offers no way to take those of higher
+degree so; they come by the text in which SCIP writes them, with numbers of 15 digits.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.errors import FormatError, SolverNotFound
+from sparsepop_py.files import as_path
+from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.problem.problem import Problem
+
+__all__ = ["read_by_scip"]
+
+_Bounds = tuple[list[float], list[float]]
+_INFINITE = 1e20  # what SCIP takes for infinite
+_WHOLE = ("BINARY", "INTEGER", "IMPLINT")
+_TERM = re.compile(
+    r"([+-]?)\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?((?:\s*\*?\s*x\d+(?:\^\d+)?)*)"
+)
+_ROW = re.compile(r"^\s*c(\d+)(?:_lhs|_rhs)?:(.*?)(?:>=|<=|=)", re.S | re.M)
+
+
+def read_by_scip(path: str | os.PathLike[str]) -> Problem:
+    """Read a file by SCIP.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.nl``, ``.pip``, ``.osil``, ``.cip``, or ``.lp`` and ``.mps`` with quadratic rows. Rows
+        are polynomial, integers have two bounds. Where the objective is a variable that occurs
+        in one row only, as readers write nonlinear objectives, the row is the objective.
+
+    Returns
+    -------
+    Problem
+        A maximisation is stored negated, with ``sense="max"``.
+
+    Raises
+    ------
+    FormatError
+        If SCIP cannot read the file, or a row is not polynomial.
+    SolverNotFound
+        If PySCIPOpt is not installed.
+    """
+    file = as_path(path)
+    if not file.is_file():
+        raise FormatError(f"{path}: found no such file")
+    model = _loaded(file, _require_scip())
+    variables = model.getVars()
+    number = {variable.name: v for v, variable in enumerate(variables)}
+    for variable in variables:
+        if variable.vtype() not in (*_WHOLE, "CONTINUOUS"):
+            raise FormatError(f"{path}: found the {variable.vtype()} variable {variable.name!r}")
+    names = tuple(number)
+    rows = list(_rows(model, names, number, file))
+    sign = -1.0 if model.getObjectiveSense() == "maximize" else 1.0
+    cost = [sign * variable.getObj() for variable in variables]
+    constant = sign * model.getObjoffset()
+    objective = _linear([*cost, constant], [*range(1, len(names) + 1), 0], names)
+    bounds = (
+        [_end(v.getLbOriginal()) for v in variables],
+        [_end(v.getUbOriginal()) for v in variables],
+    )
+    objective, rows, bounds, kept = _objective_row(objective, rows, bounds)
+    return problem_with_integers(
+        objective,
+        rows,
+        bounds,
+        [names[v] for v in kept],
+        [k for k, v in enumerate(kept) if variables[v].vtype() in _WHOLE],
+        "max" if sign < 0 else "min",
+    )
+
+
+def _require_scip() -> ModuleType:
+    try:
+        import pyscipopt
+    except ImportError as error:
+        raise SolverNotFound(
+            "PySCIPOpt is not installed; pip install 'sparsepop-py[scip]'"
+        ) from error
+    return pyscipopt
+
+
+def _loaded(file: Path, scip: ModuleType) -> Any:
+    model = scip.Model()
+    model.hideOutput()
+    for name in ("numerics/epsilon", "numerics/sumepsilon"):
+        model.setParam(name, 1e-17)  # smaller coefficients would count as 0
+    try:
+        model.readProblem(str(file))
+    except Exception as error:  # PySCIPOpt raises Exception itself
+        raise FormatError(f"{file}: SCIP cannot read this file: {error}") from None
+    return model
+
+
+def _end(value: float) -> float:
+    return value if abs(value) < _INFINITE else float(np.copysign(np.inf, value))
+
+
+def _linear(values: list[float], letters: list[int], names: tuple[str, ...]) -> Polynomial:
+    words = np.array(letters, np.int32)[:, None]
+    return Polynomial.from_words(words, np.array(values, float), len(names), names)
+
+
+# ---- rows -------------------------------------------------------------------------------
+
+
+def _rows(
+    model: Any, names: tuple[str, ...], number: dict[str, int], file: Path
+) -> Iterator[Constraint]:
+    text: dict[int, Polynomial] | None = None
+    for k, row in enumerate(model.getConss()):
+        kind = row.getConshdlrName()
+        if row.isLinearType() or kind == "linear":
+            terms = model.getValsLinear(row)
+            body = _linear(list(terms.values()), [number[name] + 1 for name in terms], names)
+        elif kind == "nonlinear" and model.checkQuadraticNonlinear(row):
+            body = _quadratic(model.getTermsQuadratic(row), number, names)
+        elif kind == "nonlinear":
+            text = _written(model, names, file) if text is None else text
+            if k not in text:
+                raise FormatError(f"{file}: found the row {row.name!r}, expected polynomial rows")
+            body = text[k]
+        else:
+            raise FormatError(
+                f"{file}: found the row {row.name!r} of kind {kind}, expected polynomial rows"
+            )
+        yield from _sided(body, _end(model.getLhs(row)), _end(model.getRhs(row)), row.name)
+
+
+def _sided(body: Polynomial, low: float, high: float, name: str) -> Iterator[Constraint]:
+    if low == high:
+        yield Constraint(body - low, Kind.ZERO, name)
+        return
+    if low > -np.inf:
+        yield Constraint(body - low, Kind.NONNEGATIVE, name)
+    if high < np.inf:
+        yield Constraint(high - body, Kind.NONNEGATIVE, name)
+
+
+def _quadratic(
+    terms: tuple[list[Any], list[Any], list[Any]], number: dict[str, int], names: tuple[str, ...]
+) -> Polynomial:
+    products, squares, linear = terms
+    words, values = [], []
+    for x, y, value in products:
+        words.append(sorted((number[x.name] + 1, number[y.name] + 1)))
+        values.append(value)
+    for x, square, single in squares:
+        words += [[number[x.name] + 1] * 2, [0, number[x.name] + 1]]
+        values += [square, single]
+    for x, value in linear:
+        words.append([0, number[x.name] + 1])
+        values.append(value)
+    array = np.array(words, np.int32).reshape(-1, 2)
+    return Polynomial.from_words(array, np.array(values, float), len(names), names)
+
+
+def _written(model: Any, names: tuple[str, ...], file: Path) -> dict[int, Polynomial]:
+    """Read the rows that SCIP writes in its format of polynomials, by number."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "rows.pip")
+        try:
+            model.writeProblem(str(path), genericnames=True, verbose=False)
+            text = path.read_text()
+        except Exception as error:
+            raise FormatError(f"{file}: found rows that are not polynomial ({error})") from None
+    text = text.partition("Subject to")[2].partition("\nBounds")[0]
+    return {int(found[1]): _polynomial(found[2], names, file) for found in _ROW.finditer(text)}
+
+
+def _polynomial(text: str, names: tuple[str, ...], file: Path) -> Polynomial:
+    words, values, rest = [], [], text.strip()
+    while rest:
+        found = _TERM.match(rest)
+        if found is None or not found.group(2) and not found.group(3):
+            raise FormatError(f"{file}: found {rest[:40]!r} in what SCIP writes, expected a term")
+        rest = rest[found.end() :].lstrip()
+        word: list[int] = []
+        for variable, power in re.findall(r"x(\d+)(?:\^(\d+))?", found.group(3)):
+            word += [int(variable) + 1] * int(power or 1)
+        words.append(sorted(word))
+        values.append(float((found.group(1) or "") + (found.group(2) or "1")))
+    width = max(map(len, words), default=1) or 1
+    padded = np.array([[0] * (width - len(word)) + word for word in words], np.int32)
+    return Polynomial.from_words(padded, np.array(values), len(names), names)
+
+
+# ---- the objective ----------------------------------------------------------------------
+
+
+def _objective_row(
+    objective: Polynomial, rows: list[Constraint], bounds: _Bounds
+) -> tuple[Polynomial, list[Constraint], _Bounds, list[int]]:
+    """Replace a free variable of a linear objective by the one row that bounds it.
+
+    Returns objective, rows, bounds and the variables that are left.
+    """
+    n = objective.dimension
+    for z in objective.support.tolist() if objective.degree == 1 and n > 1 else []:
+        holding = [row for row in rows if z in row.polynomial.support]
+        free = bounds[0][z] == -np.inf and bounds[1][z] == np.inf
+        value = _solved(holding[0], objective, z) if free and len(holding) == 1 else None
+        if value is None:
+            continue
+        kept = [v for v in range(n) if v != z]
+        others = [row for row in rows if row is not holding[0]]
+        shrunk = [Constraint(_without(row.polynomial, z), row.kind, row.name) for row in others]
+        sides = ([bounds[0][v] for v in kept], [bounds[1][v] for v in kept])
+        return _without(value, z), shrunk, sides, kept
+    return objective, rows, bounds, list(range(n))
+
+
+def _solved(row: Constraint, objective: Polynomial, z: int) -> Polynomial | None:
+    """Solve the row, factor z + p, for z, and put that into the objective."""
+    weight, linear = _coefficient(objective, z)
+    factor, alone = _coefficient(row.polynomial, z)
+    if not (linear and alone) or abs(factor) != 1.0:  # a quotient would be rounded
+        return None
+    if row.kind is Kind.NONNEGATIVE and factor * weight < 0:
+        return None  # the row bounds z from the other side
+    return _dropped(objective, z) - (weight * factor) * _dropped(row.polynomial, z)
+
+
+def _coefficient(polynomial: Polynomial, z: int) -> tuple[float, bool]:
+    """Return the coefficient of z, and whether z occurs in no other term."""
+    holds = (polynomial.words == z + 1).any(axis=1)
+    single = holds.sum() == 1 and monomials.degrees(polynomial.words[holds])[0] == 1
+    return float(polynomial.coefficients[holds][0]), bool(single)
+
+
+def _dropped(polynomial: Polynomial, z: int) -> Polynomial:
+    """Drop the terms that hold z."""
+    rest = ~(polynomial.words == z + 1).any(axis=1)
+    return Polynomial.from_words(
+        polynomial.words[rest],
+        polynomial.coefficients[rest],
+        polynomial.dimension,
+        polynomial.names,
+    )
+
+
+def _without(polynomial: Polynomial, z: int) -> Polynomial:
+    words = polynomial.words - (polynomial.words > z + 1)
+    names = [name for v, name in enumerate(polynomial.names or ()) if v != z] or None
+    return Polynomial.from_words(
+        words.astype(np.int32), polynomial.coefficients, polynomial.dimension - 1, names
+    )

@@ -1,0 +1,82 @@
+"""Convex quadratic programs over polyhedra, solved by Clarabel. Nothing proved rests on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from sparsepop_py.conic.program import Cones
+from sparsepop_py.solvers.clarabel_ import STATUS, run_clarabel
+from sparsepop_py.solvers.interface import SolverSettings
+from sparsepop_py.verified.certificate.polyhedron import Polyhedron
+
+__all__ = ["QuadraticSolution", "solve_convex_qp"]
+
+
+@dataclass(frozen=True, eq=False)
+class QuadraticSolution:
+    """Output of an interior-point method for a convex quadratic program.
+
+    Parameters
+    ----------
+    status : {"solved", "almost", "infeasible", "unbounded", "failed"}
+    x : (n,) float
+    multipliers : (m + 2n,) float
+        Of the rows of the polyhedron, not negative but for equalities.
+    slack : (m + 2n,) float
+        Values of the rows, +inf for bounds that are not there.
+    """
+
+    status: str
+    x: NDArray[np.float64]
+    multipliers: NDArray[np.float64]
+    slack: NDArray[np.float64]
+
+
+def solve_convex_qp(
+    polyhedron: Polyhedron,
+    cost: NDArray[np.float64],
+    hessian: sps.csc_array,
+    settings: SolverSettings,
+) -> QuadraticSolution:
+    """Minimise cost'x + x' hessian x / 2 over a polyhedron.
+
+    Parameters
+    ----------
+    polyhedron : Polyhedron
+    cost : (n,) float
+    hessian : (n, n) csc
+        Positive semidefinite; no entries for a linear program.
+    settings : SolverSettings
+
+    Returns
+    -------
+    QuadraticSolution
+    """
+    equal = np.flatnonzero(polyhedron.equality)
+    others = np.flatnonzero(polyhedron.present & ~polyhedron.equality)
+    rows = np.append(equal, others)
+    size = np.maximum(np.abs(polyhedron.matrix[rows]).max(axis=1, initial=0.0), 1e-300)
+    scale = np.exp2(-np.round(np.log2(size)))
+    largest = max(np.abs(cost).max(initial=0.0), np.abs(hessian.data).max(initial=0.0))
+    weight = np.exp2(-np.round(np.log2(max(largest, 1e-300))))
+    matrix = sps.csc_matrix(-polyhedron.matrix[rows] * scale[:, None])
+    right = polyhedron.constant[rows] * scale
+    result = run_clarabel(
+        sps.csc_matrix(sps.triu(hessian) * weight),
+        cost * weight,
+        matrix,
+        right,
+        Cones(equal.size, others.size, ()),
+        settings,
+    )
+    multipliers: NDArray[Any] = np.zeros(polyhedron.constant.size)
+    multipliers[rows] = np.array(result.z) * scale / weight
+    slack = np.full(polyhedron.constant.size, np.inf)
+    slack[rows] = np.array(result.s) / scale
+    status = STATUS.get(str(result.status), "failed")
+    return QuadraticSolution(status, np.array(result.x), multipliers, slack)

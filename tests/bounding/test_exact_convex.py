@@ -1,0 +1,94 @@
+"""Linear and convex quadratic problems without a box: minima by hand, planted, and rays."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from random_cases import over_a_polyhedron
+
+import sparsepop_py as sp
+from sparsepop_py.bounding.exact_convex import falling_direction
+from sparsepop_py.verified.points.unbounded_ray import falling_ray
+
+INF = np.inf
+EFFORTS = ("plain", "presolve", "auto")
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_the_sum_of_free_variables_under_an_equation(effort):
+    x, y = sp.variables(2)
+    result = sp.solve(sp.Problem(x + y, [x + y == 1]), sp.Options(effort=effort, time_limit=20))
+    assert result.status == "OPTIMAL"
+    assert result.lower_bound == result.upper_bound == 1.0
+    assert result.certificate.verify(result.problem).ok
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_planted_minima_are_proved(seed):
+    problem, least = over_a_polyhedron(seed)
+    result = sp.solve(problem)
+    assert result.status == "OPTIMAL"
+    assert Fraction(result.lower_bound) <= least <= Fraction(result.upper_bound)
+    assert least - Fraction(result.lower_bound) <= Fraction(1, 10**12) * max(1, abs(least))
+    again = sp.from_json(sp.to_json(result))
+    assert again.lower_bound == result.lower_bound
+
+
+def test_a_plain_relaxation_keeps_its_output():
+    """The order-1 relaxation is solved as asked; the proof is by exact multipliers."""
+    x, y, z = sp.variables(3)
+    problem = sp.Problem(x + 2 * y + z, [x + y == 1, y + z == 2, y >= -3.5])
+    result = sp.solve(problem, sp.Options(effort="plain", order=1))
+    assert result.lower_bound == 3.0  # x + 2 y + z is the sum of both equations
+    assert result.relaxation is not None and result.solution is not None
+
+
+def test_convex_forms_with_one_flat_direction():
+    """min (x - y)^2 + x with 3 x >= 1 is 1/3 at x = y = 1/3."""
+    x, y = sp.variables(2)
+    result = sp.solve(sp.Problem((x - y) ** 2 + x, [3 * x >= 1]))
+    assert Fraction(result.lower_bound) <= Fraction(1, 3) <= Fraction(result.upper_bound)
+    assert result.upper_bound - result.lower_bound <= 1e-15
+
+
+def test_contradicting_rows_without_a_box():
+    x, y, z = sp.variables(3)
+    rows = [x + y + z >= 1, x - z <= -2, y + 2 * z <= 2]  # the sum: 0 >= 1
+    result = sp.solve(sp.Problem(x, rows))
+    assert result.status == "INFEASIBLE"
+    assert result.certificate.verify(result.problem).ok
+
+
+@pytest.mark.parametrize("effort", EFFORTS)
+def test_rays_start_at_rational_points(effort):
+    """3 x + y = 1, 3 z = 1: along (1, -3, 0) y falls; no feasible point has doubles for z."""
+    x, y, z = sp.variables(3)
+    problem = sp.Problem(y + z, [3 * x + y == 1, 3 * z == 1])
+    result = sp.solve(problem, sp.Options(effort=effort, time_limit=20))
+    assert result.status == "UNBOUNDED" and result.lower_bound == result.upper_bound == -INF
+    direction = result.ray / result.ray[0]
+    assert result.ray[0] > 0 and np.allclose(direction, [1, -3, 0], rtol=0, atol=1e-12)
+    again = sp.from_json(sp.to_json(result))
+    assert again.status == "UNBOUNDED" and np.array_equal(again.ray, result.ray)
+
+
+def test_a_convex_form_falls_along_its_flat_direction():
+    """(x - 2 y)^2 - x falls along (2, 1) and nowhere else."""
+    x, y = sp.variables(2)
+    problem = sp.Problem((x - 2 * y) ** 2 - x, [x + y >= -7])
+    assert np.array_equal(falling_direction(problem), [2.0, 1.0])
+    result = sp.solve(problem)
+    assert result.status == "UNBOUNDED"
+    assert falling_ray(problem, result.attained, result.ray) is not None
+    assert falling_ray(problem, result.attained, -result.ray) is None
+    closed = sp.Problem((x - 2 * y) ** 2 - x, [x + y <= 7])
+    assert falling_direction(closed) is None
+
+
+def test_forms_that_are_not_convex_are_left_alone():
+    x, y = sp.variables(2)
+    result = sp.solve(sp.Problem(x * y, [x + y == 2], lower=[0, -INF]))
+    assert result.lower_bound == -INF or result.status == "UNBOUNDED"  # x (2 - x) falls
+    assert falling_direction(sp.Problem(x * y**2)) is None

@@ -1,0 +1,313 @@
+"""Files of linear and quadratic programs, of AMPL, SCIP and QPLIB.
+
+A problem that was read is evaluated at points, beside the formulas by hand.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sparsepop_py as sp
+from sparsepop_py.algebra.polynomial import Kind
+
+MPS = """NAME test
+OBJSENSE
+    MAX
+ROWS
+ N obj
+ L c1
+ G c2
+ E c3
+COLUMNS
+ x obj 1 c1 1
+ x c2 1
+ y obj 1 c1 2
+ y c2 -1e-10
+ y c3 1
+ MARKER 'MARKER' 'INTORG'
+ k c3 1
+ MARKER 'MARKER' 'INTEND'
+RHS
+ RHS c1 5 c2 1
+ RHS obj -7
+RANGES
+ RNG c2 2
+BOUNDS
+ FR BND x
+ UP BND y 8
+ LO BND k 2
+ UP BND k 7
+QUADOBJ
+ x x -2
+ x y 1
+ y y -4
+ENDATA
+"""
+LP = """Maximize
+ obj: x + y + 7 + [ -2 x^2 + 2 x * y - 4 y^2 ] / 2
+Subject To
+ c1: x + 2 y <= 5
+ low: x - 1e-10 y >= 1
+ high: x - 1e-10 y <= 3
+ c3: y + k = 0
+Bounds
+ x free
+ y <= 8
+ 2 <= k <= 7
+General
+ k
+End
+"""
+QPLIB = """! a comment
+test
+QGL
+maximize
+3  # variables
+4  # constraints
+3
+1 1 -2
+2 1 1
+2 2 -4
+0.0
+2
+1 1.0
+2 1
+7 # constant
+8
+1 1 1
+1 2 2
+2 1 1
+2 2 -1e-10
+3 1 1
+3 2 -1e-10
+4 2 1
+4 3 1
+1e20
+-1e20
+2
+2 1
+4 0
+1e20
+3
+1 5
+3 3
+4 0
+0
+2
+1 -1e20
+3 2
+1e20
+2
+2 8
+3 7
+0
+1
+3 1
+0
+0
+0
+0
+0
+0
+3
+1 x
+2 y
+3 k
+0
+"""
+
+
+def violations(problem: sp.Problem, x: list[float]) -> list[float]:
+    """Least values of rows and bounds, without those of bits."""
+    rows = [
+        -abs(row.polynomial(x)) if row.kind is Kind.ZERO else row.polynomial(x)
+        for row in problem.constraints
+    ]
+    ends = np.concatenate([x - problem.lower, problem.upper - x])
+    return [*rows, *ends[np.isfinite(ends)]]
+
+
+def with_bits(problem: sp.Problem, point: dict[str, float]) -> list[float]:
+    """Complete the values of given variables by the bits of the integer k."""
+    steps = int(point["k"] - problem.lower[problem.names.index("k")])
+    bits = {f"k_bit{i}": float((steps >> i) & 1) for i in range(8)}
+    return [{**bits, **point}[name] for name in problem.names]
+
+
+@pytest.mark.parametrize(("ending", "text"), [("mps", MPS), ("lp", LP), ("qplib", QPLIB)])
+def test_linear_rows_and_a_quadratic_objective(ending: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / f"test.{ending}"
+    path.write_text(text)
+    problem = sp.read(path)
+    assert problem.sense == "max"
+    assert problem.names[:3] == ("x", "y", "k")
+    for x, y, k in itertools.product((-1.5, 1.0, 2.5), (-2.0, 0.0, 1.0), (2, 3, 6)):
+        point = with_bits(problem, {"x": x, "y": y, "k": k})
+        value = x + y + 7 + (-2 * x * x + 2 * x * y - 4 * y * y) / 2
+        assert -problem.objective(point) == pytest.approx(value, abs=1e-12)
+        short = [
+            5 - x - 2 * y,
+            x - 1e-10 * y - 1,
+            3 - x + 1e-10 * y,
+            -abs(y + k),
+            y,
+        ]
+        assert min(0, *violations(problem, point)) == min(0, *short)
+    assert any((abs(row.polynomial.coefficients) == 1e-10).any() for row in problem.constraints)
+    bad = [1.0, 1.0, 2.5, *[0.0] * (problem.dimension - 3)]
+    assert problem.violation(bad) >= 0.5  # 2.5 is no integer
+
+
+def test_what_cannot_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.lp"
+    path.write_text("Minimize\n obj: x\nSubject To\n c: x >= 1\nBounds\n x <= 5\nSemi\n x\nEnd\n")
+    with pytest.raises(sp.FormatError, match="wrong.lp: found the semi-continuous variable 'x'"):
+        sp.read(path)
+    for ending in ("lp", "mps", "qplib", "nl"):
+        with pytest.raises((sp.FormatError, sp.SolverNotFound)):
+            sp.read(tmp_path / f"absent.{ending}")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("QGL", "QGX", "test.qplib:3: found 'QGX', expected three letters"),
+        ("maximize", "best", "test.qplib:4: found 'best', expected minimize or maximize"),
+        ("2 1 1\n2 2 -4", "2 4 1\n2 2 -4", "test.qplib:9: found '2 4 1', expected indices"),
+        ("7 # constant", "seven", "found 'seven', expected the constant"),
+        ("1e20\n2\n2 8\n3 7\n0\n1\n3 1", "", "expected"),
+    ],
+)
+def test_malformed_qplib(old: str, new: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "test.qplib"
+    assert old in QPLIB
+    path.write_text(QPLIB.replace(old, new))
+    with pytest.raises(sp.FormatError, match=message):
+        sp.read(path)
+
+
+def test_a_box_constrained_qplib(tmp_path: Path) -> None:
+    """min -x1 x2 / 1 + x1 over [0, 1]^2 with binaries: -0 at most; by enumeration 0 and 1."""
+    path = tmp_path / "box.qplib"
+    path.write_text("b\nQBN\nminimize\n2\n1\n2 1 -3\n1\n1\n2 -2\n0\n1e30\n0\n0\n0\n0\n0\n0\n")
+    problem = sp.read(path)
+    for x1, x2 in itertools.product((0.0, 1.0), repeat=2):
+        assert problem.objective([x1, x2]) == -3 * x1 * x2 + x1 - 2 * x2
+        assert problem.violation([x1, x2]) == 0
+    assert problem.violation([0.5, 1.0]) == 0.25
+    assert sp.solve(problem, sp.Options(order=1)).upper_bound == -4
+
+
+# ---- SCIP -------------------------------------------------------------------------------
+
+PIP = """Minimize
+ obj: z
+Subject To
+ cost: z - x^4 + 3 x^2 * y - 0.25 y >= 2
+ cubic: x^3 + 1.5 x * y^2 - k >= -4
+ disc: x^2 + y^2 <= 4
+ low: x - y >= -1
+ high: x - y <= 1
+ eq: x * y + k = 3
+Bounds
+ -2 <= x <= 2
+ -2 <= y <= 2
+ z free
+ -1 <= k <= 6
+Generals
+ k
+End
+"""
+
+
+def check_pip(problem: sp.Problem) -> None:
+    assert set(problem.names[:3]) == {"x", "y", "k"}
+    for x, y, k in itertools.product((-1.0, 0.5, 1.75), (-1.5, 0.0, 1.0), (-1, 2, 6)):
+        point = with_bits(problem, {"x": x, "y": y, "k": k})
+        value = 2 + x**4 - 3 * x * x * y + 0.25 * y
+        assert problem.objective(point) == pytest.approx(value, abs=1e-12)
+        short = [
+            x**3 + 1.5 * x * y * y - k + 4,
+            4 - x * x - y * y,
+            1 - abs(x - y),
+            -abs(x * y + k - 3),
+        ]
+        assert min(0, *violations(problem, point)) == pytest.approx(min(0, *short), abs=1e-12)
+
+
+def test_polynomial_rows_of_a_pip_file(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / "rows.pip"
+    path.write_text(PIP)
+    check_pip(sp.read(path))
+
+
+def test_quadratic_rows_of_lp_and_mps_files(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    rows = "Minimize\n obj: x + y\nSubject To\n c: x + y >= -3\n q: [ x^2 + y^2 ] <= 1\n"
+    path = tmp_path / "disc.lp"
+    path.write_text(rows + "Bounds\n x free\n y free\nEnd\n")
+    result = sp.solve(sp.read(path), sp.Options(order=1))
+    assert result.lower_bound == pytest.approx(-(2**0.5), abs=1e-6)
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Iterator[Callable[[Any], sp.Problem]]:
+    pytest.importorskip("pyscipopt")
+
+    def through(model: Any) -> sp.Problem:
+        path = tmp_path / "model.nl"
+        model.write(str(path), io_options={"symbolic_solver_labels": True})
+        return sp.read(path)
+
+    yield through
+
+
+def test_files_of_ampl_that_pyomo_writes(written: Callable[[Any], sp.Problem]) -> None:
+    pyo = pytest.importorskip("pyomo.environ")
+    model = pyo.ConcreteModel()
+    model.x, model.y = pyo.Var(bounds=(-2, 2)), pyo.Var(bounds=(-2, 2))
+    model.k = pyo.Var(bounds=(-1, 6), domain=pyo.Integers)
+    x, y, k = model.x, model.y, model.k
+    model.cost = pyo.Objective(expr=2 + x**4 - 3 * x**2 * y + 0.25 * y)
+    model.cubic = pyo.Constraint(expr=x**3 + 1.5 * x * y**2 - k >= -4)
+    model.disc = pyo.Constraint(expr=x**2 + y**2 <= 4)
+    model.band = pyo.Constraint(expr=pyo.inequality(-1, x - y, 1))
+    model.eq = pyo.Constraint(expr=x * y + k == 3)
+    check_pip(written(model))
+    model.wave = pyo.Constraint(expr=pyo.exp(x) <= 3)
+    with pytest.raises(sp.FormatError, match="expected polynomial rows"):
+        written(model)
+
+
+def test_a_file_of_osil(tmp_path: Path) -> None:
+    pytest.importorskip("pyscipopt")
+    path = tmp_path / "disc.osil"
+    path.write_text(OSIL)
+    problem = sp.read(path)
+    for x, y in itertools.product((-1.0, 0.25, 3.0), repeat=2):
+        assert problem.objective([x, y]) == x + 2 * y
+        assert violations(problem, [x, y]) == [4 - x * x - 3 * x * y, x + 5, y + 5, 5 - x, 5 - y]
+
+
+OSIL = """<?xml version="1.0" encoding="UTF-8"?>
+<osil xmlns="os.optimizationservices.org"><instanceHeader><name>disc</name></instanceHeader>
+<instanceData>
+<variables numberOfVariables="2">
+<var name="x" lb="-5" ub="5"/><var name="y" lb="-5" ub="5"/>
+</variables>
+<objectives numberOfObjectives="1">
+<obj maxOrMin="min" numberOfObjCoef="2"><coef idx="0">1</coef><coef idx="1">2</coef></obj>
+</objectives>
+<constraints numberOfConstraints="1"><con name="q" ub="4"/></constraints>
+<quadraticCoefficients numberOfQuadraticTerms="2">
+<qTerm idx="0" idxOne="0" idxTwo="0" coef="1"/><qTerm idx="0" idxOne="0" idxTwo="1" coef="3"/>
+</quadraticCoefficients>
+</instanceData></osil>
+"""

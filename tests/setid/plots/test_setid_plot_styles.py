@@ -1,0 +1,125 @@
+"""One convention of pictures: on given axes, legible on light and on dark pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from identified_cases import second_order
+from matplotlib.colors import to_rgb
+
+import setid
+
+STYLES = ["default", "dark_background"]
+
+
+@pytest.fixture(autouse=True)
+def closed() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def result() -> setid.Identification:
+    return second_order(samples=60)
+
+
+def selection() -> setid.Selection:
+    u = [1, -1, 2, 0, 1, -2, 1, 3]
+    y = setid.simulate(setid.TransferFunction(1, 2), [-0.5, 0, 1], u)
+    data, noise = setid.IOData(u, y), setid.Noise(equation=1e-3)
+    return setid.select(data, setid.TransferFunction, noise, [0, 1])
+
+
+def noise_level() -> setid.Consistency:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    return setid.consistency(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+
+
+@pytest.fixture(scope="module")
+def things(result: setid.Identification) -> dict[str, tuple[Any, int]]:
+    """Objects with a picture, and how many axes it needs."""
+    return {
+        "record": (result.formulation.data, 2),
+        "intervals": (result, 1),
+        "prediction": (result.predict(), 1),
+        "comparison": (result.compare(mode="prediction"), 1),
+        "residuals": (setid.residuals(result), 1),
+        "set": (result.fps("a1", "a2", 8), 1),
+        "selection": (selection(), 1),
+        "noise": (noise_level(), 1),
+    }
+
+
+NAMES = [
+    "record",
+    "intervals",
+    "prediction",
+    "comparison",
+    "residuals",
+    "set",
+    "selection",
+    "noise",
+]
+
+
+def luminance(colour: Any) -> float:
+    """Relative luminance of WCAG 2.1."""
+    parts = np.array(to_rgb(colour))
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one: Any, other: Any) -> float:
+    high, low = sorted((luminance(one), luminance(other)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("name", NAMES)
+def test_lines_and_texts_stand_out(
+    things: dict[str, tuple[Any, int]], name: str, style: str
+) -> None:
+    with plt.style.context(style):
+        axes = np.ravel(np.asarray(things[name][0].plot(), object))
+        figure = axes[0].figure
+        figure.canvas.draw()
+        back = axes[0].get_facecolor()
+        for axis in axes:
+            for line in axis.get_lines():
+                assert contrast(line.get_color(), back) >= 3.0, line.get_label()
+            for text in [*axis.texts, axis.xaxis.label, axis.yaxis.label, axis.title]:
+                assert not text.get_text() or contrast(text.get_color(), back) >= 4.5
+            for text in [axis.xaxis.label, axis.yaxis.label]:
+                box = text.get_window_extent()
+                inside = figure.bbox.contains(box.x0, box.y0) and figure.bbox.contains(
+                    box.x1, box.y1
+                )
+                assert not text.get_text() or inside
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pictures_go_on_given_axes(things: dict[str, tuple[Any, int]], name: str) -> None:
+    thing, count = things[name]
+    _, given = plt.subplots(count, 1)
+    before = plt.get_fignums()
+    drawn = thing.plot(given) if count > 1 else thing.plot(ax=given)
+    assert plt.get_fignums() == before
+    assert list(np.ravel(drawn)) == list(np.ravel(given))
+    assert all(axis.has_data() for axis in np.ravel(given))
+
+
+def test_too_few_axes_are_refused(result: setid.Identification) -> None:
+    _, given = plt.subplots()
+    with pytest.raises(setid.SetidError, match="found 1 axes, expected 2"):
+        result.formulation.data.plot(given)
+
+
+def test_samples_are_counted_from_zero(result: setid.Identification) -> None:
+    found = setid.residuals(result)
+    ax = found.plot()
+    assert np.array_equal(ax.get_lines()[0].get_xdata(), found.row)
+    assert found.row[0] == 2  # the third sample is the first with two before it

@@ -1,0 +1,398 @@
+"""Bands over time: replays in rationals, cells, roundings, and hostile helpers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import setid
+from setid.bands.branching import Effort, branched
+from setid.feasible_set.proposer import Proposer
+from setid.proofs.supports import Cover, Proposal
+from setid.proofs.time_bands.enclosures import Centre, Experiment, Frame, leak, noise_reach
+from setid.proofs.time_bands.partition import Partition, Ranges
+from setid.proofs.time_bands.rows import Affine, OutputRow, output_row
+
+Rational = list[Fraction]
+SECOND = setid.TransferFunction(na=2, nb=2, nk=1, offset=True)
+THETA = np.array([-1.2, 0.5, 1.0, 0.4, 0.3])
+
+
+def box(centre: np.ndarray, width: float, rows: int = 0) -> Cover:
+    """A box about a point, cut by rows that the point obeys."""
+    rng = np.random.default_rng(7)
+    matrix = rng.normal(size=(rows, centre.size))
+    right = matrix @ centre + 0.3 * width * np.abs(matrix).sum(axis=1)
+    names = tuple(f"t{i}" for i in range(centre.size))
+    return Cover(names, centre - width, centre + width, matrix, right, True)
+
+
+def members(cover: Cover, count: int = 40, seed: int = 0) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    shape = (4000 if cover.right.size else count, cover.lower.size)
+    corners = np.where(rng.random(shape) < 0.5, cover.lower, cover.upper)
+    found = np.where(rng.random(shape) < 0.5, corners, rng.uniform(cover.lower, cover.upper, shape))
+    inside = [x for x in found if np.all(cover.matrix @ x <= cover.right)]
+    assert len(inside) >= 10
+    return inside[:count]
+
+
+def experiment(
+    model: setid.TransferFunction, samples: int, first: tuple[float, ...] = (), **noise: float
+) -> Experiment:
+    u = np.random.default_rng(3).uniform(-1, 1, (samples, 1))
+    return Experiment(
+        output_row(model.regression()[0], model),
+        u,
+        np.array(first),
+        np.full(len(first), noise.get("start", 0.0)),
+        np.full((samples, 1), noise.get("input", 0.0)),
+        np.full(samples, noise.get("errors", 0.0)),
+    )
+
+
+def replayed(
+    task: Experiment,
+    theta: np.ndarray,
+    start: np.ndarray | None = None,
+    push: np.ndarray | None = None,
+    errors: np.ndarray | None = None,
+) -> Rational:
+    """The output in rationals, noise added to the first outputs, the inputs and the equation."""
+    exact = [Fraction(t) for t in theta.tolist()]
+    n = len(task.u)
+    u = [Fraction(x) for x in task.u[:, 0].tolist()]
+    if push is not None:
+        u = [a + Fraction(b) for a, b in zip(u, push.tolist(), strict=True)]
+    y = [Fraction(x) for x in task.first.tolist()]
+    if start is not None:
+        y = [a + Fraction(b) for a, b in zip(y, start.tolist(), strict=True)]
+    factors = {
+        lag: Fraction(a.constant)
+        + sum(Fraction(w) * t for w, t in zip(a.weights.tolist(), exact, strict=True))
+        for lag, a in task.row.feedback.items()
+    }
+    for k in range(len(y), n):
+        total = Fraction(0) if errors is None else Fraction(errors[k])
+        for lag, factor in factors.items():
+            if 0 < lag <= k:
+                total -= factor * y[k - lag]
+        for column, coefficient, signal, lag in task.row.others:
+            if lag <= k:
+                value = u[k - lag] if signal else Fraction(1)
+                total -= exact[column] * Fraction(coefficient) * value
+        y.append(total / factors[0])
+    return y
+
+
+def holds(low: np.ndarray, high: np.ndarray, y: Rational) -> bool:
+    return all(
+        Fraction(a) <= v <= Fraction(b)
+        for a, v, b in zip(low.tolist(), y, high.tolist(), strict=True)
+    )
+
+
+def bands(
+    task: Experiment, cover: Cover, tolerance: float = 0.05, settle: int | None = None
+) -> Ranges:
+    found = branched(task, cover, Effort(tolerance, time.monotonic() + 20.0, 60), settle=settle)
+    assert found.ranges is not None
+    return found.ranges
+
+
+@pytest.mark.parametrize("width", [0.0, 1e-9, 1e-3, 0.05])
+@pytest.mark.parametrize("first", [(), (0.5, -0.25)])
+def test_bands_hold_in_rationals(width: float, first: tuple[float, ...]) -> None:
+    cover, task = box(THETA, width, rows=6 if width else 0), experiment(SECOND, 24, first)
+    ranges = bands(task, cover)
+    points = members(cover) if width else [THETA]
+    for theta in points:
+        assert holds(ranges.low, ranges.high, replayed(task, theta))
+    if width <= 1e-9:
+        assert np.max(ranges.high - ranges.low) < 1e-11 + 300 * width  # nothing but roundings
+
+
+def test_a_point_costs_roundings_alone_on_a_slow_plant() -> None:
+    """Poles .99, 200 samples, readings of size 100: the band of one point, in rationals."""
+    theta = np.array([-1.98, 0.9801, 0.02, 0.01, 0.5])
+    cover, task = box(theta, 0.0), experiment(SECOND, 200, (100.0, 101.0))
+    ranges = bands(task, cover)
+    assert holds(ranges.low, ranges.high, replayed(task, theta))
+    assert np.max(ranges.high - ranges.low) < 1e-4
+
+
+def test_noise_in_first_outputs_inputs_and_equations_is_covered() -> None:
+    cover = box(THETA, 0.02)
+    task = experiment(SECOND, 20, (0.5, -0.25), start=0.3, input=0.1, errors=0.2)
+    ranges = bands(task, cover)
+    rng = np.random.default_rng(1)
+    for theta in members(cover, 25):
+        start, push = rng.choice([-0.3, 0.3], 2), rng.choice([-0.1, 0.1], 20)
+        errors = rng.choice([-0.2, 0.2], 20)
+        assert holds(ranges.low, ranges.high, replayed(task, theta, start, push))
+        driven = replayed(task, theta, start, push, errors)
+        assert holds(ranges.driven_low, ranges.driven_high, driven)
+
+
+def worst_noise(task: Experiment, theta: np.ndarray, place: int) -> tuple[np.ndarray, ...]:
+    """Signs of all noises that move one sample up most, by differences of replays."""
+    n, none = len(task.u), replayed(task, theta)[place]
+    eye = np.eye(n)
+    start = [replayed(task, theta, start=e)[place] > none for e in np.eye(task.first.size)]
+    push = [replayed(task, theta, push=e)[place] > none for e in eye]
+    errors = [replayed(task, theta, errors=e)[place] > none for e in eye]
+    return tuple(np.where(s, 1.0, -1.0) for s in (start, push, errors))
+
+
+def test_the_worst_noise_is_covered_and_nearly_attained() -> None:
+    """The extreme of a linear function of bounded noise, found sign by sign in rationals."""
+    cover = box(THETA, 1e-6)
+    task = experiment(SECOND, 12, (0.5, -0.25), start=0.3, input=0.1, errors=0.2)
+    ranges = bands(task, cover)
+    for place in (3, 7, 11):
+        start, push, errors = worst_noise(task, THETA, place)
+        y = replayed(task, THETA, 0.3 * start, 0.1 * push)[place]
+        assert y <= Fraction(ranges.high[place])
+        # inputs before the first residual are bounded one by one, and they are few
+        assert float(y) > ranges.high[place] - 0.2
+        y = replayed(task, THETA, 0.3 * start, 0.1 * push, 0.2 * errors)[place]
+        assert Fraction(ranges.high[place]) <= Fraction(ranges.driven_high[place])
+        assert y <= Fraction(ranges.driven_high[place])
+
+
+def test_cells_narrow_the_band_towards_what_is_attained() -> None:
+    cover, task = box(THETA, 0.05), experiment(SECOND, 30)
+    one = branched(task, cover, Effort(0.02, time.monotonic(), 1))
+    many = branched(task, cover, Effort(0.02, time.monotonic() + 30.0, 400))
+    assert one.ranges is not None and many.ranges is not None
+    assert one.cells == 1 and many.cells > 10
+    wide, narrow = (r.high - r.low for r in (one.ranges, many.ranges))
+    assert np.all(narrow <= wide) and narrow.max() < 0.8 * wide.max()
+    for theta in members(cover):
+        assert holds(many.ranges.low, many.ranges.high, replayed(task, theta))
+
+
+@pytest.mark.parametrize("lead", [0.5, 0.0])
+def test_coefficients_of_the_sample_itself_may_be_parameters(lead: float) -> None:
+    """(1 + t0) y(k) + t1 y(k-1) = t2 u(k) + t0 as continuous-time structures have it."""
+    weights = np.eye(3)
+    row = OutputRow(
+        {0: Affine(1.0, weights[0]), 1: Affine(-0.5, 2.0 * weights[1])},
+        [(2, -1.0, "u1", 0), (0, -1.0, "", 0)],
+    )
+    u = np.random.default_rng(2).uniform(-1, 1, (20, 1))
+    task = Experiment(row, u, np.zeros(0), np.zeros(0), np.zeros((20, 1)), np.zeros(20))
+    cover = box(np.array([lead, -0.1, 1.0]), 0.1)
+    ranges = bands(task, cover)
+    assert np.isfinite(ranges.low).all() and np.max(ranges.high - ranges.low) < 20.0
+    for theta in members(cover):
+        assert holds(ranges.low, ranges.high, replayed(task, theta))
+
+
+def test_unstable_members_are_covered_for_a_finite_time() -> None:
+    theta = np.array([-2.1, 1.1025, 1.0, 0.4, 0.3])  # both poles at 1.05
+    cover, task = box(theta, 0.02), experiment(SECOND, 40)
+    ranges = bands(task, cover)
+    assert np.isfinite(ranges.high).all()
+    for theta in members(cover, 20):
+        assert holds(ranges.low, ranges.high, replayed(task, theta))
+
+
+# ---- the leak ---------------------------------------------------------------------------
+
+
+class Hostile:
+    """Multipliers that mean nothing, infinite and negative ones among them."""
+
+    def __init__(self, cover: Cover) -> None:
+        self.rows = len(cover.right)
+
+    def multipliers(self, directions: np.ndarray) -> Iterator[Proposal]:
+        rng = np.random.default_rng(5)
+        places, rows = np.arange(len(directions)), np.arange(self.rows)
+        for size in (0.01, 1.0):
+            weights = size * rng.normal(size=(places.size, rows.size))
+            weights[rng.random(weights.shape) < 0.05] = np.inf
+            yield Proposal(places, rows, weights)
+
+
+def frame_of(columns: int, lies: float = 0.0) -> Frame:
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])[:columns, :columns]
+    return Frame(np.arange(columns), turn, np.linalg.inv(turn) * (1.0 + lies))
+
+
+@pytest.mark.parametrize("lies", [0.0, 0.3])
+def test_the_leak_is_bounded_in_rationals(lies: float) -> None:
+    """E = h D - 1 and its parts, with an h and a frame that are wrong."""
+    cover, task = box(THETA, 0.05, rows=4), experiment(SECOND, 10)
+    h = np.random.default_rng(0).normal(size=10)
+    frame = frame_of(2, lies)
+    part = Partition(task, cover, frame, Hostile(cover))
+    cell = part.cell(0)
+    middle = THETA + np.array([0.04, -0.03, 0.0, 0.0, 0.0])
+    centre = Centre(middle, np.zeros(10), h)
+    found = leak(task.row, frame, (cell.low, cell.high), cover, centre, Hostile)
+    exact = [Fraction(x) for x in h.tolist()]
+    for theta in members(cover, 20):
+        one, two = (Fraction(t) for t in theta[:2].tolist())
+        E = [
+            exact[k]
+            + (one * exact[k - 1] if k >= 1 else 0)
+            + (two * exact[k - 2] if k >= 2 else 0)
+            - (k == 0)
+            for k in range(10)
+        ]
+        assert all(abs(e) <= Fraction(b) for e, b in zip(E, found.whole.tolist(), strict=True))
+        moved = [t - Fraction(c) for t, c in zip((one, two), middle[:2].tolist(), strict=True)]
+        s = [
+            sum(Fraction(r) * t for r, t in zip(row, moved, strict=True))
+            for row in frame.rows.tolist()
+        ]
+        slack = Fraction(1, 10**13)
+        for j in range(2):
+            assert (
+                Fraction(found.spread[0, j]) - slack <= s[j] <= Fraction(found.spread[1, j]) + slack
+            )
+        rest = [
+            E[k] - sum(s[j] * Fraction(found.slopes[j, k]) for j in range(2)) for k in range(10)
+        ]
+        bound = (found.rest + found.lost).tolist()
+        assert all(abs(e) <= Fraction(b) + slack for e, b in zip(rest, bound, strict=True))
+
+
+def test_hostile_helpers_cannot_break_a_band() -> None:
+    cover, task = box(THETA, 0.03, rows=5), experiment(SECOND, 16, (0.5, -0.25), start=0.1)
+    frame, rng = frame_of(2, 0.2), np.random.default_rng(4)
+    part = Partition(task, cover, frame, Hostile(cover))
+    first, second = part.cut(0, 0, float(part.cell(0).tight[0].mean()))
+    part.cut(second, 1, float(rng.normal()))
+    for number in part.numbers:
+        source = Hostile(part.polytope(number))
+        if part.tighten(number, source):
+            theta = THETA + rng.normal(size=5) * 0.1
+            part.enclose(
+                number, Centre(theta, rng.normal(size=16), rng.normal(size=14) * 0.1), source
+            )
+    ranges = part.ranges()
+    assert ranges is not None and np.isfinite(ranges.low).all()
+    for theta in members(cover, 30):
+        start = rng.choice([-0.1, 0.1], 2)
+        assert holds(ranges.low, ranges.high, replayed(task, theta, start))
+
+
+# ---- cells ------------------------------------------------------------------------------
+
+
+def halves() -> tuple[Partition, Experiment, int, int]:
+    cover, task = box(THETA, 0.05), experiment(SECOND, 8)
+    part = Partition(task, cover, frame_of(2), Proposer(cover))
+    low, high = part.cell(0).tight
+    first, second = part.cut(0, 0, float(low[0] + 0.3 * (high[0] - low[0])))
+    return part, task, first, second
+
+
+def test_neighbours_share_the_number_that_parts_them() -> None:
+    part, _, first, second = halves()
+    assert part.cell(first).high[0] == part.cell(second).low[0]
+    assert sorted(part.numbers) == sorted([first, second])
+    assert part.cell(first).low[1] == part.cell(second).low[1]
+    assert part.cell(first).high[1] == part.cell(second).high[1]
+
+
+def test_cells_that_are_not_enclosed_keep_the_range_of_the_cell_they_come_from() -> None:
+    part, task, first, second = halves()
+    number = first
+    centre = Centre(THETA, np.zeros(8), np.eye(1, 8)[0])
+    part.enclose(number, centre, Proposer(part.polytope(number)))
+    ranges = part.ranges()
+    assert ranges is not None and np.all(np.isinf(ranges.low))  # the other one is unknown
+    known = part.range_of(first)
+    for child in part.cut(first, 1, float(part.cell(first).tight[0].mean())):
+        assert np.array_equal(part.range_of(child).low, known.low)
+
+
+def test_a_cell_is_dropped_only_with_a_proof() -> None:
+    part, _, first, second = halves()
+    rows = len(part.polytope(first).right)
+    assert not part.drop(first, np.ones(rows))  # it is not empty, whatever is said
+    assert not part.drop(first, np.zeros(rows))
+    far = part.cut(second, 1, 1e6)
+    beyond = [n for n in far if part.cell(n).low[1] == 1e6][0]
+    weights = np.zeros(len(part.polytope(beyond).right))
+    weights[-1] = 1.0  # -s1 <= -1e6, on a box where s1 is at most 2
+    assert not part.drop(beyond, 0.0 * weights)
+    assert part.drop(beyond, weights) and beyond not in part.numbers
+
+
+def test_tightening_drops_what_lies_outside() -> None:
+    part, _, first, second = halves()
+    far = part.cut(second, 1, 1e6)
+    beyond = [n for n in far if part.cell(n).low[1] == 1e6][0]
+    assert part.tighten(first, Proposer(part.polytope(first)))
+    assert not part.tighten(beyond, Proposer(part.polytope(beyond)))
+    assert beyond not in part.numbers and first in part.numbers
+
+
+def test_a_contradiction_that_is_not_proved_keeps_the_cell() -> None:
+    """Rows that miss each other by less than roundings: a program may call that empty."""
+    third = 1.0 / 3.0
+    matrix = np.array([[third, third], [-third, -third]])
+    cover = Cover(("a", "b"), -np.ones(2), np.ones(2), matrix, np.array([0.1, -0.1]), True)
+    model = setid.TransferFunction(na=1, nb=1, nk=1)
+    task = experiment(model, 6)
+    part = Partition(task, cover, frame_of(1), Proposer(cover))
+    closer = Cover(("a", "b"), -np.ones(2), np.ones(2), matrix, np.array([0.1, -0.1 - 1e-17]), True)
+    assert part.numbers == [0]
+    weights = Proposer(closer).contradiction()
+    assert weights is None or not part.drop(0, np.append(weights, [0.0, 0.0]))
+    assert part.numbers == [0]
+
+
+def test_sets_without_points_end_without_a_band() -> None:
+    matrix = np.array([[1.0, 1.0], [-1.0, -1.0]])
+    cover = Cover(("a", "b"), -np.ones(2), np.ones(2), matrix, np.array([0.1, -0.2]), True)
+    task = experiment(setid.TransferFunction(na=1, nb=1, nk=1), 6)
+    assert branched(task, cover, Effort(0.1, time.monotonic() + 5.0, 20)).ranges is None
+
+
+# ---- all time ---------------------------------------------------------------------------
+
+
+def step(samples: int) -> Experiment:
+    task = experiment(SECOND, samples)
+    return Experiment(
+        task.row, np.ones((samples, 1)), task.first, task.start, task.input_noise, task.errors
+    )
+
+
+def test_a_range_for_all_time_holds_and_has_the_static_gains() -> None:
+    cover, task = box(THETA, 0.01), step(230)
+    ranges = bands(task, cover, settle=50)
+    assert np.isfinite(ranges.later).all() and np.ptp(ranges.later) < 1.0
+    gains = []
+    for theta in members(cover, 60):
+        a, b = theta[:2], theta[2:4]
+        gains.append((b.sum() + theta[4]) / (1 + a.sum()))
+        y = setid.simulate(SECOND, theta, np.ones(600))[230:]
+        assert np.all((y >= ranges.later[0]) & (y <= ranges.later[1]))
+    assert np.ptp(ranges.later) < 1.6 * np.ptp(gains)
+
+
+def test_no_range_for_all_time_without_a_proof() -> None:
+    cover = box(THETA, 0.01)
+    assert np.all(np.isinf(bands(step(230), cover).later))  # h does not end
+    assert np.all(np.isinf(bands(step(60), cover, settle=50).later))  # too short to settle
+    moving = experiment(SECOND, 230)
+    assert np.all(np.isinf(bands(moving, cover, settle=50).later))  # the input moves
+    slow = box(np.array([-2.0, 1.0, 1.0, 0.4, 0.3]), 0.01)  # a double pole at 1
+    assert np.all(np.isinf(bands(step(230), slow, settle=50).later))
+
+
+def test_noise_reaches_nothing_where_there_is_none() -> None:
+    task = experiment(SECOND, 8, (0.5, -0.25))
+    ends = THETA, THETA
+    assert not np.any(noise_reach(task, ends, THETA, np.ones(6)))

@@ -1,0 +1,74 @@
+"""The page on an identification: complete in itself, and its stored result verifies."""
+
+from __future__ import annotations
+
+import base64
+import builtins
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from html_cells import Cells
+
+import setid
+import sparsepop_py as sp
+
+MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
+VOID = {"meta", "img"}  # tags that need no end
+
+
+class Page(Cells):
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        if tag not in VOID:
+            super().handle_starttag(tag, attrs)
+
+
+def record(bound: float) -> setid.IOData:
+    u = np.sign(np.sin(0.9 * np.arange(40) ** 1.1))
+    truth = setid.simulate_record(MODEL, [-0.7, 1.0], u, setid.Noise(equation=bound), 3)
+    return setid.IOData(u, truth.data.y, 0.1, output_names="level & rate", output_units="m")
+
+
+def test_a_page_is_complete_in_itself(tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    data = record(0.05)
+    result = setid.identify(data, MODEL, setid.Noise(equation=0.05), [setid.Stable()])
+    path = result.report(tmp_path / "out.html", data.split(20)[1])
+    text = path.read_text(encoding="utf-8")
+    page = Page(text)
+    assert "level & rate [m]" not in text and "level &amp; rate" in text
+    assert {"a1", "b1", "certified", "best in simulation"} <= set(page.cells)
+    for name in ("data", "assumptions", "intervals", "bands", "residuals", "binding", "verify"):
+        assert f'id="{name}"' in text
+    assert "Verified again" in text and "Not available" not in text
+    sources = re.findall(r'(?:src|href)="([^"]*)"', text)
+    assert sources and all(source.startswith("data:") for source in sources)
+    assert text.count("<figure>") >= 7
+    stored = next(s for s in sources if s.startswith("data:application/json"))
+    back = setid.Identification.from_json(base64.b64decode(stored.split(",")[1]).decode())
+    assert back.verify(data) and repr(back) == repr(result)
+    again = result.report(tmp_path / "again.html", data.split(20)[1])
+    sizes = [len(Path(p).read_text(encoding="utf-8")) for p in (path, again)]
+    assert sizes[0] == sizes[1]
+
+
+def test_an_empty_set_gets_a_page_that_says_so(tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    result = setid.identify(record(0.5), MODEL, setid.Noise(equation=0.05))
+    text = result.report(tmp_path / "out.html").read_text(encoding="utf-8")
+    assert "samples that contradict each other" in text and 'id="bands"' not in text
+
+
+def test_missing_software_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = builtins.__import__
+
+    def without(name: str, *rest: object, **more: object) -> object:
+        if name == "jinja2":
+            raise ImportError(name)
+        return found(name, *rest, **more)  # type: ignore[arg-type]
+
+    result = setid.identify(record(0.05), MODEL, setid.Noise(equation=0.05))
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(sp.SolverNotFound, match=r"pip install 'sparsepop-py\[report\]'"):
+        result.report(tmp_path / "out.html")

@@ -1,0 +1,112 @@
+"""Advice on acquisition: settling times by hand, tolerance limits, saturation, planned inputs."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from scipy.signal import lsim, lti
+
+import setid
+
+TAU, TS = 0.1, 1e-3
+
+
+def step(noise: float = 0.0, samples: int = 1200, seed: int = 0) -> setid.IOData:
+    """A first-order system of time constant 0.1 s, sampled at 1 kHz, the step at 0.1 s."""
+    u = np.where(np.arange(samples) >= 100, 2.0, 0.0)
+    _, y, _ = lsim(lti([3.0], [TAU, 1.0]), u, np.arange(samples) * TS, interp=False)
+    y = y + np.random.default_rng(seed).uniform(-noise, noise, samples)
+    return setid.IOData(u, y, TS, output_names="speed", time_unit="s")
+
+
+def test_the_settling_time_of_a_first_order_system() -> None:
+    found = setid.advise(step())
+    assert found.settling_time == pytest.approx(TAU * np.log(50), abs=2 * TS)  # exp(-t/tau) = 2 %
+    assert 20 <= found.settling_time / found.sampling_time <= 50
+    low, high = found.sampling_range
+    assert low < found.sampling_time < high
+    assert found.settling_time / low == pytest.approx(50, rel=0.06)
+    assert found.settling_time / high == pytest.approx(20, rel=0.06)
+    assert "0.013 s" in found.text and not found.saturation and not found.quantisation
+
+
+def test_noise_does_not_hide_the_settling_time() -> None:
+    found = setid.advise(step(0.05))
+    # 6 exp(-t / tau) with noise of 0.05 last leaves the band 0.12 + 0.05 between these times
+    assert TAU * np.log(6 / 0.17) - TS <= found.settling_time <= TAU * np.log(6 / 0.12) + 2 * TS
+    assert found.noise_bound is not None
+    assert 0.045 <= float(found.noise_bound) <= 0.051
+
+
+def test_the_noise_bound_of_a_record_at_rest_and_its_confidence() -> None:
+    rest = 0.7 + np.random.default_rng(1).uniform(-0.02, 0.02, 473)
+    found = setid.advise(step(), rest)
+    assert found.noise_bound is not None
+    assert float(found.noise_bound) == (rest.max() - rest.min()) / 2
+    # Wilks: 473 samples hold 99 % of the distribution within their range with confidence 95 %
+    assert found.coverage == pytest.approx(0.99, abs=2e-5)
+    noise = setid.Noise(output=found.noise_bound)
+    assert "estimated from 473 samples" in noise.assumptions[0]
+    assert np.asarray(found.noise_bound).shape == (1,)
+
+
+def test_a_record_that_ends_too_soon_gives_no_sampling_time() -> None:
+    found = setid.advise(step(samples=200))  # one time constant
+    assert np.isnan(found.sampling_time) and "has not settled" in found.text
+    with pytest.raises(setid.SetidError, match="settles"):
+        found.square_wave()
+    ramp = setid.IOData(np.append(np.zeros(50), np.ones(150)), np.maximum(np.arange(200) - 50.0, 0))
+    assert "integrates" in setid.advise(ramp).text
+
+
+def test_saturation_and_quantisation_are_seen() -> None:
+    data = step(0.05)
+    cut = setid.IOData(data.u, np.minimum(data.y, 5.5), TS, output_names="speed")
+    found = setid.advise(cut)
+    assert dict(found.saturation) == {"speed": (None, 5.5)} and "speed sticks at 5.5" in found.text
+    coarse = setid.IOData(data.u, 0.25 * np.round(data.y / 0.25), TS, output_names="speed")
+    assert setid.advise(coarse).quantisation["speed"] == pytest.approx(0.25)
+
+
+def test_a_record_without_a_step_is_refused() -> None:
+    with pytest.raises(setid.DataError, match="never change"):
+        setid.advise(setid.IOData(np.zeros(5), np.arange(5.0)))
+
+
+def test_the_square_wave_has_both_half_periods() -> None:
+    wave = setid.advise(step()).square_wave(200, -2.0, 3.0)
+    assert set(wave) == {-2.0, 3.0} and wave.shape == (200,)
+    runs = np.diff(np.flatnonzero(np.diff(wave)))
+    assert set(runs.tolist()) == {6, 30}
+
+
+def test_expected_widths_of_a_static_gain_by_hand() -> None:
+    model = setid.TransferFunction(na=0, nb=1)
+    found = setid.excitation(model, [2.0], [0.0, 1.0, -4.0, 2.0], setid.Noise(output=0.1))
+    # abs(d u_k) <= 0.1 for all k: abs(d) <= 0.1 / 4
+    assert found.widths == pytest.approx([0.05]) and found.wide == ()
+    weak = setid.excitation(model, [2.0], [0.0, 0.1], setid.Noise(output=0.1))
+    assert weak.widths == pytest.approx([2.0]) and weak.wide == ("b0",)
+    none = setid.excitation(model, [2.0], [0.0, 0.0], setid.Noise(output=0.1))
+    assert np.isinf(none.widths[0]) and "stay wide: b0" in none.text
+
+
+def test_expected_widths_are_those_of_a_record_without_noise() -> None:
+    model, noise = setid.TransferFunction(1, 1, 1), setid.Noise(equation=0.1)
+    u = np.random.default_rng(0).uniform(-1, 1, 40)
+    found = setid.excitation(model, {"a1": -0.6, "b1": 1.0}, u, noise)
+    data = setid.IOData(u, setid.simulate(model, [-0.6, 1.0], u))
+    result = setid.identify(data, model, noise)
+    widths = [item.width for item in result.intervals.values()]
+    assert found.widths == pytest.approx(widths, rel=1e-6)
+
+
+def test_pictures_are_drawn() -> None:
+    found = setid.advise(step(0.05))
+    assert found.plot().get_xlabel() == "time [s]"
+    _, ax = plt.subplots()
+    model = setid.TransferFunction(na=0, nb=1)
+    planned = setid.excitation(model, [2.0], [0.0, 0.0], setid.Noise(output=0.1))
+    assert planned.plot(ax) is ax and "unbounded" in {t.get_text() for t in ax.texts}
+    plt.close("all")

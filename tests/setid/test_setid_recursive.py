@@ -1,0 +1,164 @@
+"""Online identification: the same set as from the whole record, faults found, cost bounded."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import setid
+
+MODEL = setid.TransferFunction(na=1, nb=1, nk=1)
+THETA = (-0.7, 1.0)
+
+
+def record(noise: setid.Noise, samples: int, seed: int = 0) -> setid.IOData:
+    u = np.random.default_rng(seed).uniform(-1, 1, samples)
+    return setid.simulate_record(MODEL, THETA, u, noise, seed).data
+
+
+def fed(online: setid.Recursive, data: setid.IOData) -> setid.Recursive:
+    online.update(data.u[:, 0], data.y[:, 0])
+    return online
+
+
+def test_equation_errors_give_the_set_of_the_whole_record() -> None:
+    noise = setid.Noise(equation=0.1)
+    data = record(noise, 150)
+    online = fed(setid.Recursive(MODEL, noise, limit=16), data)
+    whole = setid.identify(data, MODEL, noise)
+    assert online.exact and online.samples == 150 and len(online.retained) <= 16
+    for name, item in whole.intervals.items():
+        assert online.intervals[name].outer == pytest.approx(item.outer, rel=1e-12)
+        assert online.intervals[name].inner is None  # samples were left out: not proved
+    assert online.verify() and online.cost.solved < 100
+
+
+def test_attained_ends_are_claimed_as_long_as_no_sample_is_left_out() -> None:
+    noise = setid.Noise(equation=0.1)
+    online = fed(setid.Recursive(MODEL, noise), record(noise, 20))
+    assert online.complete
+    assert all(str(i.status) == "certified" for i in online.intervals.values())
+    whole = setid.identify(record(noise, 20), MODEL, noise)
+    assert repr(online.intervals["a1"]) == repr(whole.intervals["a1"])
+
+
+@pytest.mark.parametrize(
+    "noise", [setid.Noise(output=0.05), setid.Noise(output=0.05, input=0.02, equation=0.01)]
+)
+def test_noisy_sensors_keep_the_truth_in_a_box_that_only_shrinks(noise: setid.Noise) -> None:
+    data = record(noise, 80, 3)
+    online = setid.Recursive(MODEL, noise, limit=20)
+    before = np.array([[-np.inf] * 2, [np.inf] * 2])
+    for u, y in zip(data.u[:, 0], data.y[:, 0], strict=True):
+        assert online.update(u, y)
+        low, high = online.box
+        assert np.all(low >= before[0]) and np.all(high <= before[1])
+        assert np.all(low <= THETA) and np.all(high >= THETA)
+        before = np.array([low, high])
+    assert np.all(np.isfinite(before)) and online.verify() and len(online.retained) <= 20
+
+
+def test_priors_bound_the_first_box() -> None:
+    online = setid.Recursive(MODEL, setid.Noise(output=0.1), [setid.Box({"a1": (-1, 1)})])
+    assert online.update(1.0, 0.0) and online.update(0.0, 1.0)
+    low, high = online.intervals["a1"].outer
+    assert low >= -1 and high <= 1 and online.verify()
+
+
+def test_a_fault_is_found_at_the_sample_that_proves_it() -> None:
+    noise = setid.Noise(equation=0.02)
+    good, other = record(noise, 40, 1), record(noise, 40, 2)
+    u = np.concatenate([good.u[:, 0], other.u[:, 0]])
+    y = [0.0]
+    errors = np.random.default_rng(5).uniform(-0.02, 0.02, 80)
+    for k in range(1, 80):
+        a, b = (-0.7, 1.0) if k < 40 else (-0.2, 1.0)  # the pole jumps
+        y.append(-a * y[-1] + b * u[k - 1] + errors[k])
+    online = setid.Recursive(MODEL, noise)
+    where = next(k for k in range(80) if not online.update(u[k], y[k]))
+    assert online.inconsistent_at == where >= 40
+    assert all(str(i.status) == "empty" for i in online.intervals.values())
+    assert online.verify() and f"inconsistent at sample {where}" in online.summary()
+    # the first sample at which the record up to it refutes the structure, and not one before
+    refuted = setid.IOData(u[: where + 1], y[: where + 1])
+    assert setid.identify(refuted, MODEL, noise).empty
+    assert not setid.identify(setid.IOData(u[:where], y[:where]), MODEL, noise).empty
+    assert not online.update(0.0, 0.0)
+    online.restart()
+    assert online.update(0.0, 0.0) and online.inconsistent_at is None
+
+
+def test_a_window_forgets_what_an_older_plant_said() -> None:
+    noise = setid.Noise(equation=0.05)
+    online = setid.Recursive(MODEL, noise, window=10)
+    data = record(noise, 40)
+    fed(online, data)
+    assert min(online.retained) >= 40 - 10
+    tail = setid.IOData(data.u[-11:, 0], data.y[-11:, 0])  # ten rows
+    whole = setid.identify(tail, MODEL, noise)
+    for name, item in whole.intervals.items():
+        assert online.intervals[name].outer == pytest.approx(item.outer, rel=1e-12)
+    assert online.verify()
+
+
+def test_claims_that_were_tampered_with_do_not_verify() -> None:
+    noise = setid.Noise(equation=0.1)
+    online = fed(setid.Recursive(MODEL, noise), record(noise, 20))
+    claim, used = online._claims[0]
+    low, high = claim.intervals["a1"].outer
+    forged = dict(claim.intervals)
+    forged["a1"] = setid.ParameterInterval(
+        "a1", (0.5 * (low + high), high), None, setid.IntervalStatus.PARTIAL
+    )
+    from dataclasses import replace
+
+    online._claims = [(replace(claim, intervals=forged), used)]
+    assert not online.verify()
+
+
+def test_missing_readings_and_several_channels() -> None:
+    model = setid.TransferFunction(
+        na=[[1, 1]], nb=[[1, 1]], nk=1, inputs=2, common_denominator=True
+    )
+    u = np.random.default_rng(0).uniform(-1, 1, (40, 2))
+    theta = [-0.5, 1.0, -2.0]
+    noise = setid.Noise(equation=0.05)
+    truth = setid.simulate_record(model, theta, u, noise)
+    y = truth.data.y.copy()
+    y[7] = np.nan
+    online = setid.Recursive(model, noise)
+    assert online.update(u, y[:, 0])
+    whole = setid.identify(setid.IOData(u, y), model, noise)
+    for name, item in whole.intervals.items():
+        assert online.intervals[name].outer == pytest.approx(item.outer, rel=1e-12)
+    assert online.verify()
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (lambda: setid.Recursive(MODEL, setid.Noise(equation=0.1), limit=3), "limit"),
+        (lambda: setid.Recursive(MODEL, setid.Noise(equation=np.ones((3, 1)))), "one a sample"),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1), window=0), "window"),
+        (
+            lambda: setid.Recursive(
+                setid.TransferFunction(1, 1, 0, inputs=2), setid.Noise(output=0.1)
+            ),
+            "regression form",
+        ),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1)).update([1.0, 2.0], [1.0]), "samples"),
+        (lambda: setid.Recursive(MODEL, setid.Noise(0.1)).update(np.eye(2), [1.0, 2.0]), "shape"),
+    ],
+)
+def test_wrong_input_is_refused(make: object, why: str) -> None:
+    with pytest.raises(setid.SetidError, match=why):
+        make()  # type: ignore[operator]
+
+
+def test_a_picture_shows_the_intervals_over_the_samples() -> None:
+    noise = setid.Noise(equation=0.1)
+    online = fed(setid.Recursive(MODEL, noise), record(noise, 20))
+    ax = online.plot()
+    assert {text.get_text() for text in ax.get_legend().get_texts()} == {"a1", "b1"}
+    plt.close("all")

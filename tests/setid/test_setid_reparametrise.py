@@ -1,0 +1,274 @@
+"""Physical parameters: closed forms, linear-fractional programs, simulated circuits, refusals."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.signal import lfilter
+
+import setid
+from setid.priors.base import Facts
+from setid.proofs.evidence import EndProof
+from setid.proofs.physical import verify_physical
+from sparsepop_py.verified.certificate.certificate import Certificate
+
+U, Y = [4.0, -3.0, 2.0, 1.0], [0.0, -6.25, 1.175, 2.0875]
+DATA, MODEL, NOISE = setid.IOData(U, Y), setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
+
+
+@functools.cache
+def small():
+    return setid.identify(DATA, MODEL, NOISE)
+
+
+@functools.cache
+def time_constant():
+    return setid.reparametrise(small(), setid.Physical({"T": (0.01, 100)}, ["a1 = -T/(1 + T)"]))
+
+
+def close(interval, low, high, accuracy=1e-4):
+    """Proved outside, attained inside, and both close to the exact ends."""
+    width = high - low
+    assert interval.outer[0] <= low <= interval.inner[0] + 1e-9 * width
+    assert interval.outer[1] >= high >= interval.inner[1] - 1e-9 * width
+    assert interval.inner[0] - interval.outer[0] <= accuracy * width
+    assert interval.outer[1] - interval.inner[1] <= accuracy * width
+
+
+def test_a_monotone_relation():
+    # a1 in [-45/86, -259/750] (data of Cerone, Piga, Regruto 2012); T = -a1 / (1 + a1)
+    result = time_constant()
+    close(result.intervals["T"], 259 / 491, 45 / 41)
+    assert result.intervals["T"].status is setid.IntervalStatus.CERTIFIED
+    assert result.verify(DATA) and result.verify()
+    assert "T " in result.table() and "certified" in result.table()
+
+
+def test_a_static_gain_is_a_linear_fractional_program():
+    result = setid.reparametrise(small(), setid.Physical({"K": (0, 10)}, ["b0 = K*(1 + a1)"]))
+    # Charnes, Cooper 1962: with t = 1 / (1 + a1), A = a1 t, B = b0 t it is linear in (A, B, t)
+    rows, ends = [], []
+    for k in range(1, 4):
+        row = np.array([Y[k - 1], -U[k], Y[k]])
+        rows += [row - [0, 0, 0.5], -row - [0, 0, 0.5]]
+    for sign in (1.0, -1.0):
+        found = linprog(
+            [0, sign, 0],
+            A_ub=rows,
+            b_ub=np.zeros(6),
+            A_eq=[[1, 0, 1]],
+            b_eq=[1],
+            bounds=[(None, None), (None, None), (0, None)],
+        )
+        ends.append(sign * found.fun)
+    close(result.intervals["K"], *ends)
+    assert result.verify(DATA)
+
+
+def test_relations_as_a_prior_of_an_identification():
+    prior = setid.Physical({"T": (0.6, 0.7)}, ["a1 = -T/(1 + T)"])
+    result = setid.identify(DATA, MODEL, NOISE, prior)
+    close(result.intervals["a1"], -0.7 / 1.7, -0.6 / 1.6)
+    assert result.verify(DATA)
+    assert setid.read_prior(repr(prior)) == prior
+
+
+def test_inequalities_turn_around_with_negative_denominators():
+    # a1 >= T / (T - 5) with T in [1, 2]: a1 (T - 5) <= T
+    prior = setid.Physical({"T": (1, 2)}, ["a1 >= T/(T - 5)", "T = 2"])
+    (first, _) = prior.rows(MODEL, symbols(prior), Facts({}, frozenset()))
+    for a1, T in ((-0.5, 2.0), (-0.7, 2.0), (0.0, 1.0), (-0.3, 1.0)):
+        assert (first.polynomial([a1, 1.0, T]) >= 0) == (a1 >= T / (T - 5))
+    result = setid.reparametrise(small(), setid.Physical({"T": (1, 2)}, ["a1 <= T/(T - 5)"]))
+    # some a1 in [-45/86, -259/750] is at most T / (T - 5) if -45/86 is: T <= 225/131
+    close(result.intervals["T"], 1.0, 225 / 131)
+
+
+def symbols(prior):
+    import sparsepop_py as sp
+
+    names = (*MODEL.parameters, *prior.names)
+    return dict(zip(names, sp.variables(len(names), names), strict=True))
+
+
+def test_several_ratios_in_one_relation():
+    prior = setid.Physical({"p": (1, 2), "q": (-3, -1)}, ["a1 = 1/p + b0/q - 2", "p = 1"])
+    (row, _) = prior.rows(MODEL, symbols(prior), Facts({}, frozenset()))
+    for a1, b0, p, q in ((0.3, 0.7, 1.5, -2.0), (-1.0, 2.0, 1.25, -1.5)):
+        value = (a1 - 1 / p - b0 / q + 2) * p * -q
+        assert row.polynomial([a1, b0, p, q]) == pytest.approx(value, rel=1e-12)
+
+
+def test_relations_that_contradict_the_record():
+    physical = setid.Physical({"K": (0, 1)}, ["b0 = K*(1 + a1)"])  # the gain is at least 2.9
+    result = setid.reparametrise(small(), physical)
+    assert result.empty and result.verify(DATA) and "empty" in result.table()
+    found = result.results
+    assert not verify_physical(small().evidence, physical, result.intervals, [], DATA)
+    weak = [EndProof(None, None) for _ in found]
+    verdict = verify_physical(small().evidence, physical, result.intervals, weak, DATA)
+    assert verdict.reason == "emptiness does not follow"
+
+
+def test_an_empty_identification_leaves_nothing():
+    empty = setid.identify(DATA, MODEL, setid.Noise(equation=0.001))
+    result = setid.reparametrise(empty, setid.Physical({"T": (0.01, 100)}, ["a1 = -T/(1 + T)"]))
+    assert result.empty and result.verify(DATA)
+    full = time_constant().intervals
+    assert not verify_physical(empty.evidence, result.physical, full, [], DATA)
+
+
+# ---- damage -------------------------------------------------------------------------------------
+
+
+def claims(result, **changes):
+    item = replace(result.intervals["T"], **changes)
+    ends = [EndProof(r.certificate, r.attained) for r in result.results]
+    return verify_physical(
+        result.identification.evidence, result.physical, {"T": item}, ends, DATA
+    ).reason
+
+
+def test_false_claims_are_refused():
+    result = time_constant()
+    low, high = result.intervals["T"].outer
+    assert claims(result) == ""
+    assert "outer" in claims(result, outer=(low + 1e-4, high))
+    assert "outer" in claims(result, outer=(low, high - 1e-4))
+    first, last = result.intervals["T"].inner
+    assert "inner" in claims(result, inner=(low - 1e-4, last))
+    assert "inner" in claims(result, inner=(first, high + 1e-4))
+
+
+def test_false_evidence_is_refused():
+    result = time_constant()
+    given = [EndProof(r.certificate, r.attained) for r in result.results]
+    known = result.identification.evidence, result.physical
+
+    def said(ends, intervals=result.intervals, data=DATA):
+        return verify_physical(*known, intervals, ends, data).reason
+
+    assert said(given[:1]) == "the intervals are not those of the physical parameters"
+    assert said(given, {"S": result.intervals["T"]}) == said(given[:1])
+    assert said(given[::-1]) != ""
+    assert "outer" in said([EndProof(None, given[0].attained), given[1]])
+    assert "inner" in said([EndProof(given[0].certificate, None), given[1]])
+    claim = Certificate(given[0].certificate.fingerprint, 50.0)
+    assert said([EndProof(claim, given[0].attained), given[1]]) != ""
+    moved = replace(given[0].attained, x=given[0].attained.x * 0.5)
+    assert said([EndProof(given[0].certificate, moved), given[1]]) != ""
+    assert said(given, data=setid.IOData(U, [*Y[:3], 2.0])) == "the result belongs to other data"
+
+
+def test_intervals_of_coefficients_are_checked_too():
+    result = time_constant()
+    evidence = result.identification.evidence
+    item = replace(evidence.intervals["a1"], outer=(-0.4, -0.35), inner=None)
+    tighter = replace(evidence, intervals={**evidence.intervals, "a1": item})
+    ends = [EndProof(r.certificate, r.attained) for r in result.results]
+    assert not verify_physical(tighter, result.physical, result.intervals, ends, DATA)
+
+
+# ---- continuous time ----------------------------------------------------------------------------
+
+
+def recorded(model, numerator, denominator, noise, samples):
+    generator = np.random.default_rng(3)
+    u = np.repeat(generator.choice([-1.0, 1.0], samples // 4 + 1), 4)[:samples]
+    top, bottom = model.discrete([*denominator[1:], *numerator])
+    y = lfilter(top, bottom, u) + generator.uniform(-noise, noise, samples)
+    return setid.IOData(u, y, Ts=model.Ts)
+
+
+CIRCUITS = {
+    # (s + 1 / (R C)) y = 1 / (R C) u, R known to 5 %
+    "RC": (
+        {"R": 2.0, "C": 0.25},
+        ([2.0], [1.0, 2.0]),
+        setid.Physical({"R": (1.9, 2.1), "C": (0.01, 10)}, ["a0 = 1/(R*C)", "b0 = a0"]),
+    ),
+    # m y'' + c y' + k y = u
+    "mass, damper, spring": (
+        {"m": 2.0, "c": 1.5, "k": 4.0},
+        ([0.5], [1.0, 0.75, 2.0]),
+        setid.Physical(
+            {"m": (0.1, 20), "c": (0, 20), "k": (0, 50)}, ["a1 = c/m", "a0 = k/m", "b0 = 1/m"]
+        ),
+    ),
+    # voltage of the capacitor in a series circuit, R known to 10 %
+    "RLC": (
+        {"R": 1.0, "L": 0.5, "C": 0.4},
+        ([5.0], [1.0, 2.0, 5.0]),
+        setid.Physical(
+            {"R": (0.9, 1.1), "L": (0.01, 10), "C": (0.01, 10)},
+            ["a1 = R/L", "a0 = 1/(L*C)", "b0 = 1/(L*C)"],
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_simulated_circuits(name):
+    truth, (numerator, denominator), physical = CIRCUITS[name]
+    n = len(denominator) - 1
+    model = setid.ContinuousTransferFunction(n, 0, hold="constant", Ts=0.1 if n == 1 else 0.2)
+    data = recorded(model, numerator, denominator, 0.005, 24)
+    options = setid.Options(time_limit=60)
+    found = setid.identify(data, model, setid.Noise(output=0.005), setid.Stable(), options)
+    result = setid.reparametrise(found, physical, options)
+    assert result.verify(data)
+    for key, value in truth.items():
+        interval = result.intervals[key]
+        assert interval.outer[0] <= value <= interval.outer[1]
+        assert interval.status is setid.IntervalStatus.CERTIFIED
+        low, high = physical.intervals[key]
+        assert interval.width < 0.5 * (high - low) or key == "R"  # the record says something
+
+
+# ---- refusals -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("intervals", "relations", "message"),
+    [
+        ({}, ["a1 = 1"], "expected a mapping"),
+        ({"T": (2, 1)}, ["a1 = T"], "expected low <= high"),
+        ({"T 1": (1, 2)}, ["a1 = T"], "found the name 'T 1'"),
+        ({"T": (1, 2)}, [], "found none"),
+        ({"T": (1, 2)}, ["a1"], "expected an equation or inequality"),
+        ({"T": (1, 2)}, ["a1 = T = 2"], "expected an equation or inequality"),
+        ({"T": (1, 2)}, [3], "expected an equation or inequality"),
+    ],
+)
+def test_malformed_relations_are_refused(intervals, relations, message):
+    with pytest.raises(setid.PriorError, match=message):
+        setid.Physical(intervals, relations)
+
+
+@pytest.mark.parametrize(
+    ("intervals", "relations", "message"),
+    [
+        ({"T": (-1, 2)}, ["a1 = 1/T"], r"sign of the denominator T is not proved, only -1 <= T <="),
+        ({"T": (0, 2)}, ["a1 = 1/T"], "sign of the denominator T is not proved"),
+        ({"T": (1, 2)}, ["a1 = T + S"], "unknown name 'S'"),
+        ({"T": (1, 2)}, ["a1 = exp(T)"], "function 'exp'"),
+        ({"T": (1, 2)}, ["a1 = "], "found"),
+        ({"a1": (1, 2)}, ["a1 = b0"], "which is a parameter of the structure"),
+        ({"T": (1, 2)}, ["a1 = 1/b0"], "sign of the denominator b0 is not proved"),
+    ],
+)
+def test_relations_that_do_not_fit_are_refused(intervals, relations, message):
+    with pytest.raises(setid.PriorError, match=message):
+        setid.reparametrise(small(), setid.Physical(intervals, relations))
+
+
+def test_wrong_arguments():
+    physical = setid.Physical({"T": (1, 2)}, ["a1 = T"])
+    with pytest.raises(setid.SetidError, match="result: found int"):
+        setid.reparametrise(1, physical)
+    with pytest.raises(setid.SetidError, match="physical: found dict"):
+        setid.reparametrise(small(), {})

@@ -1,0 +1,103 @@
+"""Noise factors: where signs are lost, bounds read off a record, and samples held out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import setid
+from setid.consistency import READ_OFF
+
+DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+FIRST = setid.TransferFunction(na=1, nb=1)
+QUIET = setid.Options(progress=False, time_limit=20.0)
+
+
+def quadrangle() -> setid.Identification:
+    return setid.identify(DATA, FIRST, setid.Noise(equation=0.5), (), QUIET)
+
+
+def plant(bound: float, samples: int = 60, seed: int = 1) -> setid.IOData:
+    model = setid.TransferFunction(1, 1, 1)
+    u = np.random.default_rng(seed).uniform(-1, 1, samples)
+    return setid.simulate_record(model, [-0.7, 1.0], u, setid.Noise(equation=bound), seed).data
+
+
+def test_a_sign_is_lost_where_hand_computation_says() -> None:
+    # a1 = 0: abs(-6.25 + 3 b0) <= e and abs(1.175 - 2 b0) <= e meet at e = 8.975 / 5
+    found = quadrangle().sensitivity(factors=[1.0, 3.58, 3.6])
+    low, high = found.lost["a1"]
+    assert low <= 1.795 / 0.5 <= high and high - low < 1e-12
+    assert found.signs[:, 0].tolist() == [-1, -1, 0]
+    assert found.verify()
+    assert "sign of a1: proved up to factor 3.58" in found.summary()
+
+
+def test_intervals_grow_with_the_factor_and_contain_those_of_less_noise() -> None:
+    found = quadrangle().sensitivity(factors=[0.5, 0.7, 1.0, 1.3, 2.0])
+    assert found.results[0].empty and np.all(found.signs[0] == 0)  # least factor: 0.678
+    assert found.least.scale[0] == pytest.approx(2 * 0.339028, abs=1e-5)
+    assert np.all(np.diff(found.outer[1:, :, 0], axis=0) <= 0)
+    assert np.all(np.diff(found.outer[1:, :, 1], axis=0) >= 0)
+    exact = setid.identify(DATA, FIRST, setid.Noise(equation=1.0), (), QUIET)
+    assert found.outer[-1, 0] == pytest.approx(exact.intervals["a1"].outer, rel=1e-12)
+    assert "empty" in found.table() and "factor" in found._repr_html_()
+
+
+def test_output_errors_lose_signs_in_a_proved_bracket() -> None:
+    model = setid.TransferFunction(1, 1, 1)
+    u = np.random.default_rng(0).uniform(-1, 1, 20)
+    truth = setid.simulate_record(model, [-0.5, 1.0], u, setid.Noise(output=0.05), 2)
+    result = setid.identify(truth.data, model, setid.Noise(output=0.05), (), QUIET)
+    found = setid.sensitivity(result, [1.0])
+    low, high = found.lost["b1"]
+    assert 1.0 < low <= high
+    sure = setid.Noise(output=0.05 * low * 0.98)
+    assert setid.identify(truth.data, model, sure, (), QUIET).intervals["b1"].outer[0] > 0
+    if np.isfinite(high):
+        wide = setid.identify(truth.data, model, setid.Noise(output=0.05 * high * 1.02), (), QUIET)
+        inner = wide.intervals["b1"].inner
+        assert inner is None or inner[0] <= 0.05
+
+
+@pytest.mark.parametrize("factors", [[], [0.0], [-1.0], [np.inf], 3])
+def test_wrong_factors_are_refused(factors: object) -> None:
+    with pytest.raises(setid.SetidError, match="factors"):
+        quadrangle().sensitivity(factors)  # type: ignore[arg-type]
+
+
+def test_a_bound_read_off_the_record_is_named_as_such() -> None:
+    data = plant(0.1)
+    model = setid.TransferFunction(1, 1, 1)
+    level = setid.consistency(data, model, setid.Noise(equation=1.0))
+    noise = level.noise_bound(1.05)
+    assert noise.bounds(data)[2].max() == pytest.approx(1.05 * level.scale[1], rel=1e-12)
+    result = setid.identify(data, model, noise, (), QUIET)
+    assert any(READ_OFF in text for text in result.assumptions)
+    found = result.sensitivity([1.0])
+    assert "check it on another" in found.summary()
+    assert found.least.scale[1] == pytest.approx(1 / 1.05, rel=1e-6)
+    with pytest.raises(setid.NoiseError, match="margin"):
+        level.noise_bound(0.9)
+
+
+def test_held_out_samples_check_the_bound() -> None:
+    data, model = plant(0.1), setid.TransferFunction(1, 1, 1)
+    kept = setid.identify(data, model, setid.Noise(equation=0.1), (), QUIET, holdout=0.5)
+    assert kept.holdout is not None and kept.holdout.holds is True
+    assert kept.formulation.data.samples == 30 and kept.holdout.data.samples == 30
+    assert "hold on the part that was held out" in kept.summary()
+    quiet, loud = plant(0.01), plant(0.3, seed=2)
+    refuted = setid.identify(quiet, model, setid.Noise(equation=0.01), (), QUIET, holdout=loud)
+    assert refuted.holdout is not None and refuted.holdout.holds is False
+    # the largest residual of the best one-step model of the other record needs at least this
+    assert refuted.holdout.scale[1] >= setid.linf(loud, model).cost / 0.01 * (1 - 1e-9)
+    assert "refuted by the part that was held out" in refuted.summary()
+
+
+def test_bounds_of_samples_are_split_with_the_record() -> None:
+    data, model = plant(0.1), setid.TransferFunction(1, 1, 1)
+    bound = np.where(np.arange(60) < 30, 0.1, 0.2)
+    found = setid.identify(data, model, setid.Noise(equation=bound), (), QUIET, holdout=0.5)
+    assert found.formulation.noise.bounds(found.formulation.data)[2].max() == 0.1
+    assert found.holdout is not None and found.holdout.scale[1] <= 0.5 * (1 + 1e-9)
