@@ -6,6 +6,7 @@
 # make mutants      the fast tests of each room against deliberate faults in the trusted code
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
 # make docs         the documentation site in site/, strictly: no link may lead nowhere
+# make gallery      its pictures again, by examples/gallery
 # All make their own environment in .venv; PYTHON=... chooses the interpreter.
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
@@ -18,7 +19,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check
 FAST := tests/algebra tests/verified tests/problem tests/lp tests/io tests/test_api.py \
         tests/test_solve.py tests/test_cli.py
 
-.PHONY: demo test test-fast test-lowest test-slow mutants test-octave docs clean
+.PHONY: demo test test-fast test-lowest test-slow mutants test-octave docs gallery clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -47,6 +48,10 @@ test-octave: $(VENV)/.with-dev
 
 docs: $(VENV)/.with-docs
 	$(BIN)/python -m mkdocs build --strict --site-dir site
+
+gallery: $(VENV)/.with-plot
+	for script in examples/gallery/[!s]*.py examples/gallery/stability.py; do \
+	  OMP_NUM_THREADS=1 $(BIN)/python $$script || exit 1; done
 
 # An editable installation with one extra; made again only when pyproject.toml changes.
 $(VENV)/.with-%: pyproject.toml

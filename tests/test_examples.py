@@ -339,3 +339,33 @@ def test_neural_gradients(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["control_hairdryer", "neural_records"])
 def test_records_of_control_and_neural(name: str, tmp_path: Path) -> None:
     assert numbers(run(name, tmp_path))
+
+
+# ---- gallery ------------------------------------------------------------------------------------
+
+GALLERY = sorted(p.stem for p in (EXAMPLES / "gallery").glob("*.py") if p.stem != "style")
+
+
+def pictures(folder: Path) -> set[str]:
+    return {path.name for path in folder.glob("*.svg")}
+
+
+def test_the_gallery_shows_every_picture_in_both_schemes() -> None:
+    page = (ROOT / "docs" / "gallery" / "README.md").read_text(encoding="utf-8")
+    shown = re.findall(r"\]\((\w+)_(light|dark)\.svg#only-(light|dark)\)", page)
+    assert all(scheme == only for _, scheme, only in shown)
+    assert {f"{name}_{scheme}.svg" for name, scheme, _ in shown} == pictures(ROOT / "docs/gallery")
+    assert [name for name in GALLERY if f"examples/gallery/{name}.py" not in page] == []
+
+
+@pytest.mark.slow
+def test_the_gallery_can_be_drawn_again(tmp_path: Path) -> None:
+    for name in GALLERY:
+        run(f"gallery/{name}", tmp_path, str(tmp_path / "drawn"))
+    assert pictures(tmp_path / "drawn") == pictures(ROOT / "docs/gallery")
+
+
+def test_a_picture_is_drawn_for_light_and_dark_pages(tmp_path: Path) -> None:
+    """The quickest script runs with the fast tests."""
+    run("gallery/feasible_set", tmp_path, str(tmp_path))
+    assert pictures(tmp_path) == {"feasible_set_light.svg", "feasible_set_dark.svg"}

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from setid.errors import DataError
 
-__all__ = ["Column", "Table", "has_names", "read_table"]
+__all__ = ["column_names", "Column", "Table", "has_names", "read_table"]
 
 Column = str | int
 PathLike = str | os.PathLike[str]
@@ -121,11 +121,28 @@ def has_names(path: PathLike) -> bool:
     DataError
         If there is no table, or its first line is half names and half numbers.
     """
+    return isinstance(column_names(path)[0], str)
+
+
+def column_names(path: PathLike) -> list[str | int]:
+    """List the columns of a table by their names, or by numbers from 0 where there are none.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Raises
+    ------
+    DataError
+        If there is no table, or its first line is half names and half numbers.
+    """
     line = next(((n, line) for n, line in _lines(path) if not _is_comment(line)), None)
     if line is None:
         raise DataError(f"{path}: found no lines, expected a table of numbers")
     fields = _fields(path, *line, _separator(line[1], "."))
-    return _header_lines(path, (line[0], fields), ".", None) > 0
+    if _header_lines(path, (line[0], fields), ".", None):
+        return [field.strip() for field in fields]
+    return list(range(len(fields)))
 
 
 # ---- lines and fields -------------------------------------------------------------------

@@ -72,3 +72,13 @@ print([c.name for c in found.conditions if "cvxpy" in c.name])
 """
     printed = run(code, tmp_path)
     assert "pip install 'sparsepop-py[cvxpy]'" in printed
+
+
+def test_the_page_says_what_to_install(tmp_path: Path) -> None:
+    code = """
+from setid.cli import main
+sys.stderr = sys.stdout
+print(main(["serve", "--port", "0", "--no-browser"]))
+"""
+    printed = run(code, tmp_path)
+    assert "pip install 'sparsepop-py[serve]'" in printed and printed.endswith("3\n")

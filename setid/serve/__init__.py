@@ -1,0 +1,1 @@
+"""Identification in a browser: a page on this machine, for ``setid serve``."""

@@ -1,0 +1,117 @@
+"use strict";
+// The page of `setid serve`: sends a record, starts a job, shows what it has so far.
+const by = (id) => document.getElementById(id);
+let record = null, job = null, shown = 0;
+
+async function ask(path, options = {}) {
+  const headers = { "X-Setid": "page", ...(options.headers || {}) };
+  let answer;
+  try {
+    answer = await fetch(path, { ...options, headers });
+  } catch {
+    throw new Error("the server does not answer: is setid serve still running?");
+  }
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error || answer.statusText);
+  return found;
+}
+
+function complain(error) {
+  by("error").textContent = error ? error.message : "";
+  by("error").hidden = !error;
+}
+
+async function send(file) {
+  complain(null);
+  try {
+    const found = await ask("/records", { method: "POST", body: file });
+    record = found.record;
+    by("about").textContent = `${file.name}: ${found.samples} samples, ${found.columns.length} columns`;
+    for (const [id, chosen] of [["inputs", 0], ["outputs", found.columns.length - 1]]) {
+      by(id).replaceChildren(...found.columns.map((name, place) => {
+        const wanted = { inputs: "u", outputs: "y" }[id];
+        const fits = found.columns.includes(wanted) ? name === wanted : place === chosen;
+        return new Option(typeof name === "number" ? `column ${name}` : name, JSON.stringify(name), fits, fits);
+      }));
+    }
+    by("form").hidden = false;
+  } catch (error) {
+    record = null;
+    by("form").hidden = true;
+    by("about").textContent = "";
+    complain(error);
+  }
+}
+
+const chosen = (id) => [...by(id).selectedOptions].map((option) => JSON.parse(option.value));
+const number = (id) => (by(id).value === "" ? null : Number(by(id).value));
+
+async function start() {
+  complain(null);
+  const given = { record, inputs: chosen("inputs"), outputs: chosen("outputs"), structure: by("structure").value };
+  for (const id of ["Ts", "samples", "na", "nb", "nk", "equation", "output", "input", "seconds"]) given[id] = number(id);
+  for (const id of ["offset", "stable"]) given[id] = by(id).checked;
+  try {
+    const headers = { "Content-Type": "application/json" };
+    job = (await ask("/jobs", { method: "POST", headers, body: JSON.stringify(given) })).job;
+  } catch (error) {
+    return complain(error);
+  }
+  shown = 0;
+  by("report").replaceChildren();
+  by("downloads").replaceChildren();
+  follow(job);
+}
+
+async function follow(name) {
+  while (name === job) {
+    let found;
+    try {
+      found = await ask(`/jobs/${name}`);
+    } catch (error) {
+      by("stop").hidden = by("bar").hidden = true;
+      return complain(error);
+    }
+    show(found);
+    if (found.state !== "running") return;
+    await new Promise((wake) => setTimeout(wake, 400));
+  }
+}
+
+function show(found) {
+  const running = found.state === "running";
+  by("stop").hidden = by("bar").hidden = !running;
+  const ends = found.ends ? `, ${found.settled} of ${found.ends} intervals` : "";
+  const words = running ? `${found.stage || "starting"}${ends}` : found.status || found.state;
+  by("state").textContent = `${words} (${found.seconds} s)`;
+  if (found.ends) { by("bar").max = found.ends; by("bar").value = found.settled; } else by("bar").removeAttribute("value");
+  if (found.error) complain(new Error(found.error));
+  for (const { title, html } of found.sections.slice(shown)) {
+    const part = document.createElement("section");
+    part.className = "section";
+    part.appendChild(document.createElement("h2")).textContent = title;
+    part.appendChild(document.createElement("div")).innerHTML = html; // made and escaped by the server
+    by("report").appendChild(part);
+  }
+  shown = Math.max(shown, found.sections.length);
+  if (!running && found.files.length && !by("downloads").childElementCount) {
+    by("downloads").append("Download: ");
+    for (const file of found.files) {
+      const link = document.createElement("a");
+      link.href = `/jobs/${job}/${file}`;
+      link.textContent = file;
+      by("downloads").append(link, " ");
+    }
+  }
+}
+
+by("file").addEventListener("change", () => by("file").files[0] && send(by("file").files[0]));
+by("form").addEventListener("submit", (event) => { event.preventDefault(); start(); });
+by("stop").addEventListener("click", () => ask(`/jobs/${job}`, { method: "DELETE" }).then(show, complain));
+for (const [kind, over] of [["dragover", true], ["dragleave", false], ["drop", false]]) {
+  by("drop").addEventListener(kind, (event) => {
+    event.preventDefault();
+    by("drop").classList.toggle("over", over);
+    if (kind === "drop" && event.dataTransfer.files[0]) send(event.dataTransfer.files[0]);
+  });
+}

@@ -1,0 +1,259 @@
+"""One identification for the page, in a process of its own: from a form to texts and pictures."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from setid.bands.outputs import Mode
+from setid.consistency import Consistency, consistency
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.errors import DataError, ModelError, NoiseError, SetidError
+from setid.identify import identify
+from setid.models.continuous import ContinuousTransferFunction
+from setid.models.equations import Structure
+from setid.models.lti import TransferFunction
+from setid.models.registry import family_of
+from setid.options import Options
+from setid.priors import Stable
+from setid.result.certificate_files import certificate_files
+from setid.result.identification import Identification
+from sparsepop_py.files import write_text
+
+__all__ = ["Form", "read_form", "work"]
+
+Ends = tuple[float, float]
+_CLOSED = 1e-3  # of the attained width, the tolerance of options
+MOST_SAMPLES, MOST_ORDER, MOST_SECONDS = 20_000, 20, 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """All that the page asks for, checked.
+
+    Parameters
+    ----------
+    record : IOData
+        For the identification.
+    validation : IOData or None
+        The rest of the file.
+    model : Structure
+    noise : Noise
+    stable : bool
+    seconds : float
+        Time limit.
+    """
+
+    record: IOData
+    validation: IOData | None
+    model: Structure
+    noise: Noise
+    stable: bool
+    seconds: float
+
+
+def read_form(path: Path, given: Mapping[str, Any]) -> Form:
+    """Check the fields of a form for the record of a file.
+
+    Parameters
+    ----------
+    path : Path
+        Of the table that was sent.
+    given : mapping
+        ``inputs``, ``outputs`` (names or numbers of columns), ``Ts``, ``samples`` (0: all),
+        ``structure``, ``na``, ``nb``, ``nk``, ``offset``, ``equation``, ``output``, ``input``,
+        ``stable`` and ``seconds``.
+
+    Raises
+    ------
+    SetidError
+        Naming the field, what was found and what was expected.
+    """
+    inputs, outputs = (_columns(given, field) for field in ("inputs", "outputs"))
+    data = IOData.from_csv(path, inputs, outputs, _number(given, "Ts", 1.0, 0.0))
+    if data.samples > MOST_SAMPLES:
+        raise DataError(f"record: found {data.samples} samples, expected at most {MOST_SAMPLES}")
+    count = _whole(given, "samples", 0, data.samples)
+    record, validation = data.split(count) if 0 < count < data.samples else (data, None)
+    output, input, equation = (_bound(given, kind) for kind in ("output", "input", "equation"))
+    if not output + input + equation:
+        raise NoiseError("noise: found no bound above 0, expected one of at least one kind")
+    return Form(
+        record,
+        validation,
+        _model(given, data),
+        Noise(output, input, equation),
+        given.get("stable") is True,
+        min(_number(given, "seconds", 60.0, 0.0), MOST_SECONDS),
+    )
+
+
+def _columns(given: Mapping[str, Any], field: str) -> list[str | int]:
+    found = given.get(field)
+    if not isinstance(found, list) or not found or len(found) > 8:
+        raise DataError(f"{field}: found {found!r:.80}, expected one to eight columns")
+    if not all(isinstance(item, (str, int)) for item in found):
+        raise DataError(f"{field}: found {found!r:.80}, expected names or numbers")
+    return found
+
+
+def _number(given: Mapping[str, Any], field: str, default: float, above: float) -> float:
+    found = given.get(field, default)
+    right = isinstance(found, (int, float)) and not isinstance(found, bool)
+    if not right or not above < found < np.inf:
+        raise SetidError(f"{field}: found {found!r:.80}, expected a number above {above:g}")
+    return float(found)
+
+
+def _bound(given: Mapping[str, Any], field: str) -> float:
+    """Read a noise bound, 0 without one."""
+    found = _number(given, field, 0.0, -np.inf)
+    if found < 0:
+        raise NoiseError(f"{field}: found {found:g}, expected a noise bound >= 0")
+    return found
+
+
+def _whole(given: Mapping[str, Any], field: str, default: int, most: int) -> int:
+    found = given.get(field, default)
+    if type(found) is not int or not 0 <= found <= most:
+        raise SetidError(f"{field}: found {found!r:.80}, expected an integer from 0 to {most}")
+    return found
+
+
+def _model(given: Mapping[str, Any], data: IOData) -> Structure:
+    kind = given.get("structure", "TransferFunction")
+    na, nb, nk = (_whole(given, field, 0, MOST_ORDER) for field in ("na", "nb", "nk"))
+    if kind == "TransferFunction":
+        offset = given.get("offset") is True
+        return TransferFunction(na, nb, nk, data.inputs, data.outputs, offset=offset)
+    if kind == "ContinuousTransferFunction":
+        return ContinuousTransferFunction(na, max(nb - 1, 0))
+    if kind == "PolynomialNARX":
+        family = family_of(kind)
+        assert family is not None
+        return family(na, max(nb, 1), data.inputs, data.outputs)
+    raise ModelError(f"structure: found {kind!r:.80}, expected a structure of the list")
+
+
+# ---- the work -----------------------------------------------------------------------------------
+
+
+def work(form: Form, folder: str) -> dict[str, Any]:
+    """Identify for the page; parts are written as they are done.
+
+    Parameters
+    ----------
+    form : Form
+    folder : str
+        Where ``progress.json`` and the files to download go.
+
+    Returns
+    -------
+    dict
+        ``status``, ``sections`` (titles with HTML or SVG), ``files`` (names for download).
+    """
+    report = _Report(Path(folder), len(form.model.parameters))
+    report.stage("consistency")
+    limit = Options(time_limit=max(form.seconds / 4, 1.0), progress=False)
+    priors = [Stable()] if form.stable else []
+    scale = consistency(form.record, form.model, form.noise, priors, limit)
+    report.add("Do the noise bounds explain the record?", _html(scale))
+    report.stage("intervals")
+    options = Options(time_limit=form.seconds, progress=False)
+    result = identify(
+        form.record, form.model, form.noise, priors, options, on_progress=report.interval
+    )
+    report.add("Intervals", _html(result))
+    report.stage("files")
+    report.file("report.txt", lambda: result.summary())
+    report.file("result.json", lambda: result.to_json())
+    report.file("certificate.json", lambda: json.dumps(certificate_files(result)))
+    if not result.empty:
+        _pictures(report, form, result)
+    return {"status": str(result.status), "sections": report.sections, "files": report.files}
+
+
+def _html(found: Consistency | Identification) -> str:
+    return found._repr_html_()
+
+
+def _pictures(report: _Report, form: Form, result: Identification) -> None:
+    report.stage("pictures")
+    report.picture("Intervals", lambda: result.plot())
+    report.stage("bands")
+    report.picture("Band of the frequency response, proved", lambda: result.bode())
+    if form.validation is not None:
+        report.stage("validation")
+        validation = form.validation
+        mode: Mode = "prediction" if float(np.max(form.noise.equation)) > 0 else "simulation"
+        title = f"Validation on the rest of the file, {mode}"
+        report.picture(title, lambda: result.compare(validation, mode).plot())
+
+
+class _Report:
+    """Sections and files of a report. Mutable."""
+
+    def __init__(self, folder: Path, parameters: int) -> None:
+        self._folder, self._stage, self._parameters = folder, "", parameters
+        self._settled: dict[str, bool] = {}
+        self.sections: list[dict[str, str]] = []
+        self.files: list[str] = []
+
+    def stage(self, name: str) -> None:
+        """Say what is being done."""
+        self._stage = name
+        self._write({})
+
+    def interval(self, name: str, outer: Ends, inner: Ends) -> None:
+        """Say what is proved and attained of a parameter so far."""
+        gap = max(inner[0] - outer[0], outer[1] - inner[1])
+        self._settled[name] = bool(gap <= _CLOSED * (inner[1] - inner[0]))
+        self._write({"settled": sum(self._settled.values()), "ends": self._parameters})
+
+    def _write(self, more: dict[str, int]) -> None:
+        state = {"stage": self._stage, **more, "sections": self.sections}
+        write_text(self._folder / "progress.json", json.dumps(state))
+
+    def add(self, title: str, content: str) -> None:
+        """Add a section of HTML that we made."""
+        self.sections.append({"title": title, "html": content})
+
+    def file(self, name: str, make: Callable[[], str]) -> None:
+        """Write a file for download, if this result has one."""
+        try:
+            write_text(self._folder / name, make())
+        except SetidError as error:  # such as structures without a certificate file
+            self.add(name, f"<p>{_plain(error)}</p>")
+        else:
+            self.files.append(name)
+
+    def picture(self, title: str, draw: Callable[[], Any]) -> None:
+        """Add a picture, or why there is none."""
+        import matplotlib
+
+        matplotlib.use("Agg")
+        from matplotlib import pyplot
+
+        try:
+            axes = np.ravel(draw())[0]
+            out = io.StringIO()
+            axes.get_figure(root=True).savefig(out, format="svg", bbox_inches="tight")
+            svg = out.getvalue()
+            self.add(title, svg[svg.index("<svg") :])
+        except (SetidError, ValueError) as error:
+            self.add(title, f"<p>{_plain(error)}</p>")
+        finally:
+            pyplot.close("all")
+
+
+def _plain(error: Exception) -> str:
+    from html import escape
+
+    return escape(str(error))
