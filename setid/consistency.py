@@ -47,6 +47,7 @@ from setid.proofs.noise_scale import (
 )
 from setid.proofs.parameter_box import start_of
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,7 +90,7 @@ class Consistency(NoiseScale):
         As given: a factor of 1.
     assumptions : tuple of str
     samples : tuple of (record, sample)
-        Samples that keep the factor from being smaller, where linear programs tell.
+        Samples, from 0, that keep the factor from being smaller, where linear programs tell.
 
     Examples
     --------
@@ -281,7 +282,7 @@ def _exactly(formulation: Formulation, noise: Noise) -> Consistency:
     rows, p = formulation.regression, len(formulation.parameters)
     assert rows is not None
     used = [number // 2 for number, _ in bound.multipliers if number < 2 * rows.target.size]
-    samples = {(int(rows.record[r]), int(rows.sample[r])) for r in used}
+    samples = {(int(rows.record[r]), int(rows.sample[r]) - 1) for r in used}
     x = bound.x
     return Consistency(
         scale=(bound.lower, bound.upper),
@@ -355,8 +356,13 @@ def _by_engine(
         refuted=refuted,
         noise=noise,
         assumptions=_assumptions(formulation, noise),
-        samples=() if refuted is None else conflicting_rows(stated(refuted[0]), refuted[1]),
+        samples=() if refuted is None else _from_zero(stated(refuted[0]), refuted[1]),
     )
+
+
+def _from_zero(formulation: Formulation, box: ParameterBox) -> tuple[tuple[int, int], ...]:
+    """Records and samples, counted from 0, whose rows refute a factor."""
+    return tuple((record, k - 1) for record, k in conflicting_rows(formulation, box))
 
 
 def _is_boxed(formulation: Formulation, until: float) -> bool:

@@ -85,6 +85,7 @@ class Fit:
     outputs : (N, ny) float
         Outputs of the model, NaN where there are none.
     data : IOData
+    model : Structure
     evidence : OutputErrors or None
         Of output errors: what the certificate is about.
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import time
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -28,7 +29,7 @@ from setid.consistency import consistency
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import SetidError
+from setid.errors import SetidError, SetidWarning
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point, repair
@@ -144,6 +145,9 @@ def identify(
     if not isinstance(settings, Options):
         raise SetidError(f"options: found {type(settings).__name__}, expected setid.Options")
     settings = with_executor(settings, executor)
+    if settings.for_engine().effort == "presolve":
+        text = "Options.engine: found effort 'presolve', which bounds each end by one relaxation; "
+        warnings.warn(text + "expected effort='auto'", SetidWarning, stacklevel=2)
     if holdout is not None:
         return _held_out((data, model, noise, priors), settings, holdout, on_progress)
     if isinstance(model, BlockStructured) and isinstance(data, IOData):

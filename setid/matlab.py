@@ -125,7 +125,7 @@ def _answer(result: Identification) -> dict[str, Any]:
         best = np.asarray(result.best("simulation").theta, float)
     except SetidError:
         best = np.full(len(result.intervals), np.nan)
-    samples = np.array([[r, k] for r, k in result.samples], float).reshape(-1, 2)
+    samples = np.array([[r, k + 1] for r, k in result.samples], float).reshape(-1, 2)
     return {
         "names": cell(result.intervals),
         "outer": np.array([item.outer for item in intervals], float),

@@ -43,8 +43,10 @@ class Options:
         want of a normalisation: refuse, or report which ones these are, with proved
         intervals of the others.
     engine : sparsepop_py.Options, optional
-        Settings of the engine instead of the usual ones, ``sp.Options(effort="auto")``, of which
-        that effort should stay; the fields above take precedence.
+        Settings of the engine instead of the usual ones, ``sp.Options(effort="auto")``; the fields
+        above take precedence. With ``skip``, which names stages of effort ``"auto"``, the effort
+        is ``"auto"``; otherwise :func:`identify` warns of effort ``"presolve"``, which leaves
+        most gaps open.
 
     Raises
     ------
@@ -107,6 +109,8 @@ class Options:
             A :meth:`deadline`; the whole time limit begins now when left out.
         """
         base = self.engine or sp.Options(effort="auto")
+        if base.skip and base.effort == "presolve":
+            base = replace(base, effort="auto")  # what is skipped are stages of that effort
         left = None if until is None else max(until - monotonic(), _LEAST)
         return replace(
             base,

@@ -65,6 +65,8 @@ class FrequencyBand:
         where an interval is infinite.
     Ts : float
         Sampling time.
+    labels : (str, str) or None
+        Names and units of output and input, for axes.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class FrequencyBand:
     regions: Complexes
     arcs: ArcRegions | None = None
     Ts: float = 1.0
+    labels: tuple[str, str] | None = None
 
     def between(self, omega: ArrayLike) -> tuple[Reals, Reals]:
         """Proved gains and phases at any frequencies, also between those of the band.
@@ -145,16 +148,19 @@ class FrequencyBand:
         with np.errstate(divide="ignore"):
             return np.asarray(20.0 * np.log10(self.magnitude), np.float64)
 
-    def plot(self, kind: str = "bode") -> NDArray[Any] | Axes:
+    def plot(self, ax: Any = None, kind: str = "bode") -> NDArray[Any] | Axes:
         """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes.
 
         Parameters
         ----------
+        ax : matplotlib Axes, or two of them for a Bode plot, optional
+            The kind may stand in this place.
         kind : {"bode", "nyquist", "nichols"}
         """
         from setid.plots.responses import plot_frequency_band
 
-        return plot_frequency_band(self, kind)
+        given, chosen = (None, ax) if isinstance(ax, str) else (ax, kind)
+        return plot_frequency_band(self, chosen, given)
 
 
 def frequency_band(
@@ -252,6 +258,7 @@ def frequency_band(
         frozen(regions),
         arcs,
         data.Ts,
+        (data.output_labels[output - 1], data.input_labels[input - 1]),
     )
 
 

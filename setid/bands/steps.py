@@ -48,6 +48,8 @@ class StepBand:
         proved.
     report : BandReport or None
         Of a proved band: how it compares with what is attained.
+    labels : (str, str) or None
+        Names and units of output and input, for axes.
 
     Examples
     --------
@@ -69,6 +71,7 @@ class StepBand:
     attained_high: Reals
     later: tuple[float, float] = (-np.inf, np.inf)
     report: BandReport | None = None
+    labels: tuple[str, str] | None = None
 
     @property
     def all_time(self) -> tuple[float, float]:
@@ -85,11 +88,16 @@ class StepBand:
             lines.append("after the last sample  [{:.5g}, {:.5g}]".format(*self.later))
         return "\n".join(lines)
 
-    def plot(self) -> Axes:
-        """Draw what is proved and what is attained; returns the axes."""
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw what is proved and what is attained; returns the axes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+        """
         from setid.plots.responses import plot_step_band
 
-        return plot_step_band(self)
+        return plot_step_band(self, ax)
 
 
 def step_band(
@@ -178,7 +186,9 @@ def step_band(
     time = np.arange(count) * data.Ts
     columns = (frozen(x) for x in (time, centre, low, high, *attained))
     t, middle, a, b, c, d = columns
-    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report)
+    data = result.formulation.data
+    labels = data.output_labels[output - 1], data.input_labels[input - 1]
+    return StepBand(kind, output, input, t, middle, a, b, c, d, later, report, labels)
 
 
 _SETTLED = 1e-4  # of the nominal impulse response where it is cut off for a bound for all time

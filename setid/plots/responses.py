@@ -18,6 +18,7 @@ from setid.plots.axes import (
     ink,
     new_axes,
     require_matplotlib,
+    stacked_axes,
 )
 
 if TYPE_CHECKING:
@@ -31,19 +32,22 @@ __all__ = ["plot_frequency_band", "plot_step_band"]
 Reals = NDArray[np.float64]
 
 
-def plot_frequency_band(band: FrequencyBand, kind: str = "bode") -> NDArray[Any] | Axes:
+def plot_frequency_band(
+    band: FrequencyBand, kind: str = "bode", ax: Any = None
+) -> NDArray[Any] | Axes:
     """Draw a band of a frequency response.
 
     Parameters
     ----------
     band : FrequencyBand
     kind : {"bode", "nyquist", "nichols"}
+    ax : matplotlib Axes, or two of them for a Bode plot, optional
 
     Returns
     -------
     array of two matplotlib Axes for a Bode plot, else matplotlib Axes
     """
-    drawers: dict[str, Callable[[FrequencyBand], NDArray[Any] | Axes]] = {
+    drawers: dict[str, Callable[[FrequencyBand, Any], NDArray[Any] | Axes]] = {
         "bode": _bode,
         "nyquist": _nyquist,
         "nichols": _nichols,
@@ -51,12 +55,11 @@ def plot_frequency_band(band: FrequencyBand, kind: str = "bode") -> NDArray[Any]
     if kind not in drawers:
         raise SetidError(f"kind: found {kind!r}, expected one of {', '.join(drawers)}")
     require_matplotlib()
-    return drawers[kind](band)
+    return drawers[kind](band, ax)
 
 
-def _bode(band: FrequencyBand) -> NDArray[Any]:
-    plt = require_matplotlib()
-    _, axes = plt.subplots(2, 1, sharex=True, figsize=(7.0, 5.5), layout="constrained")
+def _bode(band: FrequencyBand, given: Any) -> NDArray[Any]:
+    axes = stacked_axes(given, 2, 2.4)
     nominal = 20 * np.log10(np.maximum(np.abs(band.nominal), np.finfo(float).tiny))
     angle = np.degrees(np.unwrap(np.angle(band.nominal)))
     omega, decibel, phase = _everywhere(band)
@@ -70,7 +73,8 @@ def _bode(band: FrequencyBand) -> NDArray[Any]:
         ax.grid(alpha=0.3, which="both")
     axes[0].legend(loc="best")
     where = "" if band.arcs is None else ", proved at all frequencies"
-    axes[0].set_title(f"y{band.output} from u{band.input}{where}")
+    output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
+    axes[0].set_title(f"{output} from {input_}{where}")
     axes[1].set_xlabel("frequency, rad per unit of time")
     return np.asarray(axes)
 
@@ -88,8 +92,8 @@ def _everywhere(band: FrequencyBand) -> tuple[Reals, Reals, Reals]:
         return omega, 20.0 * np.log10(gains), phase
 
 
-def _nyquist(band: FrequencyBand) -> Axes:
-    ax = new_axes(None, (5.5, 5.5))
+def _nyquist(band: FrequencyBand, given: Any) -> Axes:
+    ax = new_axes(given, (5.5, 5.5))
     colour = COLOUR[band.kind]
     if band.kind == "proved":
         for corners in band.regions[np.all(np.isfinite(band.regions), axis=1)]:
@@ -107,8 +111,8 @@ def _nyquist(band: FrequencyBand) -> Axes:
     return ax
 
 
-def _nichols(band: FrequencyBand) -> Axes:
-    ax = new_axes(None, (5.5, 5.5))
+def _nichols(band: FrequencyBand, given: Any) -> Axes:
+    ax = new_axes(given, (5.5, 5.5))
     decibel, phase = _finite(band.decibel), np.degrees(band.phase)
     for (low, high), (left, right) in zip(decibel, phase, strict=True):
         ax.fill(
@@ -152,7 +156,8 @@ def plot_step_band(band: StepBand, ax: Axes | None = None) -> Axes:
     clip(axes, np.concatenate([band.nominal, *attained]), (band.low, band.high))
     axes.step(band.time, band.nominal, color=ink(), lw=1, where="post", label="nominal")
     axes.set_xlabel("time")
-    axes.set_ylabel(f"y{band.output} for a step in u{band.input}")
+    output, input_ = band.labels or (f"y{band.output}", f"u{band.input}")
+    axes.set_ylabel(f"{output} for a step in {input_}")
     axes.grid(alpha=0.3)
     axes.legend(loc="best")
     return axes

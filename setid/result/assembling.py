@@ -76,7 +76,7 @@ def result_of(
         bounds=outcome.bounds,
         results=outcome.results,
         active=FrozenMapping(active_priors(formulation, points) if points else {}),
-        samples=outcome.samples,
+        samples=tuple((record, sample - 1) for record, sample in outcome.samples),
         timings=FrozenMapping(dict(timings)),
         notes=outcome.notes,
         unbounded=outcome.unbounded,

@@ -74,7 +74,7 @@ class Identification(FeasibleSet):
         For each prior (as it describes itself), whether it holds with equality at some
         attained end of an interval.
     samples : tuple of (record, sample)
-        Where the set is empty: the samples, from 1, whose rows contradict each other.
+        Where the set is empty: the samples, from 0, whose rows contradict each other.
     timings : mapping of str to float
         CPU seconds of each stage.
     notes : tuple of str

@@ -125,14 +125,14 @@ def _hits(result: FeasibleSet) -> list[tuple[int, int, str]]:
     for x in result.witnesses:
         values = problem.rows.values(x)[band]
         for row in band[np.abs(values) <= _NEAR * (np.abs(constant) + 1e-300)].tolist():
-            found.append((int(rows.record[row]), int(rows.sample[row]), _KINDS["e"]))
+            found.append((int(rows.record[row]), int(rows.sample[row]) - 1, _KINDS["e"]))
         for group, kind in _KINDS.items():
             numbers = formulation.layout.group(group)
             place, channel = np.nonzero(numbers >= 0)
             bound = problem.upper[numbers[place, channel]]
             full = np.abs(x[numbers[place, channel]]) >= (1.0 - _NEAR) * bound
             for row in place[full].tolist():
-                sample = row - int(data.first[row]) + 1
+                sample = row - int(data.first[row])
                 found.append((int(data.record[row]) + 1, sample, kind))
     return found
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import setid
+import sparsepop_py as sp
 from setid.consistency import READ_OFF
 
 DATA = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
@@ -101,3 +102,11 @@ def test_bounds_of_samples_are_split_with_the_record() -> None:
     found = setid.identify(data, model, setid.Noise(equation=bound), (), QUIET, holdout=0.5)
     assert found.formulation.noise.bounds(found.formulation.data)[2].max() == 0.1
     assert found.holdout is not None and found.holdout.scale[1] <= 0.5 * (1 + 1e-9)
+
+
+def test_skipped_stages_leave_the_effort_auto_and_presolve_is_warned_of() -> None:
+    skipped = setid.Options(engine=sp.Options(skip=("obbt_sdp",)))
+    assert skipped.for_engine().effort == "auto" and skipped.for_engine().skip == ("obbt_sdp",)
+    weak = setid.Options(engine=sp.Options(), progress=False)
+    with pytest.warns(setid.SetidWarning, match="effort 'presolve'"):
+        setid.identify(DATA, FIRST, setid.Noise(equation=0.5), (), weak)

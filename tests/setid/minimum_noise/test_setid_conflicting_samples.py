@@ -28,9 +28,9 @@ def least_level(result: setid.Identification, a: float, b: float) -> float:
     matrix = np.zeros((len(result.samples), 2 * count + 1))
     right = np.zeros(len(result.samples))
     for row, (_, k) in enumerate(result.samples):
-        matrix[row, k - 1], matrix[row, k - 2] = output, a * output
-        matrix[row, count + k - 2] = -b * below
-        right[row] = y[k - 1] + a * y[k - 2] - b * u[k - 2]
+        matrix[row, k], matrix[row, k - 1] = output, a * output
+        matrix[row, count + k - 1] = -b * below
+        right[row] = y[k] + a * y[k - 1] - b * u[k - 1]
     limits = np.vstack([np.eye(2 * count), -np.eye(2 * count)])
     limits = np.hstack([limits, -np.ones((4 * count, 1))])
     cost = np.append(np.zeros(2 * count), 1.0)
@@ -45,7 +45,8 @@ def check(result: setid.Identification, truth: setid.Simulated) -> None:
     rows = set(
         zip(*(getattr(result.formulation.rows, n) for n in ("record", "sample")), strict=True)
     )
-    assert set(result.samples) <= rows and 2 < len(result.samples) < len(rows)
+    named = {(record, k + 1) for record, k in result.samples}  # rows count samples from 1
+    assert named <= rows and 2 < len(result.samples) < len(rows)
     shown = ", ".join(str(k) for _, k in result.samples[:12])
     assert f"samples that contradict each other: {shown}" in result.summary()
     grid = [(a, b) for a in np.linspace(-1, 0, 11) for b in np.linspace(0.2, 2.2, 11)]
@@ -98,7 +99,8 @@ def factor_of_rows(result: setid.Identification, poles: dict[str, float]) -> flo
 
     An independent linear program: with the denominators fixed the rows are linear.
     """
-    formulation, keys = result.formulation, set(result.samples)
+    formulation = result.formulation
+    keys = {(record, k + 1) for record, k in result.samples}  # rows count samples from 1
     problem, count = formulation.problem, formulation.problem.dimension
     p = len(formulation.parameters)
     place = {formulation.parameters.index(name): value for name, value in poles.items()}

@@ -51,6 +51,8 @@ def things(result: setid.Identification) -> dict[str, tuple[Any, int]]:
         "set": (result.fps("a1", "a2", 8), 1),
         "selection": (selection(), 1),
         "noise": (noise_level(), 1),
+        "frequencies": (setid.frequency_band(result, [0.1, 1.0]), 2),
+        "step": (setid.step_band(result, 8), 1),
     }
 
 
@@ -110,6 +112,26 @@ def test_pictures_go_on_given_axes(things: dict[str, tuple[Any, int]], name: str
     assert plt.get_fignums() == before
     assert list(np.ravel(drawn)) == list(np.ravel(given))
     assert all(axis.has_data() for axis in np.ravel(given))
+
+
+def test_other_kinds_of_frequency_plots_go_on_given_axes(
+    things: dict[str, tuple[Any, int]],
+) -> None:
+    band, _ = things["frequencies"]
+    for kind in ("nyquist", "nichols"):
+        _, given = plt.subplots()
+        assert band.plot(given, kind=kind) is given and given.has_data()
+        assert band.plot(kind).get_xlabel() == given.get_xlabel()
+
+
+def test_names_of_channels_stand_on_bands() -> None:
+    data = setid.IOData(
+        [4, -3, 2, 1], [0, -6.25, 1.175, 2.0875], input_names="valve", output_units="m"
+    )
+    result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+    assert setid.step_band(result, 5).plot().get_ylabel() == "y1 [m] for a step in valve"
+    title = setid.frequency_band(result, [0.5, 1.0]).plot()[0].get_title()
+    assert title.startswith("y1 [m] from valve")
 
 
 def test_too_few_axes_are_refused(result: setid.Identification) -> None:
