@@ -226,11 +226,7 @@ def select(
     found = (
         _in_turn(make, tried, given, l1)
         if executor is None
-<<<<<<< HEAD
         else _at_once(make, tried, given, l1, executor)
-=======
-        else _at_once(make, tried, given, executor, l1)
->>>>>>> serve
     )
     steps = list[SelectionStep]()
     with closing(found):
@@ -238,7 +234,6 @@ def select(
             steps.append(step)
             if step.decision == "kept":
                 break
-<<<<<<< HEAD
         else:
             return Selection(tuple(steps), None, {})
     more = _without_idle(step, given) if remove_idle else []
@@ -247,16 +242,6 @@ def select(
     following = behind[0] if behind else (step.order, step.degree + 1)
     advice = "" if width is None else _width(last, width, make, following, given)
     return Selection((*steps, *more), last, _coefficients(last.result), advice)
-=======
-    if not steps or steps[-1].decision != "kept":
-        return Selection(tuple(steps), None, {})
-    step, place = steps[-1], len(steps)
-    more = _without_idle(step, given) if remove_idle else []
-    last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
-    following = tried[place] if place < len(tried) else (step.order, step.degree + 1)
-    advice = "" if width is None else _width(last, width, make, following, given)
-    return Selection(tuple([*steps, *more]), last, _coefficients(last.result), advice)
->>>>>>> serve
 
 
 _Given = tuple[IOData, Noise, list[Any], Options]
@@ -271,33 +256,20 @@ def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool
         if until < inf:
             share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
             settings = replace(settings, time_limit=share)
-<<<<<<< HEAD
         yield _try((make(*sizes), sizes, (data, noise, known, settings), l1))
 
 
 def _at_once(
     make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool, executor: Executor
-=======
-        yield _try((data, make(order, degree), noise, known, settings, l1), order, degree)
-
-
-def _at_once(
-    make: Family, tried: list[tuple[int, int]], given: _Given, executor: Executor, l1: bool
->>>>>>> serve
 ) -> _Steps:
     """Try all structures at once; yield them in their order."""
     data, noise, known, settings = given
     if settings.time_limit is not None:
         settings = replace(settings, time_limit=max(settings.time_limit / len(tried), _LEAST))
     settings = replace(settings, progress=False)
-<<<<<<< HEAD
     sent = (data, noise, known, settings)
     tasks = ((k, (make(*sizes), sizes, sent, l1)) for k, sizes in enumerate(tried))
     ready: dict[int, SelectionStep] = {}
-=======
-    tasks = ((k, (data, make(*tried[k]), noise, known, settings, l1)) for k in range(len(tried)))
-    ready: dict[int, tuple[Identification, str]] = {}
->>>>>>> serve
     place = 0
     with closing(completed(executor, _try, tasks)) as found:
         for done in found:
@@ -305,39 +277,10 @@ def _at_once(
                 raise SetidError(f"executor: structure {tried[done.key]} was given up: {done.lost}")
             ready[done.key] = done.value
             while place in ready:
-<<<<<<< HEAD
                 yield ready.pop(place)
                 place += 1
 
 
-=======
-                yield _step(ready.pop(place), *tried[place])
-                place += 1
-
-
-def _try(task: tuple[Any, ...], order: int, degree: int) -> SelectionStep:
-    return _step(_identify_task(task), order, degree)
-
-
-def _step(found: tuple[Identification, str], order: int, degree: int) -> SelectionStep:
-    result, text = found
-    decision, reason = _decision(result)
-    return SelectionStep(order, degree, decision, text + reason, result)
-
-
-def _identify_task(task: tuple[Any, ...]) -> tuple[Identification, str]:
-    """Identify in a worker process: the result, and what was left out."""
-    data, whole, noise, priors, options, l1 = task
-    names = sparse_terms(data, whole, noise) if l1 else ()
-    if names:  # fewer terms that explain the record: then all of them do
-        model, fixed = without(whole, names)
-        result = identify(data, model, noise, [*priors, *fixed], options)
-        if _decision(result)[0] == "kept":
-            return result, f"without {len(names)} of {len(whole.parameters)} terms: "
-    return identify(data, whole, noise, priors, options), ""
-
-
->>>>>>> serve
 def _naturals(given: Any, field: str, least: int) -> list[int]:
     listed = entries_of(given, field, "a list of integers", SetidError)
     return [natural(item, field, SetidError, least) for item in listed]
@@ -356,7 +299,6 @@ def _family(family: Any, data: IOData) -> Family:
     return family
 
 
-<<<<<<< HEAD
 def _try(task: tuple[Structure, tuple[int, int], _Given, bool]) -> SelectionStep:
     """Identify one structure; in a worker process if there is an executor."""
     whole, (order, degree), (data, noise, priors, options), l1 = task
@@ -373,9 +315,6 @@ def _try(task: tuple[Structure, tuple[int, int], _Given, bool]) -> SelectionStep
 
 
 def _without_idle(step: SelectionStep, given: _Given) -> list[SelectionStep]:
-=======
-def _without_idle(step: SelectionStep, given: tuple[Any, ...]) -> list[SelectionStep]:
->>>>>>> serve
     """Steps that leave idle terms out of a structure that was kept."""
     data, noise, priors, options = given
     fixed = step.result.formulation.priors[len(priors) :]
