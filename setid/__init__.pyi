@@ -61,6 +61,10 @@ from .export.continuous import (
     ContinuousEstimate,
     to_continuous,
 )
+from .export.matlab_files import (
+    to_mat,
+    to_ureal,
+)
 from .export.python_control import (
     ControlModels,
     to_control,
@@ -100,6 +104,10 @@ from .feasible_set.projections import (
 )
 from .feasible_set.start import (
     parameter_box,
+)
+from .fit import (
+    Fit,
+    fit,
 )
 from .formulation.assembly import (
     Rows,
@@ -209,6 +217,9 @@ from .simulation.simulate import (
 from .study import (
     Study,
 )
+from .terms import (
+    sparse_terms,
+)
 from .verify import (
     verify,
 )
@@ -234,6 +245,7 @@ __all__ = [
     "Evidence",
     "Excitation",
     "FeasibleSet",
+    "Fit",
     "Formulation",
     "FrequencyBand",
     "Hammerstein",
@@ -297,6 +309,7 @@ __all__ = [
     "estimators",
     "excitation",
     "feasible",
+    "fit",
     "formulate",
     "frequency_band",
     "identify",
@@ -323,11 +336,14 @@ __all__ = [
     "simulate",
     "simulate_band",
     "simulate_record",
+    "sparse_terms",
     "static_band",
     "step_band",
     "to_continuous",
     "to_control",
+    "to_mat",
     "to_structs",
+    "to_ureal",
     "unidentifiable",
     "verify",
     "worst_case_error",

@@ -29,6 +29,7 @@ from setid.proofs.intervals import IntervalStatus
 from setid.result.identification import Identification
 from setid.serve.server import serve
 from setid.study import Study
+from setid.verify_command import add_verify, certificate_text
 from sparsepop_py.cli import (
     EXIT_INPUT,
     EXIT_MISSING,
@@ -41,6 +42,8 @@ from sparsepop_py.cli import (
     run_commands,
     version,
 )
+from sparsepop_py.errors import check_writable
+from sparsepop_py.files import write_text
 from sparsepop_py.study.command import add_study
 
 __all__ = [
@@ -68,6 +71,7 @@ _CODES = """exit codes:
   2  the input is wrong (the message is on standard error)
   3  software is missing (the message says what to install)
   4  it is proved that no parameter is consistent with the data: order or bounds are wrong
+  5  an output cannot be written (what was found is printed before)
 
 columns: by name from the first line, or by number from 0. Without --input and --output
 the columns u and y are taken, or 0 and 1 in a file without names.
@@ -129,8 +133,14 @@ def _parser() -> argparse.ArgumentParser:
         if run is _identify:
             command.add_argument("--plot", metavar="OUT.png", help="write a picture")
             command.add_argument(
+                "--certificate",
+                metavar="OUT.json",
+                help="write record, rows and proofs, for setid verify and checker/check.py",
+            )
+            command.add_argument(
                 "--verify", action="store_true", help="check every claim again, without any solver"
             )
+    add_verify(commands)
     add_study(commands, Study)
     _add_serve(commands)
     return parser
@@ -227,6 +237,8 @@ def _options(arguments: argparse.Namespace) -> Options:
 
 def _identify(arguments: argparse.Namespace) -> int:
     check_outputs(arguments)
+    if arguments.certificate:
+        check_writable(arguments.certificate, "--certificate")
     data, model, noise, priors = _parts(arguments)
     result = identify(data, model, noise, priors, _options(arguments))
     checked = result.verify(data) if arguments.verify else None
@@ -235,6 +247,8 @@ def _identify(arguments: argparse.Namespace) -> int:
     if checked is not None:
         text += f"\n{_VERIFIED if checked else f'NOT VERIFIED: {checked.reason}'}"
     print_or_write(arguments.json, record, text)
+    if arguments.certificate:
+        write_text(arguments.certificate, certificate_text(result) + "\n")
     if arguments.plot:
         _save(result, arguments.plot)
     if checked is not None and not checked:

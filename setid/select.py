@@ -9,7 +9,7 @@ settled: a gap as wide as the attained interval tells nothing.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import sparsepop_py as sp
+from setid.consistency import consistency
 from setid.data.checks import entries_of, natural
 from setid.data.noise import Noise
 from setid.data.record import IOData
@@ -32,6 +33,7 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
+from setid.terms import sparse_terms, without, without_idle
 from sparsepop_py.executors.dispatch import completed
 
 if TYPE_CHECKING:
@@ -41,6 +43,8 @@ __all__ = ["Selection", "SelectionStep", "select"]
 
 Family = Callable[[int, int], Structure]
 _LEAST = 1e-3  # seconds for a structure when the time is over
+_SECONDS = 30.0  # for a least noise level
+_GAIN = 0.7  # of the noise that another structure needs, for it to be worth while
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -88,6 +92,8 @@ class Selection:
         For each coefficient of the chosen structure whether it is ``"needed"`` (its interval
         excludes zero, proved), ``"idle"`` (zero lies between attained values) or ``"open"``,
         with the reason.
+    advice : str
+        Where intervals are wider than asked: whether a better sensor or another structure pays.
 
     Examples
     --------
@@ -102,6 +108,7 @@ class Selection:
     steps: tuple[SelectionStep, ...]
     chosen: SelectionStep | None
     coefficients: dict[str, str]
+    advice: str = ""
 
     @property
     def result(self) -> Identification | None:
@@ -115,6 +122,7 @@ class Selection:
         lines += [f"  {name}: {text}" for name, text in self.coefficients.items()]
         if self.chosen is None:
             lines.append("no structure with consistent parameters was found")
+        lines += [self.advice] if self.advice else []
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -151,6 +159,9 @@ def select(
     priors: Iterable[Prior | sp.Constraint] = (),
     options: Options | None = None,
     *,
+    remove_idle: bool = False,
+    l1: bool = False,
+    width: float | None = None,
     executor: Executor | None = None,
 ) -> Selection:
     """Find the simplest structure that the data do not refute.
@@ -169,6 +180,17 @@ def select(
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
         For each identification; ``time_limit`` is for all of them together.
+    remove_idle : bool
+        Leave out terms of which both signs are attained, and identify again, until all that are
+        left are needed or open.
+    l1 : bool
+        Leave out the terms that are zero where the sum of sizes is least, before anything is
+        identified: for dictionaries of many terms. That the others explain the record is
+        proved by the identification; where they do not, the whole structure is tried.
+    width : float, optional
+        Largest half width, relative, that is wanted. Where intervals are wider, ``advice`` says
+        whether a better sensor or a higher degree pays, from the least noise that explains the
+        record with this structure and with the next.
     executor : concurrent.futures.Executor, optional
         Tries all structures at once, each as one task with an equal share of the time limit.
         Those behind the first that is kept are dropped, so the steps are the same.
@@ -202,58 +224,61 @@ def select(
     tried = list(product(sizes, tops))
     given = data, noise, known, settings
     found = (
-        _in_turn(make, tried, given) if executor is None else _at_once(make, tried, given, executor)
+        _in_turn(make, tried, given, l1)
+        if executor is None
+        else _at_once(make, tried, given, l1, executor)
     )
     steps = list[SelectionStep]()
     with closing(found):
         for step in found:
             steps.append(step)
             if step.decision == "kept":
-                return Selection(tuple(steps), step, _coefficients(step.result))
-    return Selection(tuple(steps), None, {})
+                break
+        else:
+            return Selection(tuple(steps), None, {})
+    more = _without_idle(step, given) if remove_idle else []
+    last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
+    behind = tried[len(steps) :]
+    following = behind[0] if behind else (step.order, step.degree + 1)
+    advice = "" if width is None else _width(last, width, make, following, given)
+    return Selection((*steps, *more), last, _coefficients(last.result), advice)
 
 
 _Given = tuple[IOData, Noise, list[Any], Options]
 _Steps = Generator[SelectionStep, None, None]
 
 
-def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given) -> _Steps:
+def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool) -> _Steps:
     """Try one structure after the other; those soon refuted leave their time to the others."""
     data, noise, known, settings = given
     until = settings.deadline()
-    for place, (order, degree) in enumerate(tried):
+    for place, sizes in enumerate(tried):
         if until < inf:
             share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
             settings = replace(settings, time_limit=share)
-        result = identify(data, make(order, degree), noise, known, settings)
-        yield SelectionStep(order, degree, *_decision(result), result)
+        yield _try((make(*sizes), sizes, (data, noise, known, settings), l1))
 
 
 def _at_once(
-    make: Family, tried: list[tuple[int, int]], given: _Given, executor: Executor
+    make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool, executor: Executor
 ) -> _Steps:
     """Try all structures at once; yield them in their order."""
     data, noise, known, settings = given
     if settings.time_limit is not None:
         settings = replace(settings, time_limit=max(settings.time_limit / len(tried), _LEAST))
     settings = replace(settings, progress=False)
-    tasks = ((k, (data, make(*tried[k]), noise, known, settings)) for k in range(len(tried)))
-    ready: dict[int, Identification] = {}
+    sent = (data, noise, known, settings)
+    tasks = ((k, (make(*sizes), sizes, sent, l1)) for k, sizes in enumerate(tried))
+    ready: dict[int, SelectionStep] = {}
     place = 0
-    with closing(completed(executor, _identify_task, tasks)) as found:
+    with closing(completed(executor, _try, tasks)) as found:
         for done in found:
             if done.value is None:
                 raise SetidError(f"executor: structure {tried[done.key]} was given up: {done.lost}")
             ready[done.key] = done.value
             while place in ready:
-                result = ready.pop(place)
-                yield SelectionStep(*tried[place], *_decision(result), result)
+                yield ready.pop(place)
                 place += 1
-
-
-def _identify_task(task: tuple[Any, ...]) -> Identification:
-    """Identify in a worker process."""
-    return identify(*task)
 
 
 def _naturals(given: Any, field: str, least: int) -> list[int]:
@@ -272,6 +297,66 @@ def _family(family: Any, data: IOData) -> Family:
             "or a callable (order, degree) -> structure"
         )
     return family
+
+
+def _try(task: tuple[Structure, tuple[int, int], _Given, bool]) -> SelectionStep:
+    """Identify one structure; in a worker process if there is an executor."""
+    whole, (order, degree), (data, noise, priors, options), l1 = task
+    names = sparse_terms(data, whole, noise) if l1 else ()
+    if names:  # fewer terms that explain the record: then all of them do
+        model, fixed = without(whole, names)
+        result = identify(data, model, noise, [*priors, *fixed], options)
+        decision, reason = _decision(result)
+        if decision == "kept":
+            text = f"without {len(names)} of {len(whole.parameters)} terms: {reason}"
+            return SelectionStep(order, degree, decision, text, result)
+    result = identify(data, whole, noise, priors, options)
+    return SelectionStep(order, degree, *_decision(result), result)
+
+
+def _without_idle(step: SelectionStep, given: _Given) -> list[SelectionStep]:
+    """Steps that leave idle terms out of a structure that was kept."""
+    data, noise, priors, options = given
+    fixed = step.result.formulation.priors[len(priors) :]
+    tried = without_idle(step.result, (data, noise, [*priors, *fixed], options))
+    return [_without_step(step, found.left_out, found.result) for found in tried]
+
+
+def _without_step(
+    step: SelectionStep, names: Sequence[str], result: Identification
+) -> SelectionStep:
+    decision, reason = _decision(result)
+    text = f"without {', '.join(names)}: {reason}"
+    return SelectionStep(step.order, step.degree, decision, text, result)
+
+
+def _width(
+    step: SelectionStep,
+    width: float,
+    make: Family,
+    following: tuple[int, int],
+    given: _Given,
+) -> str:
+    """Say whether noise or structure makes intervals wide."""
+    widest = max(_relative(item) for item in step.result.intervals.values())
+    if widest <= width:
+        return f"widest interval {100 * widest:.2g} % of its size: as narrow as asked"
+    data, noise, priors, options = given
+    limit = options if options.time_limit is not None else replace(options, time_limit=_SECONDS)
+    model = step.result.formulation.model
+    own = consistency(data, model, noise, priors, limit).scale
+    other = consistency(data, make(*following), noise, priors, limit).scale
+    shown = f"widest interval {100 * widest:.2g} % of its size, {100 * width:.2g} % asked"
+    if other[1] < _GAIN * own[0]:
+        return (
+            f"{shown}; order {following[0]}, degree {following[1]} explains the record with "
+            f"{other[1]:.2g} times the noise bounds instead of {own[0]:.2g}: a higher degree or "
+            "order pays, with lower bounds"
+        )
+    return (
+        f"{shown}; this structure needs {own[0]:.2g} times the noise bounds, order {following[0]}, "
+        f"degree {following[1]} at most {other[1]:.2g}: a better sensor or more excitation pays"
+    )
 
 
 def _decision(result: Identification) -> tuple[str, str]:

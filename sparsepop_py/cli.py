@@ -18,7 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from sparsepop_py import plots
-from sparsepop_py.errors import FormatError, ProblemError, SolverNotFound, check_writable
+from sparsepop_py.errors import (
+    FormatError,
+    OutputError,
+    ProblemError,
+    SolverNotFound,
+    check_writable,
+)
 from sparsepop_py.files import read_bytes, write_text
 from sparsepop_py.formats import FORMATS, read, read_stream
 from sparsepop_py.options import Options
@@ -40,6 +46,7 @@ __all__ = [
     "EXIT_INPUT",
     "EXIT_MISSING",
     "EXIT_OPEN",
+    "EXIT_OUTPUT",
     "EXIT_PIPE",
     "EXIT_PROVED",
     "add_json",
@@ -56,6 +63,7 @@ EXIT_PROVED = 0
 EXIT_OPEN = 1
 EXIT_INPUT = 2
 EXIT_MISSING = 3
+EXIT_OUTPUT = 5
 EXIT_PIPE = 141  # as shells count a process that ended by SIGPIPE
 
 _CODES = """exit codes:
@@ -63,6 +71,7 @@ _CODES = """exit codes:
   1  the gap is open, or nothing is proved
   2  the input is wrong (the message is on standard error)
   3  software is missing (the message says what to install)
+  5  an output cannot be written (what was found is printed before)
 """
 AnyResult = Result | RationalResult
 _PROVED = (Status.OPTIMAL, Status.INFEASIBLE, Status.UNBOUNDED)
@@ -124,6 +133,9 @@ def run_commands(
     except BrokenPipeError:  # whoever read has read enough
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115  closed with the process
         return EXIT_PIPE
+    except OutputError as error:
+        print(f"{program}: {error}", file=sys.stderr)
+        return EXIT_OUTPUT
     except wrong as error:
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_INPUT
@@ -306,8 +318,8 @@ def print_or_write(path: str | None, record: Any, text: str) -> None:
     if path == "-":
         print(encoded)
         return
+    print(text, flush=True)  # nothing is lost if the file cannot be written
     write_text(path, encoded + "\n")
-    print(text)
 
 
 def version() -> str:
@@ -489,7 +501,12 @@ def _orders(arguments: argparse.Namespace) -> int:
         arguments.orders,
         arguments.effort,
         cliques or ("sparse",),
-        Options(solver=arguments.solver, time_limit=arguments.time_limit, progress=True),
+        Options(
+            solver=arguments.solver,
+            time_limit=arguments.time_limit,
+            cpu_limit=arguments.cpu_limit,
+            progress=True,
+        ),
     )
     rows = [
         {key: json_number(v) if isinstance(v, float) else v for key, v in row.items()}

@@ -84,7 +84,7 @@ def test_emptiness_is_proved(name, effort):
 
 
 def test_both_arguments_of_emptiness_occur():
-    by_boxes = sp.solve(sp.parse(EMPTY["linear"])).certificate
+    by_boxes = sp.solve(sp.parse(EMPTY["cube"])).certificate
     assert by_boxes.identity is None
     by_farkas = sp.solve(sp.parse(EMPTY["just empty"])).certificate
     assert by_farkas.identity is not None

@@ -27,6 +27,7 @@ __all__ = ["Accuracy", "Band", "band_of", "record_bands", "rows_of"]
 
 Reals = NDArray[np.float64]
 Bounds = tuple[Reals, Reals, Reals]
+_USELESS = 1e3  # times the attained width: what grows beyond it counts as infinite
 _SHARE = 0.7  # of the time, for ranges along principal axes where the cover is not the set
 
 
@@ -189,16 +190,18 @@ def _one(task: Experiment, cover: Cover, known: Reals, effort: Effort, settle: i
     low, high = (found.low, found.high) if cover.exact else _attained(task, cover, known)
     radius = _pole_radius(task, points)
     ratio = ratio_of((found.ranges.low, found.ranges.high), (low, high))
-    verdict = _verdict(found, effort.tolerance, radius)
+    verdict = _verdict(found, effort.tolerance, (radius, ratio))
     seconds = time.monotonic() - begin
     sizes = found.cells, found.left, found.growing
     return Band(found.ranges, low, high, BandReport(verdict, *sizes, ratio, radius, seconds))
 
 
-def _verdict(found: Found, tolerance: float, radius: float) -> Verdict:
-    ranges = found.ranges
+def _verdict(found: Found, tolerance: float, measured: tuple[float, float]) -> Verdict:
+    """The verdict, from the pole radius of members and the ratio of widths."""
+    ranges, (radius, ratio) = found.ranges, measured
     assert ranges is not None
-    if not np.all(np.isfinite([ranges.low, ranges.high])):
+    useless = found.growing > 0 and ratio > _USELESS
+    if useless or not np.all(np.isfinite([ranges.low, ranges.high])):
         return "unstable" if radius >= 1.0 else "unproved"
     return "tight" if found.excess <= tolerance else "wide"
 

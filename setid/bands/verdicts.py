@@ -26,8 +26,8 @@ class BandReport:
     verdict : {"tight", "wide", "unstable", "unproved"}
         ``"tight"``: within the tolerance of what points of the cover attain (members, where the
         cover is the feasible set). ``"wide"``: finite, but the time was over. Where the band is
-        infinite: ``"unstable"`` where a member is, and ``"unproved"`` where the stability of a
-        cell was not proved in the time given.
+        infinite or grows beyond 1000 times what is attained: ``"unstable"`` where a member is,
+        and ``"unproved"`` where the stability of a cell was not proved in the time given.
     cells : int
         Number of cells of the denominator's parameters that were looked at.
     left : int
@@ -67,18 +67,21 @@ class BandReport:
         if self.verdict == "tight":
             return f"proved width at most {self.ratio:.3g} times the attained one ({size})"
         if self.verdict == "wide":
-            return (
-                f"time is over at a proved width of up to {self.ratio:.3g} times the attained one "
-                f"({size}); a larger time_limit narrows it"
+            text = (
+                f"time is over at a proved width of up to {self.ratio:.3g} times the attained one"
             )
+            if self.pole_radius > 1.0:
+                text += f"; a member is unstable, with a pole of radius {self.pole_radius:.6g}"
+            return f"{text} ({size}); a larger time_limit narrows it"
+        without = "the band is infinite or grows towards it"
         if self.verdict == "unstable":
             return (
-                f"the band is infinite: a member is unstable, with a pole of radius "
-                f"{self.pole_radius:.6g} ({size}); a Stable prior or a shorter record helps"
+                f"{without}: a member is unstable, with a pole of radius {self.pole_radius:.6g} "
+                f"({size}); a Stable prior or a shorter record helps"
             )
         return (
-            f"the band is infinite: the stability of {self.growing} cells is not proved in the "
-            f"time given ({size}); a larger time_limit or a Stable prior with a margin helps"
+            f"{without}: the stability of {self.growing} cells is not proved in the time given "
+            f"({size}); a larger time_limit or a Stable prior with a margin helps"
         )
 
     @staticmethod

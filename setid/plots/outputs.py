@@ -11,8 +11,9 @@ from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, ove
 
 if TYPE_CHECKING:
     from setid.bands.outputs import Comparison, OutputBand
+    from setid.fit import Fit
 
-__all__ = ["plot_comparison", "plot_output_band"]
+__all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 
 Reals = NDArray[np.float64]
 
@@ -58,6 +59,30 @@ def _attained(band: OutputBand, i: int) -> tuple[Reals, Reals] | None:
         return None
     low, high = band.attained_low[:, i], band.attained_high[:, i]
     return (low, high) if np.any(np.isfinite(high - low)) else None
+
+
+def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
+    """Draw readings and outputs of a fit, the fit of each output in its title.
+
+    Parameters
+    ----------
+    found : Fit
+    ax : array of matplotlib Axes, optional
+        One an output.
+
+    Returns
+    -------
+    (ny,) array of matplotlib Axes
+    """
+    data = found.data
+    axes, time = over_time(data, data.outputs, 2.4, ax)
+    for i, axis in enumerate(axes):
+        axis.plot(time, found.outputs[:, i], color=COLOUR["sampled"], lw=1, label="model")
+        axis.plot(time, data.y[:, i], ".", color=ink(), ms=3, label="reading")
+        axis.set_ylabel(data.output_labels[i])
+        axis.set_title(f"fit {found.fit[i]:.1f} %")
+    axes[0].legend(loc="best", ncols=2, fontsize="small")
+    return axes
 
 
 def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:

@@ -6,16 +6,19 @@ sympy is imported only when one of its objects is handed in.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from sparsepop_py.algebra.matrix_constraints import SymbolicCone, cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
+from sparsepop_py.algebra.rational import AnyConstraint, Rational, constraint
 from sparsepop_py.errors import ProblemError
 
-__all__ = ["convert", "natural_key"]
+__all__ = ["convert", "convert_ratios", "natural_key"]
+
+Reader = Callable[[Any, list[Any], list[str], str], Polynomial | Rational]
 
 
 def _is_symbolic(item: Any) -> bool:
@@ -30,6 +33,19 @@ def convert(
     The variables are the symbols named in ``names``, or all symbols that occur, in
     natural order (x2 before x10). What is not symbolic passes unchanged.
     """
+    return _converted(objective, constraints, names, _polynomial)
+
+
+def convert_ratios(
+    objective: Any, constraints: list[Any], names: Sequence[str] | None
+) -> tuple[Any, list[Any]]:
+    """Do the same where expressions may be sums of ratios."""
+    return _converted(objective, constraints, names, _rational)
+
+
+def _converted(
+    objective: Any, constraints: list[Any], names: Sequence[str] | None, read: Reader
+) -> tuple[Any, list[Any]]:
     parts = [objective, *constraints]
     parts += [e for row in constraints if isinstance(row, SymbolicCone) for e in row.entries]
     if not any(_is_symbolic(item) for item in parts):
@@ -48,9 +64,9 @@ def convert(
     symbols = [found.get(label, sympy.Symbol(label)) for label in labels]
     if not symbols:
         raise ProblemError("objective: found no symbol, expected at least one variable")
-    polynomial = _polynomial(sympy.sympify(objective), symbols, labels, "objective")
+    polynomial = read(sympy.sympify(objective), symbols, labels, "objective")
     rows = [
-        _constraint(row, symbols, labels, f"constraints[{number}]")
+        _constraint(row, symbols, labels, f"constraints[{number}]", read)
         for number, row in enumerate(constraints)
     ]
     return polynomial, rows
@@ -87,7 +103,24 @@ def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: s
     return Polynomial.from_terms(exponents, coefficients, labels)
 
 
-def _constraint(row: Any, symbols: list[Any], labels: list[str], where: str) -> Constraint:
+def _rational(
+    expression: Any, symbols: list[Any], labels: list[str], where: str
+) -> Polynomial | Rational:
+    """Read a sum term by term, each as a numerator over a denominator."""
+    import sympy
+
+    found: Polynomial | Rational = _polynomial(sympy.Integer(0), symbols, labels, where)
+    for part in sympy.Add.make_args(expression):
+        numerator, denominator = sympy.fraction(sympy.together(part))
+        top = _polynomial(numerator, symbols, labels, where)
+        bottom = _polynomial(denominator, symbols, labels, where)
+        found = found + top / bottom
+    return found
+
+
+def _constraint(
+    row: Any, symbols: list[Any], labels: list[str], where: str, read: Reader
+) -> AnyConstraint:
     import sympy
 
     if isinstance(row, SymbolicCone):
@@ -101,4 +134,4 @@ def _constraint(row: Any, symbols: list[Any], labels: list[str], where: str) -> 
     if type(row) not in relations:
         raise ProblemError(f"{where}: found {row}, expected a sympy relation >=, <= or Eq")
     kind, sign = relations[type(row)]
-    return Constraint(_polynomial(sign * (row.lhs - row.rhs), symbols, labels, where), kind)
+    return constraint(read(row.lhs - row.rhs, symbols, labels, where) * sign, kind)

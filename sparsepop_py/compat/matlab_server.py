@@ -14,6 +14,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,8 @@ def answer(path: str | os.PathLike[str]) -> None:
     Parameters
     ----------
     path : path of a MAT file (version 6)
-        It holds ``task``, ``sparsePOP`` (also when left out) or ``sparsePOPintervals``;
+        It holds ``task``, ``sparsePOP`` (also when left out), ``sparsePOPintervals`` or
+        ``module:function`` of setid;
         ``arguments``, a cell array with those of the function of that name; and ``folder``, to
         which names of files are relative. Afterwards it holds ``outputs``, a cell array of the
         outputs as structs (six, or one with the intervals), ``warnings``, a cell array of texts,
@@ -78,7 +80,7 @@ def answer(path: str | os.PathLike[str]) -> None:
         try:
             question = _question(path)
             os.chdir(_text(question["folder"]))
-            called = _TASKS[_text(question.get("task", "sparsePOP"))]
+            called = _task(_text(question.get("task", "sparsePOP")))
             outputs = called(*map(_text, question["arguments"].ravel()))
             reply["outputs"] = cell(outputs, row=True)
         except (SparsePOPError, OSError) as error:
@@ -96,7 +98,18 @@ def _intervals(*arguments: Any) -> list[Any]:
     return [intervals_struct(interval_details(*arguments))]
 
 
+_GUESTS = ("setid",)  # packages whose functions may be asked for by name
 _TASKS = {"sparsePOP": _structs, "sparsePOPintervals": _intervals}
+
+
+def _task(name: str) -> Any:
+    """A task by its name, or ``module:function`` of a package that stands on this one."""
+    if name in _TASKS:
+        return _TASKS[name]
+    module, _, function = name.partition(":")
+    if module.split(".")[0] not in _GUESTS:
+        raise ProblemError(f"task: found {name!r}, expected one of {', '.join(_TASKS)}")
+    return getattr(import_module(module), function)
 
 
 def serve() -> None:

@@ -254,6 +254,8 @@ def sparsePOP(
     start = time.process_time()
     read, param = read_input(objPoly, ineqPolySys, lbd, ubd, param)
     parameters = read_parameters(param, strict, stacklevel=3)
+    options = parameters.options
+    deadline = Deadline(options.time_limit, None, options.cpu_limit)
     given = read()
     problem = given.problem
     _check_sizes(parameters, problem)
@@ -268,7 +270,7 @@ def sparsePOP(
     output = SparsePOPOutput(
         replace(parameters, relaxOrder=_order_used(parameters, problem)),
         sign * result.lower_bound if asked else None,
-        _with_error_bounds(point, problem, parameters, sign),
+        _with_error_bounds(point, problem, _remaining(parameters, deadline), sign),
         _times(result, spent, given),
         solver_info(built, asked, parameters.options.accuracy, point.status is Status.OPTIMAL),
         sizes_of(result, built),
@@ -379,6 +381,14 @@ def _in_the_given_problem(problem: Problem, result: Result) -> tuple[ProvedPoint
     if context.closed(result.lower_bound):
         return best, Status.OPTIMAL
     return best, Status.BOUNDED if result.lower_bound > -np.inf else Status.UNPROVED
+
+
+def _remaining(parameters: Parameters, deadline: Deadline) -> Parameters:
+    """Limit what follows the solve to the time that is left."""
+    options = parameters.options
+    wall = None if options.time_limit is None else deadline.left
+    rest = replace(options, time_limit=wall, cpu_limit=deadline.cpu_left)
+    return replace(parameters, options=rest)
 
 
 def _with_error_bounds(

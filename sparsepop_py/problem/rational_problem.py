@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from sparsepop_py.algebra.monomials import widen
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.rational import AnyConstraint, Rational, RationalConstraint, key_of
+from sparsepop_py.algebra.sympy_ import convert_ratios
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, Sense, encoding
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -78,8 +79,8 @@ class RationalProblem:
 
     Parameters
     ----------
-    objective : Rational or Polynomial
-    constraints : iterable of Constraint or RationalConstraint
+    objective : Rational, Polynomial or sympy expression
+    constraints : iterable of Constraint, RationalConstraint or sympy relation
         As comparisons make them.
     lower, upper : float or array_like (n,), optional
         Simple bounds, -inf and +inf where there are none.
@@ -125,7 +126,10 @@ class RationalProblem:
         sense: Sense = "min",
     ) -> None:
         single = isinstance(constraints, (Constraint, RationalConstraint))
-        rows = tuple([constraints] if single else constraints)
+        objective, listed = convert_ratios(
+            objective, [constraints] if single else list(constraints), names
+        )
+        rows = tuple(listed)
         function = _as_rational(objective, rows)
         polynomial = [row for row in rows if not isinstance(row, RationalConstraint)]
         zero = Polynomial.from_words(

@@ -105,7 +105,7 @@ def sharpened(
 def _better(
     base: Problem, objective: Polynomial, attempt: Options, solve: Solve
 ) -> Certificate | None:
-    """Bound a polynomial over all of space where it may have one there, else over the base."""
+    """Bound a polynomial over all of space if possible, else over the base."""
     found = _everywhere(base, objective, attempt, solve)
     return solve(base.with_objective(objective), attempt).certificate if found is None else found
 
@@ -113,7 +113,7 @@ def _better(
 def _everywhere(
     base: Problem, objective: Polynomial, attempt: Options, solve: Solve
 ) -> Certificate | None:
-    """Prove the minimum over all of space, as an exact sum of squares; None where this fails.
+    """Prove the minimum over all of space by an exact sum of squares.
 
     Such a proof is sharp and needs no box. It is not tried if the polynomial is negative far out.
     """
@@ -181,6 +181,7 @@ def _by_relaxations(
         f"hold, only {low:.12g} <= q <= {high:.12g}"
         + (f"; it is not positive at {seen[0]} and not negative at {seen[1]}" if seen else "")
         + "; expected bounds or constraints that keep it away from zero"
+        + (", or a longer time limit" if not seen and options.time_limit is not None else "")
     )
 
 

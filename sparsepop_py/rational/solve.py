@@ -20,6 +20,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
 from sparsepop_py.rational.denominators import prove_ranges, sharpened
+from sparsepop_py.rational.descent import descended, sampled
 from sparsepop_py.rational.result import RationalResult, attained_value
 from sparsepop_py.result import Result, Status
 from sparsepop_py.verified.certificate.rational_bound import RangeProof, RationalCertificate
@@ -29,7 +30,7 @@ __all__ = ["solve_rational"]
 Solve = Callable[..., Result]
 _LEVELS = 8  # Newton's method doubles the digits with each
 _STILL = 1e-9  # relative change of the level that ends it
-_POINTS, _REACH, _WIDEST = 200, 4.0, 300  # points of a sample, where no bounds are, variables
+_DESCENT, _SECONDS = 0.1, 50.0  # share of the time left for a first descent; without a limit
 
 
 def solve_rational(
@@ -112,7 +113,7 @@ class _RationalSearch:
             note = ("no point satisfies the polynomial constraints and bounds",)
             proof = RationalCertificate(problem.fingerprint, np.inf, self.proofs)
             return self.result(proof, None, note)
-        return self.searched(self.sample() if start is None else start)
+        return self.searched(self.first_point(start))
 
     def searched(self, start: NDArray[np.float64] | None) -> RationalResult:
         """Try levels from a point, the reciprocals, and levels from the point that these find."""
@@ -164,20 +165,19 @@ class _RationalSearch:
             return True
         return bool(found) and self.over
 
-    def sample(self) -> NDArray[np.float64] | None:
-        """Draw points of the box and return the best feasible one, None without one."""
-        problem = self.problem
-        if problem.dimension > _WIDEST:
+    def first_point(self, start: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        """Find a point to begin with, from a given one or from a sample."""
+        if self.options.refine == "none":
+            return start
+        found = sampled(self.problem, self.options.seed) if start is None else start
+        if found is None:
             return None
-        low, high = np.maximum(problem.lower, -_REACH), np.minimum(problem.upper, _REACH)
-        low, high = np.minimum(low, problem.upper), np.maximum(high, problem.lower)
-        generator = np.random.default_rng(self.options.seed)
-        points = generator.uniform(low, high, (_POINTS, problem.dimension))
-        points = np.clip(points, problem.lower, problem.upper)
-        for k in np.argsort(problem.objective(points)):
-            if problem.violation(points[k]) <= 0.0:
-                return np.asarray(points[k])
-        return None
+        return descended(self.problem, found, time.monotonic() + _DESCENT * self.left)
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left, at most some."""
+        return min(_SECONDS, *(end - clock() for _, clock, end in self.clocks))
 
     def by_levels(self, start: NDArray[np.float64]) -> RationalResult:
         """Find the level of an objective of one ratio; the best of all results."""

@@ -83,3 +83,13 @@ def test_products_of_shifted_quartics_get_a_box():
     near = 33.0**4 + 22.0**4 + 5.0  # at (3, -2), where the first factor is 1
     assert 0.8 * near <= result.lower_bound <= result.upper_bound <= near
     assert result.certificate.verify(problem).ok
+
+
+def test_a_chain_of_squares_without_squares_given_is_proved_by_a_gram_matrix():
+    """Broyden's tridiagonal function, expanded: the minimum is 0, at a root of its equations."""
+    given = sp.problems.broyden_tridiagonal(20)
+    problem = sp.Problem(given.objective, (), given.lower, given.upper)
+    plain = {"relaxOrder": 2, "tighten": 0, "printLevel": 0}
+    _, value, POP, *_ = sp.sparsePOP(problem, plain)
+    assert -1e-6 <= value <= 0.0
+    assert abs(POP.solverValue) <= 1e-4  # the relaxation's own output stays

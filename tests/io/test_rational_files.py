@@ -128,3 +128,19 @@ def test_command_line(tmp_path):
     record = json.loads(done.stdout)
     assert record["certificate_verified"] and record["status"] == "OPTIMAL"
     assert record["lower_bound"] <= 0.5 <= record["upper_bound"]  # of the maximum
+
+
+def test_sympy_expressions():
+    sympy = pytest.importorskip("sympy")
+    x, y = sympy.symbols("x y")
+    rows = [x / (3 + y) >= sympy.Rational(1, 4), x + y <= 2, sympy.Eq(y / (1 + x**2), 0)]
+    problem = sp.RationalProblem(x / (1 + x**2) + 2 * y + 1 / (y + 3), rows, lower=-1, upper=2)
+    assert problem.names == ("x", "y")
+    assert problem.objective([1.0, 2.0]) == pytest.approx(0.5 + 4 + 0.2, rel=1e-15)
+    kinds = [type(row).__name__ for row in problem.constraints]
+    assert kinds == ["RationalConstraint", "Constraint", "RationalConstraint"]
+    assert problem.constraints[0].expression([1.0, 0.0]) == pytest.approx(1 / 3 - 1 / 4, rel=1e-14)
+    with pytest.raises(sp.ProblemError, match="objective: found"):
+        sp.RationalProblem(sympy.exp(x) / y)
+    with pytest.raises(sp.ProblemError, match="objective: found"):
+        sp.Problem(x / y)

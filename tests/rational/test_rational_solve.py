@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
+from sparsepop_py.rational.descent import descended, sampled
 
 
 def closed(problem, value, options=None, accuracy=3e-6):
@@ -148,3 +149,52 @@ def test_wrong_arguments():
         sp.solve(sp.RationalProblem(1 / (1 + x**2)), sp.Options(gap_kind="width"))
     with pytest.raises(sp.ProblemError, match="start: found shape"):
         sp.solve(sp.RationalProblem(1 / (1 + x**2)), start=[1.0])
+
+
+def test_descent_ends_at_a_minimum_of_the_ratios():
+    # 1 - 1 / (1 + (x - 3)^2 + (y + 1)^2) has its only minimum, 0, at (3, -1)
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(1 - 1 / (1 + (x - 3) ** 2 + (y + 1) ** 2), lower=-5, upper=5)
+    found = descended(problem, np.array([1.0, 1.0]), math.inf)
+    np.testing.assert_allclose(found, [3, -1], atol=1e-4)
+    np.testing.assert_array_equal(descended(problem, found, -math.inf), found)  # no time
+
+
+def test_samples_are_feasible():
+    x, y = sp.variables(2)
+    rows = [x / (3 - y) >= 0.1, x + y <= 1]
+    problem = sp.RationalProblem(x / (4 + y), rows, lower=-3, upper=[2, 2])
+    found = sampled(problem, 0)
+    assert found is not None and problem.violation(found) <= 0
+    assert sampled(sp.RationalProblem(x / (4 + y), [x + y == 0.123], lower=-3), 0) is None
+
+
+def test_many_ratios_in_a_chain():
+    # max of sum 1 / q_i over q_i >= 1 with equality at (1, ..., 1): n - 1
+    n = 20
+    x = sp.variables(n)
+    pairs = [
+        (0 * x[0] - 1, 100 * (x[i + 1] - x[i] ** 2) ** 2 + (x[i] - 1) ** 2 + 1)
+        for i in range(n - 1)
+    ]
+    problem = sp.RationalProblem(sp.Rational.of(0 * x[0], pairs), lower=-16, upper=16)
+    result = closed(problem, -(n - 1.0), sp.Options(effort="auto"))
+    # each denominator is 1 plus squares: an exact sum of squares proves it without any box
+    assert all(proof.below.bound == 1.0 for proof in result.certificate.ranges)
+
+
+def test_falling_ratios_are_unbounded():
+    x, y = sp.variables(2)
+    problem = sp.RationalProblem(x + 1 / (1 + y**2), [y <= 1, y >= -1])  # x is free
+    result = sp.solve(problem)
+    assert result.status is sp.Status.UNBOUNDED and result.upper_bound == -math.inf
+    assert sp.from_json(sp.to_json(result)).status is sp.Status.UNBOUNDED
+
+
+def test_a_short_limit_keeps_what_is_proved():
+    x = sp.variables(6)
+    terms = [(x[i] * x[i - 1] - x[i], 2 + x[i] ** 2 + x[i - 1] ** 2) for i in range(6)]
+    problem = sp.RationalProblem(sp.Rational.of(0 * x[0], terms), lower=-2, upper=2)
+    result = sp.solve(problem, sp.Options(effort="auto", time_limit=0.2))
+    assert result.lower_bound <= result.upper_bound
+    assert result.certificate.verify(problem).ok or result.lower_bound == -math.inf

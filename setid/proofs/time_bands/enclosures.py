@@ -291,16 +291,17 @@ def enclosure(
 
     one = _ranges(first, cover, proposer)
     second, cost = np.zeros((count, 2)), np.zeros((len(known.slopes), count))
-    lost = np.zeros(count)
+    lost, summed = np.zeros(count), np.zeros((count, 2))
     reach = np.abs(first[:, 0]) + np.abs(first[:, 1:]) @ cover.magnitude
     for j, slope in enumerate(known.slopes):
         product = -np.stack([np.convolve(slope, x)[:count] for x in first.T], axis=1)
         ends = _products(known.spread[:, j], _ranges(product, cover, proposer))
         second += ends
+        summed += np.abs(ends)
         cost[j] = ends[:, 1] - ends[:, 0]
         most = float(np.abs(known.spread[:, j]).max())
         lost += most * (2 * unit) * _convolve_up(np.abs(slope), reach)
-    second += 4 * len(cost) * _EPS * np.abs(second) * np.array([-1.0, 1.0])
+    second += 4 * len(cost) * _EPS * summed * np.array([-1.0, 1.0])
 
     sizes = _largest(one) + doubt
     drive = doubt + lost + _convolve_up(known.rest + known.lost, sizes)
@@ -360,7 +361,8 @@ def _start_reach(experiment: Experiment, theta: Reals, h: Reals, away: Reals) ->
             if 0 <= k < count:
                 size = abs(factor.constant) + np.abs(factor.weights) @ np.abs(theta)
                 middle[k] = factor.at(theta)
-                off[k] = np.abs(factor.weights) @ away + (4 * row.terms + 8) * _EPS * size
+                off[k] = np.abs(factor.weights) @ away * (1.0 + 1e-12)
+                off[k] += (4 * row.terms + 8) * _EPS * size
         found += bound * _reach(h, middle, off, count)
     return found
 

@@ -202,6 +202,26 @@ def test_unstable_members_are_covered_for_a_finite_time() -> None:
         assert holds(ranges.low, ranges.high, replayed(task, theta))
 
 
+@pytest.mark.parametrize("corner", [-1.0, 1.0])
+def test_the_centre_may_be_a_corner_of_the_cell(corner: float) -> None:
+    """Coordinates of one sign: the term of second order must have the right one."""
+    cover, task = box(THETA, 0.02), experiment(SECOND, 24)
+    theta = THETA + corner * 0.02
+    part = Partition(task, cover, frame_of(2), Proposer(cover))
+    outputs = np.array([float(v) for v in replayed(task, theta)])
+    den = np.concatenate([[1.0], theta[:2]])
+    impulse = np.zeros(24)
+    impulse[0] = 1.0
+    for k in range(1, 24):
+        impulse[k] = -sum(den[i] * impulse[k - i] for i in (1, 2) if i <= k)
+    part.enclose(0, Centre(theta, outputs, impulse), Proposer(part.polytope(0)))
+    ranges = part.ranges()
+    assert ranges is not None
+    opposite = THETA - corner * 0.02
+    for point in [opposite, *members(cover, 30)]:
+        assert holds(ranges.low, ranges.high, replayed(task, point))
+
+
 # ---- the leak ---------------------------------------------------------------------------
 
 

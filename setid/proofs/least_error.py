@@ -1,0 +1,303 @@
+"""Lower bounds of the least error of a fit, and their check.
+
+Equation errors: for each theta the norm of Y + R theta is at least lambda'Y / |lambda|_*, whatever
+lambda is with R'lambda = 0 (the dual norm below; S. Boyd, L. Vandenberghe, Convex Optimization,
+2004, section 5.1.6). Multipliers are rational, so that R'lambda = 0 holds exactly.
+
+Output errors: parameters with an error of at most a radius are consistent with output noise
+within it, for each of the three norms. The least error over those is a polynomial problem, whose
+bound the engine certifies; all other parameters have a larger error than the radius.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf, isqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.noise import Noise
+from setid.data.record import IOData
+from setid.formulation.formulation import Formulation, formulate
+from setid.formulation.regression import Regression
+from setid.formulation.units import in_units
+from setid.models.equations import Structure
+from setid.priors.base import Prior
+from setid.proofs.evidence import Verification
+from setid.proofs.existence import admitted
+from setid.proofs.parameter_box import ProvedBox, box_follows, problem_on_box
+
+__all__ = [
+    "Multipliers",
+    "Norm",
+    "OutputErrors",
+    "attained_norm",
+    "equation_bound",
+    "error_problem",
+    "exact_norm",
+    "output_bound",
+    "stated",
+    "verify_output",
+]
+
+Norm = Literal["linf", "l2", "l1"]
+
+
+# ---- equation errors --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Multipliers:
+    """Rational multipliers of the rows of an equation-error fit.
+
+    Parameters
+    ----------
+    values : tuple of Fraction
+        One a row, with R'lambda = 0.
+    """
+
+    values: tuple[Fraction, ...]
+
+
+def equation_bound(rows: Regression, norm: Norm, proof: Multipliers) -> float:
+    """Compute the bound that multipliers prove of the least norm of Y + R theta.
+
+    Parameters
+    ----------
+    rows : Regression
+    norm : {"linf", "l2", "l1"}
+    proof : Multipliers
+
+    Returns
+    -------
+    float
+        0 where they prove nothing; rounded down.
+    """
+    values = proof.values
+    if len(values) != rows.target.size:
+        return 0.0
+    used = [(k, v) for k, v in enumerate(values) if v]
+    for column in range(rows.regressors.shape[1]):
+        if sum(v * Fraction(float(rows.regressors[k, column])) for k, v in used) != 0:
+            return 0.0
+    gain = sum((v * Fraction(float(rows.target[k])) for k, v in used), Fraction(0))
+    if gain <= 0:
+        return 0.0
+    if norm == "l2":
+        return _root(gain * gain / sum(v * v for _, v in used), up=False)
+    size = max(abs(v) for _, v in used) if norm == "l1" else sum(abs(v) for _, v in used)
+    return _double(gain / size, up=False)
+
+
+def exact_norm(rows: Regression, theta: NDArray[np.float64], norm: Norm) -> float:
+    """Compute the norm of Y + R theta for given doubles, rounded up.
+
+    Parameters
+    ----------
+    rows : Regression
+    theta : (p,) float
+    norm : {"linf", "l2", "l1"}
+    """
+    parameters = [Fraction(float(value)) for value in theta]
+    errors = []
+    for target, row in zip(rows.target.tolist(), rows.regressors.tolist(), strict=True):
+        pairs = zip(row, parameters, strict=True)
+        errors.append(Fraction(target) + sum(Fraction(r) * t for r, t in pairs))
+    if norm == "l2":
+        return _root(sum((e * e for e in errors), Fraction(0)), up=True)
+    sizes = [abs(e) for e in errors]
+    return _double(sum(sizes, Fraction(0)) if norm == "l1" else max(sizes), up=True)
+
+
+def _double(value: Fraction, up: bool) -> float:
+    """The next double on one side."""
+    found = float(value)
+    if up:
+        return found if Fraction(found) >= value else float(np.nextafter(found, inf))
+    return found if Fraction(found) <= value else float(np.nextafter(found, -inf))
+
+
+def _root(square: Fraction, up: bool) -> float:
+    """A square root, rounded to one side."""
+    shift = 1 << 128  # the root of a multiple has 128 bits more
+    scaled = square * shift * shift
+    whole = isqrt(scaled.numerator // scaled.denominator)
+    return _double(Fraction(whole + (1 if up else 0), shift), up)
+
+
+# ---- output errors ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutputErrors:
+    """What is claimed of the least output error, with its evidence.
+
+    Parameters
+    ----------
+    norm : {"linf", "l2", "l1"}
+    radius : float
+        Parameters with a larger error are left out of the problem.
+    formulation : Formulation
+        The record with output noise within the radius.
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
+        Of the parameters, from the data alone.
+    certificate : sparsepop_py.Certificate or None
+        Of the problem in units.
+    attained : sparsepop_py.ProvedPoint or None
+        A point of it.
+    """
+
+    norm: Norm
+    radius: float
+    formulation: Formulation
+    box: ProvedBox | None
+    certificate: sp.Certificate | None
+    attained: sp.ProvedPoint | None
+
+
+def stated(
+    data: IOData, model: Structure, priors: Sequence[Prior | sp.Constraint], radius: float
+) -> Formulation:
+    """State a record with output noise within a radius.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+    priors : sequence of priors
+    radius : float
+    """
+    return formulate(data, model, Noise(output=radius), priors)
+
+
+def error_problem(
+    formulation: Formulation, box: ProvedBox | None, norm: Norm, radius: float
+) -> sp.Problem:
+    """State the least error over parameters with an error within the radius.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
+    norm : {"linf", "l2", "l1"}
+        The objective is the largest size, the sum of squares or the sum of sizes.
+    radius : float
+    """
+    problem = problem_on_box(formulation, box)
+    numbers = formulation.layout.group("eta")
+    noise = [int(number) for number in numbers[numbers >= 0]]
+    n = problem.dimension
+    if norm == "l2":
+        errors = [formulation.layout.polynomial(number) for number in noise]
+        objective = sp.total([error**2 for error in errors])
+        return sp.Problem(
+            objective, problem.constraints, problem.lower, problem.upper, problem.names
+        )
+    count = len(noise) if norm == "l1" else 1
+    names = (*problem.names, *(f"size {i + 1}" for i in range(count)))
+    variables = sp.variables(n + count, names)
+    lines = []
+    for constraint in problem.constraints:
+        left = constraint.polynomial
+        wide = sp.Polynomial(left.words, left.coefficients, n + count)
+        lines.append(sp.Constraint(wide, constraint.kind, constraint.name))
+    for place, number in enumerate(noise):
+        size, error = variables[n + (place if norm == "l1" else 0)], variables[number]
+        lines += [size - error >= 0, size + error >= 0]
+    lower = np.append(problem.lower, np.zeros(count))
+    upper = np.append(problem.upper, np.full(count, radius))
+    return sp.Problem(sp.total(list(variables[n:])), lines, lower, upper, names)
+
+
+def output_bound(found: OutputErrors) -> float:
+    """Compute the bound that the evidence proves of the least output error.
+
+    Parameters
+    ----------
+    found : OutputErrors
+        Whose certificate was verified.
+
+    Returns
+    -------
+    float
+        0 where it proves nothing.
+    """
+    if found.box is not None and found.box.empty:
+        return found.radius
+    if found.certificate is None:
+        return 0.0
+    factor = in_units(_problem(found), found.formulation).factor
+    value = Fraction(found.certificate.bound) * Fraction(factor) if _is_finite(found) else None
+    if value is None:  # no point within the radius
+        return found.radius if found.certificate.bound == inf else 0.0
+    least = Fraction(found.radius)
+    if value <= 0:
+        return 0.0
+    return (
+        _root(min(value, least * least), False)
+        if found.norm == "l2"
+        else _double(min(value, least), False)
+    )
+
+
+def attained_norm(found: OutputErrors, value: float) -> float:
+    """Convert a value of the problem in units to an error, rounded up.
+
+    Parameters
+    ----------
+    found : OutputErrors
+    value : float
+    """
+    factor = in_units(_problem(found), found.formulation).factor
+    error = max(Fraction(value) * Fraction(factor), Fraction(0))
+    return _root(error, True) if found.norm == "l2" else _double(error, True)
+
+
+def verify_output(
+    found: OutputErrors, lower_bound: float, error: float, data: IOData | None = None
+) -> Verification:
+    """Check both ends of a least output error from the data, without any solver.
+
+    Parameters
+    ----------
+    found : OutputErrors
+    lower_bound, error : float
+        What is claimed; an infinite error claims nothing.
+    data : IOData, optional
+        The record; the one that was stored when left out.
+    """
+    given = found.formulation
+    again = stated(given.data if data is None else data, given.model, given.priors, found.radius)
+    if again.problem.fingerprint != given.problem.fingerprint:
+        return Verification(False, "the result belongs to other data")
+    if found.box is not None and not box_follows(found.box, again):
+        return Verification(False, "the box does not follow from the data")
+    scaled = in_units(_problem(found), again)
+    if found.certificate is not None:
+        verdict = found.certificate.verify(scaled.problem)
+        if not verdict.ok:
+            return Verification(False, verdict.reason)
+    if lower_bound > output_bound(found):
+        return Verification(False, "the lower bound does not follow")
+    if error < inf:
+        point = None if found.attained is None else found.attained.recheck(scaled.problem)
+        if point is None or attained_norm(found, point.value) > error:
+            return Verification(False, "the error is not attained")
+        p = len(again.parameters)
+        units = scaled.units[:p]
+        if not admitted(again, point.x[:p] * units, point.radius * units):
+            return Verification(False, "the attained point is not what the priors mean")
+    return Verification(True)
+
+
+def _problem(found: OutputErrors) -> sp.Problem:
+    return error_problem(found.formulation, found.box, found.norm, found.radius)
+
+
+def _is_finite(found: OutputErrors) -> bool:
+    return found.certificate is not None and abs(found.certificate.bound) < inf

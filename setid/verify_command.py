@@ -1,0 +1,108 @@
+"""The command ``setid verify``: check a stored identification again, without any solver."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from setid.data.record import IOData
+from setid.data.tables import has_names
+from setid.errors import SetidError
+from setid.proofs.verification import verify
+from setid.result.certificate_files import certificate_files
+from setid.result.identification import Identification
+from setid.result.json_ import from_json, to_json
+from sparsepop_py.files import read_text
+
+__all__ = ["add_verify", "certificate_text"]
+
+_TEXT = "check a stored identification again, without any solver"
+_CODES = """exit codes:
+  0  every claim in the file is proved
+  1  a claim does not follow, and why
+  2  the input is wrong (the message is on standard error)
+
+The program checker/ of the source distribution checks the same file, as
+  python checker/check.py --record RECORD.csv FILE.json
+and shares no code.
+"""
+
+
+def certificate_text(result: Identification) -> str:
+    """Write an identification for both checkers, the one of the package and that of ``checker/``.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    str
+        JSON: what :func:`setid.certificate_files` gives, with the text of ``to_json`` as
+        ``result``.
+    """
+    found = certificate_files(result)
+    return json.dumps({**found, "result": json.loads(to_json(result))["result"]}, allow_nan=False)
+
+
+def add_verify(commands: Any) -> None:
+    """Add the command to a command line.
+
+    Parameters
+    ----------
+    commands : argparse subparsers
+    """
+    command = commands.add_parser(
+        "verify",
+        help=_TEXT,
+        description=f"{_TEXT.capitalize()}.",
+        epilog=_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(run=_run)
+    command.add_argument(
+        "file",
+        metavar="FILE.json",
+        help="of setid identify --certificate, or of Identification.to_json",
+    )
+    command.add_argument(
+        "--record",
+        metavar="RECORD.csv",
+        help="the table of samples that it should be about, with columns as in the file",
+    )
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    result = _read(arguments.file)
+    data = None if arguments.record is None else _record(arguments.record, result.formulation.data)
+    verdict = verify(result.evidence, data)
+    if not verdict.ok:
+        print(f"NOT PROVED  {verdict.reason}")
+        return 1
+    print(result.table())
+    print("proved: outer and inner ends follow from the record, without any solver")
+    return 0
+
+
+def _read(path: str) -> Identification:
+    """Read a stored identification; the reader verifies its claims."""
+    try:
+        found = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise SetidError(f"{path}: {error}, expected JSON text") from None
+    if not isinstance(found, dict) or found.get("is") != "identification":
+        return from_json(json.dumps(found))
+    stored = {"format": "setid", "version": 1, "is": "result", "result": found.pop("result", None)}
+    result = from_json(json.dumps(stored))
+    if json.loads(json.dumps(certificate_files(result))) != found:
+        raise SetidError(f"{path}: found two parts that claim different things, expected one claim")
+    return result
+
+
+def _record(path: str, stored: IOData) -> IOData:
+    """Read a table with the channels and the sampling time of a stored record."""
+    names = [*stored.input_names, *stored.output_names]
+    columns: list[str | int] = [*names] if has_names(path) else [*range(len(names))]
+    nu = stored.inputs
+    return IOData.from_csv(path, columns[:nu], columns[nu:], stored.Ts)

@@ -1,0 +1,127 @@
+"""What reports of bands say, and what bands that say nothing look like."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from identified_cases import identified, second_order
+
+import setid
+from setid.bands.outputs import Comparison, OutputBand, simulate_band
+from setid.bands.verdicts import BandReport, ratio_of
+from setid.plots.axes import clip
+
+
+def report(verdict: str, **other: float) -> BandReport:
+    base = BandReport("tight", 9, 5, 0, 1.1, 0.9, 0.25)
+    return replace(base, verdict=verdict, **other)  # type: ignore[arg-type]
+
+
+def test_reports_say_why_a_band_is_wide_or_infinite() -> None:
+    assert "at most 1.1 times the attained one (5 of 9 cells" in report("tight").text
+    assert "time is over" in report("wide", ratio=4.0).text
+    assert "pole of radius 1.02" in report("wide", pole_radius=1.02).text
+    assert "a member is unstable" in report("unstable", pole_radius=1.02).text
+    text = report("unproved", growing=3).text
+    assert "the stability of 3 cells is not proved" in text
+
+
+def test_merged_reports_are_as_bad_as_the_worst() -> None:
+    found = BandReport.merged([report("tight"), report("wide", ratio=3.0), report("tight")])
+    assert (found.verdict, found.cells, found.left, found.ratio) == ("wide", 27, 15, 3.0)
+    nothing = float("nan")
+    found = BandReport.merged([report("tight", ratio=nothing), report("unproved", ratio=nothing)])
+    assert found.verdict == "unproved" and np.isnan(found.ratio)
+
+
+def test_ratios_leave_out_samples_at_which_nothing_varies() -> None:
+    attained = np.array([0.0, 0.0, 0.0]), np.array([1.0, 1e-3, 0.5])
+    proved = np.array([0.0, -1.0, -0.25]), np.array([1.2, 1.0, 0.5])
+    assert ratio_of(proved, attained) == pytest.approx(1.5)
+    none = np.full(3, np.nan)
+    assert np.isnan(ratio_of(proved, (none, none)))
+
+
+def wide_band() -> OutputBand:
+    """A proved band that is widened by hand: ends of three kinds."""
+    band = simulate_band(second_order())
+    low, high = band.reading_low.copy(), band.reading_high.copy()
+    low[10:20] = -np.inf
+    low[20:50], high[20:50] = -1e9, 1e9
+    return replace(band, reading_low=low, reading_high=high)
+
+
+def test_a_band_that_says_nothing_is_counted() -> None:
+    band = simulate_band(second_order())
+    assert not band.silent.any()
+    wide = wide_band()
+    assert np.array_equal(np.flatnonzero(wide.silent), np.arange(10, 50))
+    lines = Comparison((), np.zeros(0), np.zeros(1), wide).summary()
+    assert f"the band says nothing at 40 of {wide.data.samples} samples" in lines
+    assert "says nothing" not in Comparison((), np.zeros(0), np.zeros(1), band).summary()
+
+
+def test_pictures_follow_the_readings_and_say_what_is_clipped() -> None:
+    (ax,) = wide_band().plot()
+    low, high = ax.get_ylim()
+    y = wide_band().data.y
+    assert low < y.min() and y.max() < high and high - low <= 2.0 * np.ptp(y) * (1 + 1e-9)
+    samples = len(y)
+    (text,) = [t.get_text() for t in ax.texts]
+    assert text == f"band clipped at 40 of {samples} samples, fills the picture at 30"
+    ax.figure.canvas.draw()
+    plt.close("all")
+
+
+def test_nothing_is_clipped_where_the_band_is_near() -> None:
+    _, ax = plt.subplots()
+    ends = np.zeros(3), np.ones(3)
+    assert not clip(ax, np.array([0.0, 1.0]), ends) and not ax.texts
+    assert not clip(ax, np.array([np.nan]), ends)
+    plt.close("all")
+
+
+def test_unstable_members_and_cells_without_a_proof_are_told_apart() -> None:
+    model, noise = setid.TransferFunction(1, 1, nk=1), setid.Noise(equation=1e-3)
+    u = np.random.default_rng(0).uniform(-1, 1, 40)
+    truth = setid.simulate_record(model, [-1.5, 1.0], u, noise)
+    rows = setid.formulate(truth.data, model, noise)
+    known = identified(rows)
+    steep = setid.step_band(known, 2500, time_limit=1.0)  # 1.5^2500 is no double
+    assert steep.report is not None and steep.report.verdict == "unstable"
+    assert steep.report.pole_radius == pytest.approx(1.5, abs=1e-2)
+    # abs(a1) < 1 + a2 < 2 on the whole box: every member is stable, but one cell does not show it
+    second = setid.TransferFunction(2, 1, nk=1)
+    loose = setid.formulate(truth.data, second, setid.Noise(equation=1e9))
+    box = identified(loose, [(-0.9, 0.9), (-0.05, 0.5), (0.9, 1.1)])
+    found = setid.step_band(box, 2500, time_limit=0.0).report
+    assert found is not None and found.verdict == "unproved" and found.growing == 1
+    assert found.pole_radius < 1.0
+
+
+def test_steps_leave_the_offset_out() -> None:
+    model = setid.TransferFunction(na=1, nb=1, nk=1, offset=True)
+    u = np.random.default_rng(0).uniform(-1, 1, 60)
+    noise = setid.Noise(equation=0.01)
+    truth = setid.simulate_record(model, [-0.5, 1.0, 5.0], u, noise)
+    result = identified(setid.formulate(truth.data, model, noise))
+    plant = setid.simulate(setid.TransferFunction(na=1, nb=1, nk=1), [-0.5, 1.0], np.ones(20))
+    for kind in ("proved", "sampled"):
+        band = setid.step_band(result, 20, kind=kind)
+        assert abs(band.nominal[0]) == 0.0 and np.abs(band.high).max() < 2.5
+        assert np.all(band.low <= plant.ravel() + 0.1) and np.all(plant.ravel() - 0.1 <= band.high)
+    proved = setid.step_band(result, 20)
+    assert np.all((proved.low <= plant.ravel()) & (plant.ravel() <= proved.high))
+
+
+def test_bad_accuracies_are_refused() -> None:
+    result = second_order(samples=40)
+    with pytest.raises(setid.SetidError, match="tolerance"):
+        setid.step_band(result, 5, tolerance=0.0)
+    with pytest.raises(setid.SetidError, match="time_limit"):
+        setid.step_band(result, 5, time_limit=-1.0)
+    with pytest.raises(setid.SetidError, match="all_time"):
+        setid.step_band(result, 5, all_time="yes")

@@ -1,0 +1,79 @@
+"""``setid identify --certificate`` and ``setid verify``: one file, two checkers."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from setid.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+ROWS = "u,y\n4,0\n-3,-6.25\n2,1.175\n1,2.0875\n"
+ORDERS = ["--na", "1", "--nb", "1"]
+
+
+@pytest.fixture(params=["equation", "output"])
+def files(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, Path]:
+    record, out = tmp_path / "record.csv", tmp_path / "out.json"
+    record.write_text(ROWS)
+    noise = [f"--{request.param}-noise", "0.5", "--certificate", str(out)]
+    assert main(["identify", str(record), *ORDERS, *noise]) == 0
+    return record, out
+
+
+def test_both_checkers_confirm_the_file(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = files
+    assert main(["verify", str(out)]) == 0
+    assert main(["verify", str(out), "--record", str(record)]) == 0
+    assert "proved" in capsys.readouterr().out
+    words = [sys.executable, str(ROOT / "checker/check.py"), "--record", str(record), str(out)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "a1" in done.stdout
+
+
+def test_another_record_is_refused(
+    files: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    record, out = files
+    record.write_text(ROWS.replace("2.0875", "2.08"))
+    assert main(["verify", str(out), "--record", str(record)]) == 1
+    assert "NOT PROVED" in capsys.readouterr().out
+
+
+def test_changed_claims_are_refused(files: tuple[Path, Path]) -> None:
+    _, out = files
+    text = out.read_text()
+    found: dict[str, Any] = json.loads(text)
+    found["identification"]["intervals"][0]["outer"] = [-0.4, -0.4]
+    out.write_text(json.dumps(found))
+    assert main(["verify", str(out)]) == 2
+    found = json.loads(text)
+    found["result"]["intervals"][0]["outer"] = [-0.4, -0.4]
+    out.write_text(json.dumps(found))
+    assert main(["verify", str(out)]) == 2
+    out.write_text("{}")
+    assert main(["verify", str(out)]) == 2
+
+
+def test_nothing_is_lost_when_an_output_cannot_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = tmp_path / "record.csv"
+    record.write_text(ROWS)
+    out = ["--equation-noise", "0.5", "--json", str(tmp_path / "out.json")]
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    assert main(["identify", str(record), *ORDERS, *out]) == 5
+    captured = capsys.readouterr()
+    assert "1.91" in captured.out and "No space left" in captured.err
+    assert not (tmp_path / "out.json").exists()
