@@ -1,4 +1,4 @@
-"""Rounding in a box from a left inverse: every end against exact rationals."""
+"""Rounding of left inverses and of linear programs from rows: against exact rationals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from fractions import Fraction
 import numpy as np
 
 from sparsepop_py.verified.uncertain_rows.rows import UncertainRows
-from sparsepop_py.verified.uncertain_rows.sign_tree import LeftInverse, drive_and_coupling
+from sparsepop_py.verified.uncertain_rows.sign_tree import (
+    LeftInverse,
+    drive_and_coupling,
+    linear_rows,
+)
 
 
 def single(target, regressor):
@@ -40,3 +44,29 @@ def test_couplings_count_what_rounding_hides():
     _, coupling = drive_and_coupling(single(0.0, third), np.full((1, 1), 3.0), np.zeros(1))
     assert 1 - 3 * Fraction(third) == Fraction(1, 2**54)
     assert Fraction(float(coupling[0, 0])) >= Fraction(1, 2**54)
+
+
+def least_value(rows, low, high, theta):
+    """The least left side of the linear program's rows at a point, in rationals."""
+    problem = linear_rows(rows, (np.array(low, float), np.array(high, float)))
+    values = []
+    for row in problem.constraints:
+        words, values_of = row.polynomial.words[:, -1].tolist(), row.polynomial.coefficients
+        factors = [Fraction(theta[v - 1]) if v else 1 for v in words]
+        values.append(sum(Fraction(c) * f for c, f in zip(values_of, factors, strict=True)))
+    return min(values)
+
+
+def test_rows_keep_what_rounding_takes_from_their_coefficients():
+    """|6 w + x + y| <= w |x| + w |y| at (3, -3): 1 - w / 2 and 1 + w / 2 both round to 1."""
+    w = 2.0**-54
+    rows = UncertainRows(("x", "y"), [6 * w], [[1.0, 1.0]], [0.0], [[w, w]])
+    assert least_value(rows, [-1, -3], [3, 1], (3, -3)) >= 0
+
+
+def test_rows_keep_what_rounding_takes_from_their_uncertainty():
+    """1 + 2^-51 <= 1 + 20 * 2^-54: each of the twenty disappears when it is added to 1."""
+    names = tuple(f"x{k}" for k in range(20))
+    radii = np.full((1, 20), 2.0**-54)
+    rows = UncertainRows(names, [1.0 + 2.0**-51], np.zeros((1, 20)), [1.0], radii)
+    assert least_value(rows, [-1] * 20, [1] * 20, [1] * 20) >= 0
