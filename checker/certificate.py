@@ -282,19 +282,22 @@ class Tightening(Step):
         got = self.given
         alike(got.where, got.variable, got.side, got.value)
         below(got.variable, n, got.where)
-        single = isinstance(got.argument, Identity) and len(got.value) == 1
+        single = isinstance(got.argument, (Identity, ExactDual)) and len(got.value) == 1
         if not set(got.side) <= {1, -1} or not (single or isinstance(got.argument, LinearDual)):
             raise Malformed(f"{got.where}: a side other than 1 and -1, or another argument")
 
     def apply(self, replay: Replay, box: Box) -> None:
         """See the class."""
         got = self.given
-        if not replay.fits(got.argument.scaling, box, "a tightening"):
+        exact = isinstance(got.argument, ExactDual)
+        if not replay.fits(got.argument if exact else got.argument.scaling, box, "a tightening"):
             return
         system = replay.system(replay.cutoff if self.uses_cutoff else None)
         asked = [Polynomial({(v + 1,): s}) for v, s in zip(got.variable, got.side, strict=True)]
         if isinstance(got.argument, LinearDual):
             bounds = got.argument.prove(system, asked)
+        elif exact:
+            bounds = [got.argument.prove(system, asked[0])]
         else:
             bounds = [got.argument.prove(system, replay.problem.constraints, asked[0]).bound]
         given = zip(got.variable, got.side, got.value, bounds, strict=True)
@@ -413,11 +416,9 @@ class Certificate:
         if isinstance(argument, ExactGram):
             value = argument.prove(objective)
         elif isinstance(argument, ExactDual):
-            ends = [(iv.exact(low), iv.exact(high)) for low, high in box.ends]
-            if not argument.holds(ends):
-                replay.notes.append("the box is larger than the argument assumes")
+            if not replay.fits(argument, box, "the argument"):
                 return least
-            value = argument.prove(problem, objective)
+            value = argument.prove(replay.system(None), objective)
         elif argument is None or not replay.fits(argument.scaling, box, "the argument"):
             return least
         elif isinstance(argument, LinearDual):

@@ -6,8 +6,9 @@ from fractions import Fraction
 from typing import Any
 
 from .gram import ExactGram
+from .identity import Row
 from .polynomial import INF, Polynomial, Word, power_of_two
-from .reading import Malformed, Problem, alike, below, fields, items, rational
+from .reading import Malformed, alike, below, fields, items, rational
 
 
 class ExactDual:
@@ -26,27 +27,27 @@ class ExactDual:
         sides = zip(ends, self.lower, self.upper, strict=True)
         return all(a <= low and high <= b for (low, high), a, b in sides)
 
-    def prove(self, problem: Problem, objective: Polynomial) -> Any:
+    def prove(self, rows: list[Row], objective: Polynomial) -> Any:
         """The lower bound within the bounds assumed, -INF where nothing is proved."""
-        m, n = len(problem.constraints), problem.dimension
+        m, n = len(rows), len(self.lower)
         below([row for row, _, _ in self.terms], m + 2 * n, f"{self.place}.row")
         rest: dict[Word, Fraction] = {}
         add(rest, objective, (), Fraction(1))
         for row, word, value in self.terms:
-            free = row < m and problem.constraints[row].equality
+            free = row < m and rows[row].equality
             if not free and (word or value < 0):
                 raise Malformed(f"{self.place}: a monomial or a sign at no equality")
-            add(rest, self._row(problem, row), word, -value)
+            add(rest, self._row(rows, row), word, -value)
         constant = rest.pop((), Fraction(0))
         rest = {word: value for word, value in rest.items() if value}
         if self.gram is not None:
             return self.gram.below(rest, constant)
         return -INF if rest else constant
 
-    def _row(self, problem: Problem, row: int) -> Polynomial:
-        m, n = len(problem.constraints), problem.dimension
+    def _row(self, rows: list[Row], row: int) -> Polynomial:
+        m, n = len(rows), len(self.lower)
         if row < m:
-            return problem.constraints[row].polynomial
+            return rows[row].polynomial
         side, v = divmod(row - m, n)
         end = (self.lower, self.upper)[side][v]
         if end in (INF, -INF):

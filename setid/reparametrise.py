@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +26,16 @@ from setid.proofs.existence import admitted
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.identification import Identification
+from setid.result.json_parts import read, write
+from sparsepop_py.io.json_certificates import CERTIFICATES
+from sparsepop_py.io.json_codecs import optional
+from sparsepop_py.io.json_values import PROVED_POINT
 
 __all__ = ["Reparametrisation", "reparametrise"]
+
+_KIND = "reparametrisation"
+_HEAD = {"format": "setid", "version": 1, "is": _KIND}
+_POINT = optional(PROVED_POINT)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -42,8 +52,8 @@ class Reparametrisation:
         One a physical parameter: proved and attained ends.
     formulation : Formulation or None
         The problem in all unknowns; None where the set is empty already.
-    results : tuple of sparsepop_py.Result
-        What was proved and attained of phi_1, -phi_1, phi_2, ...
+    ends : tuple of EndProof
+        Certificates and attained points of phi_1, -phi_1, phi_2, ...
     notes : tuple of str
 
     Examples
@@ -61,7 +71,7 @@ class Reparametrisation:
     physical: Physical
     intervals: Mapping[str, ParameterInterval]
     formulation: Formulation | None
-    results: tuple[sp.Result, ...] = ()
+    ends: tuple[EndProof, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -95,9 +105,81 @@ class Reparametrisation:
         Verification
             True where the identification, all outer and all attained ends hold.
         """
-        ends = [EndProof(r.certificate, r.attained) for r in self.results]
         claims = self.identification.evidence
-        return verify_physical(claims, self.physical, self.intervals, ends, data)
+        return verify_physical(claims, self.physical, self.intervals, self.ends, data)
+
+    def to_json(self) -> str:
+        """Write the result with its evidence as JSON text.
+
+        Returns
+        -------
+        str
+            What :meth:`from_json` reads.
+
+        Raises
+        ------
+        SetidError
+            If structure, noise or priors hold functions, which have no text.
+
+        Examples
+        --------
+        >>> import setid
+        >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+        >>> found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
+        >>> result = setid.reparametrise(found, setid.Physical({"K": (0, 10)}, ["b0 = K"]))
+        >>> setid.Reparametrisation.from_json(result.to_json()).intervals["K"].status
+        <IntervalStatus.CERTIFIED: 'certified'>
+        """
+        items = [
+            {
+                "name": item.name,
+                "outer": write(item.outer),
+                "inner": write(item.inner),
+                "status": item.status.name,
+            }
+            for item in self.intervals.values()
+        ]
+        content = {
+            "identification": json.loads(self.identification.to_json()),
+            "physical": write(self.physical, "physical"),
+            "intervals": items,
+            "certificates": CERTIFICATES.write([end.certificate for end in self.ends]),
+            "attained": [_POINT.write(end.attained) for end in self.ends],
+            "notes": list(self.notes),
+        }
+        return json.dumps({**_HEAD, _KIND: content}, allow_nan=False, separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> Reparametrisation:
+        """Read a result and verify every claim of it; no solver is run.
+
+        Parameters
+        ----------
+        text : str
+            As :meth:`to_json` makes it.
+
+        Returns
+        -------
+        Reparametrisation
+
+        Raises
+        ------
+        SetidError
+            If the text is no result, or a claim in it does not follow from the record in it.
+        """
+        try:
+            found = json.loads(text)
+            if {key: found[key] for key in _HEAD} != _HEAD:
+                raise SetidError(f"from_json: found {found['is']!r:.60}, expected {_KIND!r}")
+            result = _read(found[_KIND])
+        except SetidError:
+            raise
+        except (sp.SparsePOPError, TypeError, ValueError, LookupError, RecursionError) as error:
+            raise SetidError(f"from_json: {error!r:.200}, expected a stored result") from error
+        verdict = result.verify()
+        if not verdict:
+            raise SetidError(f"from_json: found a claim that does not hold: {verdict.reason}")
+        return result
 
     def __repr__(self) -> str:
         return "\n".join(repr(item) for item in self.intervals.values())
@@ -161,7 +243,27 @@ def reparametrise(
         items = _empty(physical)
     else:
         items = _intervals(formulation, physical, scaled, found, float(settings.tol))
-    return Reparametrisation(result, physical, items, formulation, tuple(found), notes)
+    ends = tuple(EndProof(one.certificate, one.attained) for one in found)
+    return Reparametrisation(result, physical, items, formulation, ends, notes)
+
+
+def _read(found: Any) -> Reparametrisation:
+    """Build a result from what its text holds; nothing in it is verified yet."""
+    known = Identification.from_json(json.dumps(found["identification"]))
+    physical = read(found["physical"], "physical")
+    if not isinstance(physical, Physical):
+        raise SetidError(f"physical: found {type(physical).__name__}, expected Physical")
+    items = {}
+    for item in found["intervals"]:
+        outer, inner = read(item["outer"]), read(item["inner"])
+        status = IntervalStatus[item["status"]]
+        items[str(item["name"])] = ParameterInterval(str(item["name"]), outer, inner, status)
+    points = [_POINT.read(point, "attained") for point in found["attained"]]
+    proofs = CERTIFICATES.read(found["certificates"], "certificates")
+    ends = tuple(EndProof(*pair) for pair in zip(proofs, points, strict=True))
+    formulation = None if known.empty else with_relations(known.formulation, physical)
+    notes = tuple(str(note) for note in found["notes"])
+    return Reparametrisation(known, physical, FrozenMapping(items), formulation, ends, notes)
 
 
 def _empty(physical: Physical) -> FrozenMapping[str, ParameterInterval]:

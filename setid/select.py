@@ -226,7 +226,7 @@ def select(
     found = (
         _in_turn(make, tried, given, l1)
         if executor is None
-        else _at_once(make, tried, given, executor, l1)
+        else _at_once(make, tried, given, l1, executor)
     )
     steps = list[SelectionStep]()
     with closing(found):
@@ -234,14 +234,14 @@ def select(
             steps.append(step)
             if step.decision == "kept":
                 break
-    if not steps or steps[-1].decision != "kept":
-        return Selection(tuple(steps), None, {})
-    step, place = steps[-1], len(steps)
+        else:
+            return Selection(tuple(steps), None, {})
     more = _without_idle(step, given) if remove_idle else []
     last = next((s for s in reversed([step, *more]) if s.decision == "kept"), step)
-    following = tried[place] if place < len(tried) else (step.order, step.degree + 1)
+    behind = tried[len(steps) :]
+    following = behind[0] if behind else (step.order, step.degree + 1)
     advice = "" if width is None else _width(last, width, make, following, given)
-    return Selection(tuple([*steps, *more]), last, _coefficients(last.result), advice)
+    return Selection((*steps, *more), last, _coefficients(last.result), advice)
 
 
 _Given = tuple[IOData, Noise, list[Any], Options]
@@ -252,54 +252,33 @@ def _in_turn(make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool
     """Try one structure after the other; those soon refuted leave their time to the others."""
     data, noise, known, settings = given
     until = settings.deadline()
-    for place, (order, degree) in enumerate(tried):
+    for place, sizes in enumerate(tried):
         if until < inf:
             share = max((until - time.monotonic()) / (len(tried) - place), _LEAST)
             settings = replace(settings, time_limit=share)
-        yield _try((data, make(order, degree), noise, known, settings, l1), order, degree)
+        yield _try((make(*sizes), sizes, (data, noise, known, settings), l1))
 
 
 def _at_once(
-    make: Family, tried: list[tuple[int, int]], given: _Given, executor: Executor, l1: bool
+    make: Family, tried: list[tuple[int, int]], given: _Given, l1: bool, executor: Executor
 ) -> _Steps:
     """Try all structures at once; yield them in their order."""
     data, noise, known, settings = given
     if settings.time_limit is not None:
         settings = replace(settings, time_limit=max(settings.time_limit / len(tried), _LEAST))
     settings = replace(settings, progress=False)
-    tasks = ((k, (data, make(*tried[k]), noise, known, settings, l1)) for k in range(len(tried)))
-    ready: dict[int, tuple[Identification, str]] = {}
+    sent = (data, noise, known, settings)
+    tasks = ((k, (make(*sizes), sizes, sent, l1)) for k, sizes in enumerate(tried))
+    ready: dict[int, SelectionStep] = {}
     place = 0
-    with closing(completed(executor, _identify_task, tasks)) as found:
+    with closing(completed(executor, _try, tasks)) as found:
         for done in found:
             if done.value is None:
                 raise SetidError(f"executor: structure {tried[done.key]} was given up: {done.lost}")
             ready[done.key] = done.value
             while place in ready:
-                yield _step(ready.pop(place), *tried[place])
+                yield ready.pop(place)
                 place += 1
-
-
-def _try(task: tuple[Any, ...], order: int, degree: int) -> SelectionStep:
-    return _step(_identify_task(task), order, degree)
-
-
-def _step(found: tuple[Identification, str], order: int, degree: int) -> SelectionStep:
-    result, text = found
-    decision, reason = _decision(result)
-    return SelectionStep(order, degree, decision, text + reason, result)
-
-
-def _identify_task(task: tuple[Any, ...]) -> tuple[Identification, str]:
-    """Identify in a worker process: the result, and what was left out."""
-    data, whole, noise, priors, options, l1 = task
-    names = sparse_terms(data, whole, noise) if l1 else ()
-    if names:  # fewer terms that explain the record: then all of them do
-        model, fixed = without(whole, names)
-        result = identify(data, model, noise, [*priors, *fixed], options)
-        if _decision(result)[0] == "kept":
-            return result, f"without {len(names)} of {len(whole.parameters)} terms: "
-    return identify(data, whole, noise, priors, options), ""
 
 
 def _naturals(given: Any, field: str, least: int) -> list[int]:
@@ -320,7 +299,22 @@ def _family(family: Any, data: IOData) -> Family:
     return family
 
 
-def _without_idle(step: SelectionStep, given: tuple[Any, ...]) -> list[SelectionStep]:
+def _try(task: tuple[Structure, tuple[int, int], _Given, bool]) -> SelectionStep:
+    """Identify one structure; in a worker process if there is an executor."""
+    whole, (order, degree), (data, noise, priors, options), l1 = task
+    names = sparse_terms(data, whole, noise) if l1 else ()
+    if names:  # fewer terms that explain the record: then all of them do
+        model, fixed = without(whole, names)
+        result = identify(data, model, noise, [*priors, *fixed], options)
+        decision, reason = _decision(result)
+        if decision == "kept":
+            text = f"without {len(names)} of {len(whole.parameters)} terms: {reason}"
+            return SelectionStep(order, degree, decision, text, result)
+    result = identify(data, whole, noise, priors, options)
+    return SelectionStep(order, degree, *_decision(result), result)
+
+
+def _without_idle(step: SelectionStep, given: _Given) -> list[SelectionStep]:
     """Steps that leave idle terms out of a structure that was kept."""
     data, noise, priors, options = given
     fixed = step.result.formulation.priors[len(priors) :]
@@ -341,7 +335,7 @@ def _width(
     width: float,
     make: Family,
     following: tuple[int, int],
-    given: tuple[Any, ...],
+    given: _Given,
 ) -> str:
     """Say whether noise or structure makes intervals wide."""
     widest = max(_relative(item) for item in step.result.intervals.values())

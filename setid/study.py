@@ -19,10 +19,13 @@ from setid.priors.base import Prior
 from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
+from sparsepop_py.study.content import dump, load
 from sparsepop_py.study.problems import repeatable
 from sparsepop_py.study.study import BaseStudy, Tags, Work
 
 __all__ = ["Study"]
+
+_RECORD = b"record"  # what is stored is no JSON
 
 Priors = Iterable[Prior | sp.Constraint] | Prior | sp.Constraint
 
@@ -44,18 +47,34 @@ def _rows(result: Identification) -> list[dict[str, Any]]:
     return rows
 
 
-def _write(result: Identification) -> bytes:
-    return zlib.compress(to_json(result).encode())
+def _write(result: Identification, trusted: tuple[str, ...]) -> bytes:
+    """Write JSON, or a record where a structure or prior of the user's has no text."""
+    try:
+        return zlib.compress(to_json(result).encode())
+    except SetidError:
+        lean = tuple(replace(each, relaxation=None, solution=None) for each in result.results)
+        return _RECORD + dump(replace(result, results=lean), "result", trusted)
 
 
 def _read(content: bytes, place: str, trusted: tuple[str, ...]) -> Identification:
     """Read a result and verify its claims; nothing in a file is believed."""
+    if content.startswith(_RECORD):
+        return _verified(load(content.removeprefix(_RECORD), place, trusted), place)
     try:
         return from_json(zlib.decompress(content).decode())
     except (zlib.error, UnicodeDecodeError) as error:
         raise sp.FormatError(f"{place}: found damaged content: {error}") from error
     except SetidError as error:
         raise SetidError(f"{place}: {error}") from error
+
+
+def _verified(found: Any, place: str) -> Identification:
+    if not isinstance(found, Identification):
+        raise SetidError(f"{place}: found {type(found).__name__}, expected an Identification")
+    checked = found.verify()
+    if not checked:
+        raise SetidError(f"{place}: found a claim that does not hold: {checked.reason}")
+    return found
 
 
 def _certificate(result: Identification) -> str:

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["EARLY", "Deadline", "LimitReached", "check", "spend", "spent"]
+__all__ = ["EARLY", "Deadline", "LimitReached", "check", "pace", "spend", "spent"]
 
 _GRACE = 0.2  # of a limit: proofs under way when it passes may take so much longer
 _MOST_PACE = 100.0  # wall seconds to a CPU second on the busiest machine that is thought of
@@ -67,6 +67,7 @@ class _Kept(threading.local):
 
     wall = np.inf
     cpu = np.inf
+    deadline: Deadline | None = None
 
 
 _KEPT = _Kept()
@@ -92,6 +93,11 @@ def check() -> None:
     """
     if time.monotonic() >= _KEPT.wall or (_KEPT.cpu < np.inf and time.process_time() >= _KEPT.cpu):
         raise LimitReached
+
+
+def pace() -> float:
+    """Return the wall seconds to a CPU second that the deadline kept in this thread has seen."""
+    return 1.0 if _KEPT.deadline is None else _KEPT.deadline.pace
 
 
 class Deadline:
@@ -131,6 +137,7 @@ class Deadline:
         self._limit, self._cpu_limit = limit, cpu_limit
         self._last = None if work_limit is None else spent() + work_limit
         self.stopped = False
+        self.cut = False  # something was not begun since it would have taken too long
 
     def stop(self) -> None:
         """End now: the user interrupted."""
@@ -208,7 +215,7 @@ class Deadline:
         return self.late or (self._last is not None and spent() >= self._last)
 
     def _ends(self, grace: float) -> tuple[float, float]:
-        """Compute the ends on the wall clock and on the CPU clock, with a share of grace."""
+        """Compute the ends on both clocks, with a share of grace."""
         wall = np.inf if self._limit is None else self._begin + (1.0 + grace) * self._limit
         if self._cpu_limit is None:
             return wall, np.inf
@@ -223,13 +230,13 @@ class Deadline:
         grace : float
             Share of the limits that proofs under way may take longer.
         """
-        before = _KEPT.wall, _KEPT.cpu
+        before = _KEPT.wall, _KEPT.cpu, _KEPT.deadline
         wall, cpu = self._ends(grace)
-        _KEPT.wall, _KEPT.cpu = min(before[0], wall), min(before[1], cpu)
+        _KEPT.wall, _KEPT.cpu, _KEPT.deadline = min(before[0], wall), min(before[1], cpu), self
         try:
             yield
         finally:
-            _KEPT.wall, _KEPT.cpu = before
+            _KEPT.wall, _KEPT.cpu, _KEPT.deadline = before
 
     def __getstate__(self) -> dict[str, Any]:
         """Store what is left of each limit, and what has passed."""

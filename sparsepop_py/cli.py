@@ -11,7 +11,9 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from glob import glob
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -222,7 +224,8 @@ def _add_problem_files(command: argparse.ArgumentParser) -> None:
 
 
 def _add_files(study: Study, arguments: argparse.Namespace) -> None:
-    for path in arguments.files:
+    found = (sorted(glob(each)) or [each] for each in arguments.files)  # not all shells do it
+    for path in chain.from_iterable(found):
         problem = read(path)
         if not isinstance(problem, Problem):
             raise ProblemError(f"{path}: found ratios, expected polynomials in a study")

@@ -540,7 +540,7 @@ def _status(state: SearchState, lower: float) -> _Status:
         status = Status.UNBOUNDED
     elif deadline.stopped:
         status = Status.INTERRUPTED
-    elif deadline.over:
+    elif deadline.over or deadline.cut:
         status = Status.LIMIT
     elif lower == -np.inf:
         status, note = _unproved(context.problem, bound)

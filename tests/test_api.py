@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib
 import inspect
 import pkgutil
@@ -29,8 +28,10 @@ def all_modules() -> list[ModuleType]:
     ]
     found = [sp, setid]
     for name in names:
-        with contextlib.suppress(sp.SolverNotFound):  # needs an optional package
+        try:
             found.append(importlib.import_module(name))
+        except ImportError as error:  # needs an optional package
+            assert not (error.name or "").startswith(("sparsepop_py", "setid")), error
     return found
 
 

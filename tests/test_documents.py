@@ -122,6 +122,15 @@ def test_every_page_is_listed() -> None:
     assert pages - listed == set()
 
 
+def test_every_page_is_in_the_menu_of_the_site() -> None:
+    """Decisions and benchmarks are listed on their own pages."""
+    menu = text("mkdocs.yml").split("\nnav:\n")[1]
+    pages = [path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").rglob("*.md")]
+    listed = ("decisions/0", "benchmarks/")
+    wanted = [page for page in pages if not page.startswith(listed)]
+    assert [page for page in wanted if page not in menu] == []
+
+
 def test_links_of_the_readme_work_where_it_is_copied() -> None:
     """Package indices show it without the files beside it."""
     relative = [t for t in re.findall(r"\]\(([^)]*)\)", text("README.md")) if "://" not in t]

@@ -15,7 +15,7 @@ from search_cases import bilinear, least_on_a_grid
 from solved import INF, check
 
 import sparsepop_py as sp
-from sparsepop_py import Options, Status, budget, progress
+from sparsepop_py import Options, Status, budget, progress, solvers
 from sparsepop_py.bounding import relaxation_bound
 from sparsepop_py.branch_and_bound import tree
 from sparsepop_py.budget import Deadline, LimitReached
@@ -460,3 +460,19 @@ def test_nothing_is_printed_without_a_handler(capfd):
 
 
 assert tree  # loaded, so that looks at the clock in it are replaced above
+
+
+def test_a_solver_that_cannot_be_stopped_is_not_begun_without_time(monkeypatch):
+    x = sp.variables(4)
+    f = sp.total(x[i] * x[j] ** 3 - x[i] ** 2 for i in range(4) for j in range(4))
+    problem = sp.Problem(f, [sp.total(v**2 for v in x) <= 2], -1, 1)
+    program = sp.assemble(sp.relax(problem, 2), f)
+    assert sp.solve_conic(program, "clarabel", 10.0).status == "solved"
+    monkeypatch.setattr(solvers, "_RATE", 1e3)  # a very slow machine
+    assert sp.solve_conic(program, "clarabel", 10.0).detail == solvers.NOT_BEGUN
+    assert sp.solve_conic(program, "clarabel", 1e9).status == "solved"
+    assert sp.solve_conic(program, "cliquetree", 10.0).status == "solved"
+    result = check(problem, sp.solve(problem, Options(solver="clarabel", time_limit=30.0)))
+    assert result.status is Status.LIMIT
+    assert any(solvers.NOT_BEGUN in note for note in result.notes)
+    assert result.lower_bound >= -32.0  # 16 products of |x| <= 1 and 4 * 4 squares

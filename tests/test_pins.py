@@ -16,7 +16,8 @@ def version(text: str) -> tuple[int, ...]:
 
 def test_the_lowest_versions_are_those_of_pyproject() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    asked = [*project["dependencies"], *project["optional-dependencies"]["plot"]]
+    extras = project["optional-dependencies"]
+    asked = [*project["dependencies"], *extras["plot"], *extras["cvxpy"], *extras["sympy"]]
     allowed = dict(re.fullmatch(r"([\w-]+)>=([\d.]+)", line).groups() for line in asked)
     lines = (ROOT / "tests" / "lowest.txt").read_text().splitlines()
     pinned = dict(m.groups() for line in lines if (m := re.fullmatch(r"([\w-]+)==([\d.]+)", line)))

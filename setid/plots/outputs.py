@@ -53,6 +53,14 @@ def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
     return axes
 
 
+def _attained(band: OutputBand, i: int) -> tuple[Reals, Reals] | None:
+    """What members reach of one output, None where that is not known."""
+    if band.attained_low is None or band.attained_high is None:
+        return None
+    low, high = band.attained_low[:, i], band.attained_high[:, i]
+    return (low, high) if np.any(np.isfinite(high - low)) else None
+
+
 def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
     """Draw readings and outputs of a fit, the fit of each output in its title.
 
@@ -75,14 +83,6 @@ def plot_fit(found: Fit, ax: Any = None) -> NDArray[Any]:
         axis.set_title(f"fit {found.fit[i]:.1f} %")
     axes[0].legend(loc="best", ncols=2, fontsize="small")
     return axes
-
-
-def _attained(band: OutputBand, i: int) -> tuple[Reals, Reals] | None:
-    """What members reach of one output, None where that is not known."""
-    if band.attained_low is None or band.attained_high is None:
-        return None
-    low, high = band.attained_low[:, i], band.attained_high[:, i]
-    return (low, high) if np.any(np.isfinite(high - low)) else None
 
 
 def plot_comparison(comparison: Comparison, ax: Any = None) -> NDArray[Any]:

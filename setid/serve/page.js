@@ -81,7 +81,7 @@ async function follow(name) {
 function show(found) {
   const running = found.state === "running";
   by("stop").hidden = by("bar").hidden = !running;
-  const ends = found.ends ? `, ${found.settled} of ${found.ends} ends` : "";
+  const ends = found.ends ? `, ${found.settled} of ${found.ends} intervals` : "";
   const words = running ? `${found.stage || "starting"}${ends}` : found.status || found.state;
   by("state").textContent = `${words} (${found.seconds} s)`;
   if (found.ends) { by("bar").max = found.ends; by("bar").value = found.settled; } else by("bar").removeAttribute("value");

@@ -6,7 +6,6 @@ import io
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +29,8 @@ from sparsepop_py.files import write_text
 
 __all__ = ["Form", "read_form", "work"]
 
-_TOL = Options().tol
+Ends = tuple[float, float]
+_CLOSED = 1e-3  # of the attained width, the tolerance of options
 MOST_SAMPLES, MOST_ORDER, MOST_SECONDS = 20_000, 20, 3600.0
 
 
@@ -159,7 +159,7 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     dict
         ``status``, ``sections`` (titles with HTML or SVG), ``files`` (names for download).
     """
-    report = _Report(Path(folder))
+    report = _Report(Path(folder), len(form.model.parameters))
     report.stage("consistency")
     limit = Options(time_limit=max(form.seconds / 4, 1.0), progress=False)
     priors = [Stable()] if form.stable else []
@@ -167,8 +167,9 @@ def work(form: Form, folder: str) -> dict[str, Any]:
     report.add("Do the noise bounds explain the record?", _html(scale))
     report.stage("intervals")
     options = Options(time_limit=form.seconds, progress=False)
-    ends = partial(report.ends, count=len(form.model.parameters))
-    result = identify(form.record, form.model, form.noise, priors, options, on_progress=ends)
+    result = identify(
+        form.record, form.model, form.noise, priors, options, on_progress=report.interval
+    )
     report.add("Intervals", _html(result))
     report.stage("files")
     report.file("report.txt", lambda: result.summary())
@@ -199,9 +200,9 @@ def _pictures(report: _Report, form: Form, result: Identification) -> None:
 class _Report:
     """Sections and files of a report. Mutable."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._stage = folder, ""
-        self._settled: dict[str, int] = {}
+    def __init__(self, folder: Path, parameters: int) -> None:
+        self._folder, self._stage, self._parameters = folder, "", parameters
+        self._settled: dict[str, bool] = {}
         self.sections: list[dict[str, str]] = []
         self.files: list[str] = []
 
@@ -210,14 +211,11 @@ class _Report:
         self._stage = name
         self._write({})
 
-    def ends(
-        self, name: str, outer: tuple[float, float], inner: tuple[float, float], count: int
-    ) -> None:
-        """Say how many ends of the intervals of ``count`` parameters are settled."""
-        close = _TOL * (inner[1] - inner[0])
-        gaps = (inner[0] - outer[0], outer[1] - inner[1])
-        self._settled[name] = sum(gap <= close for gap in gaps)
-        self._write({"settled": sum(self._settled.values()), "ends": 2 * count})
+    def interval(self, name: str, outer: Ends, inner: Ends) -> None:
+        """Say what is proved and attained of a parameter so far."""
+        gap = max(inner[0] - outer[0], outer[1] - inner[1])
+        self._settled[name] = bool(gap <= _CLOSED * (inner[1] - inner[0]))
+        self._write({"settled": sum(self._settled.values()), "ends": self._parameters})
 
     def _write(self, more: dict[str, int]) -> None:
         state = {"stage": self._stage, **more, "sections": self.sections}

@@ -26,7 +26,7 @@ from sparsepop_py.relaxation.reboxed import reboxed
 from sparsepop_py.relaxation.recover_multipliers import identity_of, margin, repaired, shortened
 from sparsepop_py.relaxation.sparsepop.reduction import ReducedProgram, reduce_program
 from sparsepop_py.relaxation.sparsepop.relaxation import Switches
-from sparsepop_py.solvers import preferred, solve_conic
+from sparsepop_py.solvers import NOT_BEGUN, preferred, solve_conic
 from sparsepop_py.sparsity.correlative import Joined, find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
@@ -179,13 +179,13 @@ def bound_box(
         for solver in solvers_for(context.options, relaxation, boxed):
             with context.stages.stage("solve"):
                 solution = _solution(context, program, small, solver, size)
+            if not _begun(context, relaxation, solution):
+                continue
             with context.stages.stage("certify"):
                 attempt = Attempt(replay, box, scaled, relaxation, program, solution, size, share)
                 outcome = _certified(context, attempt, outcome)
             first = first or outcome
-            if context.closed(outcome.proved.bound) or context.deadline.over:
-                break
-            if solution.status not in ("almost", "failed") or not _loses(context, outcome):
+            if _settles(context, solution, outcome):
                 break
         if outcome.proved.bound > -np.inf or context.deadline.over:
             break
@@ -196,6 +196,22 @@ def bound_box(
         return outcome
     with context.stages.stage("certify"):
         return short_if(context.enough(outcome.proved.bound), replay, box, outcome)
+
+
+def _begun(context: SolveContext, relaxation: Relaxation, solution: ConicSolution) -> bool:
+    """Check that a solver was begun; say so where time did not allow it."""
+    if solution.detail != NOT_BEGUN:
+        return True
+    context.deadline.cut = True
+    context.stages.note(f"order {relaxation.order}, {solution.solver}: {NOT_BEGUN}")
+    return False
+
+
+def _settles(context: SolveContext, solution: ConicSolution, outcome: BoxBound) -> bool:
+    """Check that no other solver is worth trying."""
+    if context.closed(outcome.proved.bound) or context.deadline.over:
+        return True
+    return solution.status not in ("almost", "failed") or not _loses(context, outcome)
 
 
 def _programs(

@@ -210,7 +210,7 @@ def check_error_bounds(values: Mapping[str, Any]) -> None:
 
 
 _SOLVERS = ("sedumi", "sdpa", "sdpt3", "sdpnal", "sdpnalplus", "csdp")
-_SEARCH = 0.3  # CPU seconds without POPsolver, for points whose values tighten boxes
+_SEARCH = 1.0  # CPU seconds without POPsolver, for points whose values tighten boxes
 _LOCAL = ("active-set", "interior-point", "trust-region-reflective", "lsqnonlin", "ipopt")
 _BY_NAME = {entry.name: entry for entry in FIELDS}
 # The original's default depends on the installation, so that neither value asks for anything.

@@ -146,8 +146,8 @@ _OWN = tuple(
             *("localSearch", "", "refine"),
             "0: no local search, so that no point is proved except those that the relaxation gives "
             "away. 1: as long as it takes. `'scipy'`, `'ipopt'` or `'none'`: by name. Without it, "
-            "without `POPsolver` and with another effort than `'auto'`, local searches get 0.3 "
-            "seconds of CPU time.",
+            "without `POPsolver` and with another effort than `'auto'`, local searches get 1 CPU "
+            "second.",
             "test_local_search_by_number_and_name",
         ),
         (
@@ -377,7 +377,7 @@ FIELDS: tuple[Field, ...] = (
         "Local refinement from the SDP's point by a MATLAB solver.",
         "Fills `xVectL` to `scaledErrorL` with a point that provably exists. `'ipopt'` chooses "
         "IPOPT, any other name SciPy. Without it (and without `effort = 'auto'`) local searches "
-        "take 0.3 CPU seconds at most, for points whose values tighten the proof.",
+        "take 1 CPU second at most, for points whose values tighten the proof.",
         "test_sparsepop_face.py::test_refined_point_only_when_asked_for",
     ),
     Field(

@@ -76,7 +76,7 @@ EXACT = record(
     gram=optional(tagged({ExactGram: GRAM})),
 )
 ARGUMENT = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactGram: GRAM, ExactDual: EXACT})
-_DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR})
+_DUAL = tagged({Identity: IDENTITY, LinearDual: LINEAR, ExactDual: EXACT})
 TIGHTENING = record(
     Tightening, variable=array, side=array, value=array, argument=_DUAL, uses_cutoff=flag
 )

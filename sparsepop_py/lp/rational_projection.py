@@ -19,6 +19,7 @@ __all__ = ["near_fraction", "projected"]
 
 _SIMPLE = 1000  # denominators tried before that of the double
 _CLOSE = Fraction(1, 10**9)  # relative: a simple fraction this near stands for the double
+_WORK = 500_000  # products of fractions; dense systems of some hundred unknowns need more
 _BITS = 12_000  # longer fractions end the elimination: files hold 4300 digits
 
 Row = dict[int, Fraction]
@@ -49,7 +50,8 @@ def projected(
     Returns
     -------
     list of Fraction or None
-        None where the equations contradict one another, or numbers grow too long.
+        None where the equations contradict one another, numbers grow too long, or the
+        elimination would take too much work.
 
     Examples
     --------
@@ -63,7 +65,7 @@ def projected(
             meets.setdefault(column, set()).add(number)
     left = set(range(len(rows)))
     pivots: list[tuple[int, Row, Fraction]] = []
-    right = list(right)
+    right, work = list(right), 0
     for column in order:
         held = [k for k in meets.get(column, ()) if k in left and column in rows[k]]
         if not held:
@@ -72,7 +74,8 @@ def projected(
         left.remove(number)
         row, value = rows[number], right[number]
         pivot = row.pop(column)
-        if pivot.denominator.bit_length() + pivot.numerator.bit_length() > _BITS:
+        work += (len(row) + 1) * len(held)
+        if pivot.denominator.bit_length() + pivot.numerator.bit_length() > _BITS or work > _WORK:
             return None
         pivots.append((column, {k: v / pivot for k, v in row.items()}, value / pivot))
         for other in held:

@@ -34,7 +34,7 @@ from sparsepop_py.verified.certificate.steps import (
 )
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 
-__all__ = ["find_box", "finite", "rounding_slack", "shrinks"]
+__all__ = ["find_box", "finite", "propagated", "rounding_slack", "shrinks"]
 
 _WORTH = 0.999  # a step that leaves more of every width is not worth its proof
 _USEFUL = 1e4  # boxes that reach further beyond the attained point than this do not help
@@ -117,22 +117,22 @@ def find_box(
     if cutoff is None and incumbent is not None:
         cutoff = incumbent.value
     replay = Replay(problem, cutoff)
-    box, steps = _propagated(replay, box)
+    box, steps = propagated(replay, box)
     if "inverse" not in options.skip and not finite(box) and not is_empty(box):
         inverse = left_inverse(problem, box)
         if inverse is not None:
-            box, more = _propagated(replay, inverse.shrink(problem, box))
+            box, more = propagated(replay, inverse.shrink(problem, box))
             steps += [inverse, *more]
     if incumbent is not None and not done and not finite(box) and not is_empty(box):
         found = _sublevel(problem, incumbent, box, options)
         if found is not None:
             steps.append(found)
-            box, more = _propagated(replay, sublevel_box(problem, cutoff, found, box))
+            box, more = propagated(replay, sublevel_box(problem, cutoff, found, box))
             steps += more
     return BoxProof(tuple(steps)), box
 
 
-def _propagated(replay: Replay, box: Interval) -> tuple[Interval, list[Step]]:
+def propagated(replay: Replay, box: Interval) -> tuple[Interval, list[Step]]:
     """Propagate; as long as sweeps bound further variables, as along a chain, go on."""
     steps: list[Step] = []
     for _ in range(_CHAINED):

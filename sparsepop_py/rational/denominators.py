@@ -105,7 +105,7 @@ def sharpened(
 def _better(
     base: Problem, objective: Polynomial, attempt: Options, solve: Solve
 ) -> Certificate | None:
-    """Bound a polynomial over all of space where it may have one there, else over the base."""
+    """Bound a polynomial over all of space if possible, else over the base."""
     found = _everywhere(base, objective, attempt, solve)
     return solve(base.with_objective(objective), attempt).certificate if found is None else found
 
@@ -113,7 +113,7 @@ def _better(
 def _everywhere(
     base: Problem, objective: Polynomial, attempt: Options, solve: Solve
 ) -> Certificate | None:
-    """Prove the minimum over all of space, as an exact sum of squares; None where this fails.
+    """Prove the minimum over all of space by an exact sum of squares.
 
     Such a proof is sharp and needs no box. It is not tried if the polynomial is negative far out.
     """

@@ -1,4 +1,4 @@
-"""Points of problems with ratios: samples of the box, and descent where there are only bounds.
+"""Points of problems with ratios: samples of the box, and descent.
 
 Reciprocals as variables tie a local search to their equations; the ratios themselves do not.
 Nothing here is proved.

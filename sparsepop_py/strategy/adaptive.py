@@ -142,7 +142,9 @@ class AdaptiveSearch:
                 self._close_search()
 
     def _say_what_was_left_out(self) -> None:
-        if not self.over and (text := self.queue.left_out(self.context.deadline.expected)):
+        text, slow = self.queue.left_out(self.context.deadline.expected)
+        if not self.over and text:
+            self.context.deadline.cut |= slow
             self.context.stages.note(text)
 
     def restart(self, model: Model) -> None:

@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.bounding.exact_convex import exact_convex_bound, falling_direction
+from sparsepop_py.bounding.gram_box import gram_box
 from sparsepop_py.bounding.relaxation_bound import (
     BoxBound,
     CertifiedBound,
     Model,
     better,
     bound_order,
+    build_relaxations,
     certified_bound,
     closed_without_relaxation,
     lower_bound,
@@ -43,7 +45,9 @@ from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Node, prove
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
@@ -137,8 +141,32 @@ def _by_relaxations(
         )
     state = _run_orders(context, candidates, shared, more_starts)
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
-        return _with_unconstrained(state)
+        return _on_gram_box(_with_unconstrained(state), more_starts)
     return state
+
+
+def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:
+    """Solve relaxations on the box that an exact Gram matrix of the objective proves."""
+    context, certificate = state.context, state.outcome.certificate
+    gram = None if certificate is None else certificate.identity
+    if not isinstance(gram, ExactGram) or context.closed(lower_bound(certificate)):
+        return state
+    with context.stages.stage("presolve"):
+        found = gram_box(context, gram)
+    if found is None or not finite(found[1]) or is_empty(found[1]) or context.deadline.over:
+        return state
+    model, objectives = Model(*found), (context.problem.objective,)
+    if context.options.effort == "auto":
+        shared_state = SharedState.of(context.problem, objectives, context.options)
+        later = run_adaptive(
+            AdaptiveSearch(context, model, state.candidates, shared_state, more_starts=more_starts)
+        )
+    else:
+        with context.stages.stage("relax"):
+            model = build_relaxations(context.problem, objectives, model, context.options)
+        later = _orders(context, state.candidates, model, more_starts)
+    outcome = better(state.outcome, later.outcome)
+    return replace(later, outcome=outcome, history=state.history + later.history)
 
 
 def _proved_otherwise(state: SearchState) -> SearchState:
@@ -222,6 +250,9 @@ def _after_unconstrained(
         or free.context.deadline.over
     ):
         return free
+    boxed = _on_gram_box(free, more_starts) if context.options.effort == "auto" else free
+    if boxed is not free:
+        return boxed
     state = go_on(free.context, free.candidates)
     outcome = better(free.outcome, state.outcome)
     return replace(state, outcome=outcome, history=free.history + state.history)
@@ -349,29 +380,43 @@ def _orders(
 
 
 def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:
-    """Take a lower order's certificate where an order proves nothing.
+    """Take a lower order's certificate where an order proves less, or nothing.
 
     Multipliers of a lower order are multipliers of the higher one. Without bounds on the variables
-    the higher one may have no optimal ones of its own, and a solver finds none that prove
-    anything. The output of the solver stays that of the order that was asked for.
+    the higher one may have no optimal ones of its own, and a solver finds none that prove what its
+    value promises. The output of the solver stays that of the order that was asked for.
     """
     options, problem = context.options, context.problem
     least, asked = least_order(problem), options.order or 1
-    if lower_bound(outcome.certificate) > -np.inf or outcome.relaxation is None or asked <= least:
+    boxed = finite(Interval(problem.lower, problem.upper))
+    if boxed or outcome.relaxation is None or asked <= least or not _short(outcome):
+        return outcome
+    if options.effort != "plain" and lower_bound(outcome.certificate) > -np.inf:
         return outcome
     if context.best is not None and falling_ray(problem, context.best) is not None:
         return outcome  # no order proves anything
+    best, taken = outcome.certificate, asked
     for order in range(asked - 1, least - 1, -1):
         if context.deadline.over:
             break
         switches = options.switches and replace(options.switches, order=order)
         lower = replace(_timed(context), order=order, switches=switches)
         bound = bound_order(replace(context, options=lower), None)
-        if lower_bound(bound.certificate) > -np.inf:
-            note = f"order {asked} proves nothing by itself: the bound is that of order {order}"
-            model = replace(outcome.model, notes=(*outcome.model.notes, note))
-            return replace(outcome, certificate=bound.certificate, model=model)
-    return outcome
+        if lower_bound(bound.certificate) > lower_bound(best):
+            best, taken = bound.certificate, order
+        if not _short(bound):
+            break
+    if taken == asked:
+        return outcome
+    note = f"order {asked} proves less by itself: the bound is that of order {taken}"
+    model = replace(outcome.model, notes=(*outcome.model.notes, note))
+    return replace(outcome, certificate=best, model=model)
+
+
+def _short(bound: CertifiedBound) -> bool:
+    """Check that a proved bound falls short of the solver's value by more than rounding."""
+    proved = lower_bound(bound.certificate)
+    return not proved > bound.value - 1e-3 * max(1.0, abs(bound.value))
 
 
 def _timed(context: SolveContext) -> Options:

@@ -85,8 +85,16 @@ class RelaxationQueue:
         """Correct the expected seconds of a relaxation that was built and not solved."""
         self.shared_state.estimates[spec.name] = seconds
 
-    def left_out(self, left: float | None) -> str:
-        """Describe the relaxations that time or memory do not allow; empty without any."""
+    def left_out(self, left: float | None) -> tuple[str, bool]:
+        """Describe the relaxations that time or memory do not allow.
+
+        Returns
+        -------
+        text : str
+            Empty without any.
+        slow : bool
+            Whether there are some that time does not allow.
+        """
         slow, large = [], []
         for spec in self.specs:
             seconds = self.seconds(spec)
@@ -96,7 +104,7 @@ class RelaxationQueue:
                 slow.append(f"{spec.name} (about {seconds:.2g} s)")
         parts = [f"too long for the time left: {', '.join(slow)}"] if slow else []
         parts += [f"too large for the memory limit: {', '.join(large)}"] if large else []
-        return f"relaxations not tried: {'; '.join(parts)}" if parts else ""
+        return f"relaxations not tried: {'; '.join(parts)}" if parts else "", bool(slow)
 
     def state(self, spec: RelaxationSpec) -> None:
         """Remove a relaxation and all weaker ones; it may return on a tightened box."""

@@ -1,4 +1,4 @@
-"""Turn inputs of tasks into bytes, and back without running code."""
+"""Turn records into bytes, and back without running code."""
 
 from __future__ import annotations
 
@@ -20,6 +20,9 @@ __all__ = ["dump", "fingerprint", "load"]
 
 _ROOTS = ("sparsepop_py", "setid")
 _NAMES = {
+    ("fractions", "Fraction"),
+    ("scipy.sparse._csc", "csc_array"),
+    ("scipy.sparse._csr", "csr_array"),
     ("numpy", "dtype"),
     ("numpy", "ndarray"),
     ("numpy._core.numeric", "_frombuffer"),
@@ -29,6 +32,10 @@ _NAMES = {
     ("numpy._core.multiarray", "scalar"),
     ("numpy.core.multiarray", "scalar"),
     ("setid.data.checks", "FrozenMapping"),
+    ("sparsepop_py.verified.certificate.certificate", "_after"),
+    ("sparsepop_py.verified.certificate.certificate", "_tree"),
+    ("sparsepop_py.verified.certificate.lp_dual", "_restored"),
+    ("sparsepop_py.verified.certificate.multipliers", "_filled"),
 }
 
 

@@ -65,7 +65,7 @@ def _rows(result: Result) -> list[dict[str, Any]]:
     ]
 
 
-def _write(result: Result) -> bytes:
+def _write(result: Result, trusted: tuple[str, ...]) -> bytes:
     return zlib.compress(to_json(result).encode())
 
 

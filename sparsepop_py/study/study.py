@@ -44,7 +44,8 @@ class Work:
     rows : callable
         From a result to its rows of the table: a list of mappings.
     write, read : callable
-        From a result to bytes, and back; reading checks what the bytes claim.
+        From a result to bytes, and back, given the trusted modules; reading checks what the
+        bytes claim.
     certificate : callable
         From a result to the JSON text that ``checker/check.py`` reads.
     columns : tuple of str
@@ -54,7 +55,7 @@ class Work:
     kind: str
     run: Callable[..., Any]
     rows: Callable[[Any], list[dict[str, Any]]]
-    write: Callable[[Any], bytes]
+    write: Callable[[Any, tuple[str, ...]], bytes]
     read: Callable[[bytes, str, tuple[str, ...]], Any]
     certificate: Callable[[Any], str]
     columns: tuple[str, ...]
@@ -389,7 +390,7 @@ def perform(job: _Job) -> Outcome:
     begin, work = time.perf_counter(), job.work
     try:
         found = work.run(*load(job.content, f"task {job.name!r}", job.trusted))
-        rows, content = work.rows(found), work.write(found)
+        rows, content = work.rows(found), work.write(found, job.trusted)
     except Exception as error:  # one bad task is not to end the others
         rows = [{"message": f"{type(error).__name__}: {error}"}]
         return Outcome("failed", json.dumps(rows), b"", time.perf_counter() - begin)

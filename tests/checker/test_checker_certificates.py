@@ -7,6 +7,7 @@ import json
 import math
 import subprocess
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import certificate_corpus as corpus
@@ -17,6 +18,8 @@ from certificate_corpus import FEW, solved
 
 import sparsepop_py as sp
 from checker import command, reading, result
+from checker import interval as iv
+from checker.certificate import Box, Replay, Tightening
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 INF = math.inf
@@ -459,6 +462,20 @@ def test_exact_multipliers_have_to_cancel_and_have_signs():
     low = {"row": numbers("i8", [1], 1), "value": ["1"], "lower": numbers("f8", [1], 0.5)}
     assert least(exact_dual(**low), thrice(lower=0.5)) == 0.5
     assert least(exact_dual(**low), thrice(lower=0.25)) == 0.25  # by the bound alone
+
+
+def test_exact_multipliers_of_the_cutoff_bound_variables():
+    """min x with 3 x >= 1 where x <= 2: from 2 - x >= 0 follows -x >= -2, and no more."""
+    dual = exact_dual(row=numbers("i8", [1], 1), value=["1"])[0]["parts"][0]["argument"]
+    step = {"is": "Tightening", "variable": numbers("i8", [1], 0), "side": numbers("i8", [1], -1)}
+    step |= {"value": numbers("f8", [1], -2.0), "argument": dual, "uses_cutoff": True}
+    falling = thrice(slope=1.0)
+    for claimed, row, end in ((-2.0, 1, 2.0), (-1.5, 1, INF), (-2.0, 0, INF)):
+        step["value"], dual["row"] = numbers("f8", [1], claimed), numbers("i8", [1], row)
+        replay = Replay(reading.problem(falling), Fraction(2), lambda *_: None)
+        box = Box([(iv.below(-INF), iv.above(INF))])
+        Tightening(step, 1, "step").apply(replay, box)
+        assert iv.exact(box.ends[0][1]) == end
 
 
 @pytest.mark.parametrize(

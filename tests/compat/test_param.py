@@ -47,7 +47,7 @@ def loaded(param: dict[str, Any], **how: Any) -> Any:
 def test_defaults(nothing: Any) -> None:
     parameters = read_parameters(nothing)
     assert parameters == Parameters(
-        options=Options(order=1, chordal="min-degree", search_limit=0.3, progress=True)
+        options=Options(order=1, chordal="min-degree", search_limit=1.0, progress=True)
     )
     assert parameters.options.effort == "presolve"
     assert parameters.printLevel == (2, 0)
@@ -369,12 +369,12 @@ def test_local_search_by_number_and_name(given: Any, refine: str) -> None:
 @pytest.mark.parametrize(
     ("given", "seconds"),
     [
-        ({}, 0.3),
-        ({"localSearch": ""}, 0.3),
+        ({}, 1.0),
+        ({"localSearch": ""}, 1.0),
         ({"localSearch": 1}, None),
         ({"POPsolver": "active-set"}, None),
         ({"effort": "auto"}, None),
-        ({"effort": "plain"}, 0.3),
+        ({"effort": "plain"}, 1.0),
     ],
 )
 def test_a_search_that_nobody_asked_for_is_short(

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from sparsepop_py.lp import rational_projection
 from sparsepop_py.lp.rational_projection import near_fraction, projected
 
 
@@ -46,3 +47,16 @@ def test_simple_fractions_stand_for_doubles_near_them():
     assert near_fraction(1 / 3) == Fraction(1, 3)
     assert near_fraction(0.1 + 1e-12) == Fraction(1, 10)
     assert near_fraction(0.1 + 1e-6) == Fraction(0.1 + 1e-6)
+
+
+def test_dense_systems_that_take_too_long_are_left_alone(monkeypatch):
+    size, rng = 12, np.random.default_rng(0)
+    table = rng.integers(1, 9, (size, size))
+
+    def solution():
+        rows = [{j: Fraction(int(a)) for j, a in enumerate(row)} for row in table]
+        return projected(rows, [Fraction(1)] * size, range(size), [Fraction(0)] * size)
+
+    assert solution() is not None
+    monkeypatch.setattr(rational_projection, "_WORK", 100)
+    assert solution() is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -107,9 +108,8 @@ def test_relations_that_contradict_the_record():
     physical = setid.Physical({"K": (0, 1)}, ["b0 = K*(1 + a1)"])  # the gain is at least 2.9
     result = setid.reparametrise(small(), physical)
     assert result.empty and result.verify(DATA) and "empty" in result.table()
-    found = result.results
     assert not verify_physical(small().evidence, physical, result.intervals, [], DATA)
-    weak = [EndProof(None, None) for _ in found]
+    weak = [EndProof(None, None)] * len(result.ends)
     verdict = verify_physical(small().evidence, physical, result.intervals, weak, DATA)
     assert verdict.reason == "emptiness does not follow"
 
@@ -127,9 +127,8 @@ def test_an_empty_identification_leaves_nothing():
 
 def claims(result, **changes):
     item = replace(result.intervals["T"], **changes)
-    ends = [EndProof(r.certificate, r.attained) for r in result.results]
     return verify_physical(
-        result.identification.evidence, result.physical, {"T": item}, ends, DATA
+        result.identification.evidence, result.physical, {"T": item}, result.ends, DATA
     ).reason
 
 
@@ -146,7 +145,7 @@ def test_false_claims_are_refused():
 
 def test_false_evidence_is_refused():
     result = time_constant()
-    given = [EndProof(r.certificate, r.attained) for r in result.results]
+    given = list(result.ends)
     known = result.identification.evidence, result.physical
 
     def said(ends, intervals=result.intervals, data=DATA):
@@ -169,8 +168,39 @@ def test_intervals_of_coefficients_are_checked_too():
     evidence = result.identification.evidence
     item = replace(evidence.intervals["a1"], outer=(-0.4, -0.35), inner=None)
     tighter = replace(evidence, intervals={**evidence.intervals, "a1": item})
-    ends = [EndProof(r.certificate, r.attained) for r in result.results]
-    assert not verify_physical(tighter, result.physical, result.intervals, ends, DATA)
+    assert not verify_physical(tighter, result.physical, result.intervals, result.ends, DATA)
+
+
+def test_files_keep_all_claims():
+    result = time_constant()
+    again = setid.Reparametrisation.from_json(result.to_json())
+    assert again.intervals["T"].outer == result.intervals["T"].outer
+    assert again.intervals["T"].inner == result.intervals["T"].inner
+    assert again.physical == result.physical and again.verify(DATA)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r["intervals"][0].update(outer=[0.6, 1.1]), "outer interval of T"),
+        (lambda r: r["intervals"][0].update(inner=[0.1, 1.1]), "inner interval of T"),
+        (lambda r: r["attained"].pop(), "expected a stored result"),
+        (lambda r: r.update(physical=r["identification"]), "found|expected"),
+        (lambda r: r.pop("notes"), "expected a stored result"),
+        (lambda r: r["identification"].update(version=9), "expected"),
+    ],
+)
+def test_damaged_files_are_refused(change, message):
+    found = json.loads(time_constant().to_json())
+    change(found["reparametrisation"])
+    with pytest.raises(setid.SetidError, match=message):
+        setid.Reparametrisation.from_json(json.dumps(found))
+
+
+def test_other_texts_are_refused():
+    for text in ("", "3", "{}", small().to_json()):
+        with pytest.raises(setid.SetidError, match="from_json"):
+            setid.Reparametrisation.from_json(text)
 
 
 # ---- continuous time ----------------------------------------------------------------------------

@@ -440,3 +440,49 @@ def test_a_stored_identification_that_claims_too_much_is_refused(tmp_path: Path)
     write(study, zlib.compress(to_json(claims).encode()))
     with pytest.raises(setid.SetidError, match="result of 'a': from_json: found a claim"):
         study.result("a")
+
+
+OWN = """
+from dataclasses import dataclass
+import setid
+from setid.models.equations import Equation, Lagged, Term
+
+
+@dataclass(frozen=True)
+class Gain:  # y_k = c u_k
+    inputs = outputs = 1
+    initial = "free"
+    parameters = ("c",)
+
+    def equations(self, noisy=()):
+        terms = [Term(1.0, (), (Lagged("y1"),)), Term(-1.0, ("c",), (Lagged("u1", 0),))]
+        return (Equation("y1", tuple(terms), error=True),)
+
+    def regression(self):
+        return self.equations()
+
+    def transfer(self, output, input):
+        raise setid.ModelError("model: a gain")
+"""
+
+
+def test_structures_of_trusted_modules_are_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """|1 - c| <= 1/2 and |3 - 2 c| <= 1/2: c in [5/4, 3/2]."""
+    (tmp_path / "own_structures.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    from own_structures import Gain
+
+    data, noise = setid.IOData([1.0, 2.0], [1.0, 3.0]), setid.Noise(equation=0.5)
+    with pytest.raises(FormatError, match=r"own_structures.Gain.*trusted="):
+        setid.Study(tmp_path / "a.study").add("gain", data, Gain(), noise)
+    study = setid.Study(tmp_path / "b.study", trusted=["own_structures"])
+    study.add("gain", data, Gain(), noise)
+    assert study.run(workers=2).done == 1
+    row = study.table()[0]
+    assert (row["outer_low"], row["outer_high"]) == (1.25, 1.5)
+    assert study.result("gain").verify(data)
+    with pytest.raises(FormatError, match="trusted="):
+        setid.Study(study.path).result("gain")
+    monkeypatch.delitem(sys.modules, "own_structures")

@@ -33,6 +33,7 @@ from sparsepop_py.verified.box.propagation import (
     sweep,
     with_cutoff,
 )
+from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.sos_identity import Identity
 
@@ -97,8 +98,8 @@ class Tightening:
         Side +1 says x_v >= value, side -1 says x_v <= value.
     value : (K,) float
         The claims; a claim that the argument does not reach is skipped.
-    argument : LinearDual or Identity
-        Of the K polynomials side * x_v; an identity speaks of one.
+    argument : LinearDual, Identity or ExactDual
+        Of the K polynomials side * x_v; the last two speak of one.
     uses_cutoff : bool
         Whether the row cutoff - f(x) >= 0 stands behind the constraints.
     """
@@ -106,7 +107,7 @@ class Tightening:
     variable: NDArray[np.int64]
     side: NDArray[np.int64]
     value: NDArray[np.float64]
-    argument: LinearDual | Identity
+    argument: LinearDual | Identity | ExactDual
     uses_cutoff: bool
 
     def reached(
@@ -118,6 +119,9 @@ class Tightening:
             return self.argument.evaluate(system, equality, asked)
         if self.value.size != 1:
             return np.full(self.value.size, -np.inf)
+        if isinstance(self.argument, ExactDual):
+            target = Polynomial.from_words(asked.words, asked.coefficients, asked.dimension)
+            return np.array([self.argument.bound(system, equality, target)])
         return np.array([self.argument.evaluate(system, equality, asked, matrices).bound])
 
 
@@ -237,7 +241,9 @@ class Replay:
         floats = step.value.dtype in (np.float64, np.float32)  # others may overflow when negated
         if not floats or not np.all((step.side == 1) | (step.side == -1)):
             return box
-        if not step.argument.scaling.contains(box):
+        argument = step.argument
+        fits = argument.covers if isinstance(argument, ExactDual) else argument.scaling.contains
+        if not fits(box):
             return box
 
         def proved() -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ import setid
 from setid.bands.responses import frequency_band
 from setid.bands.steps import step_band
 from setid.feasible_points.members import members
+from setid.proofs.frequency.regions import angles_of, quotient_rectangle
 from setid.simulation.responses import frequency_response, grid
 
 
@@ -122,3 +123,24 @@ def test_an_unbounded_interval_leaves_sampled_bands(result: setid.Identification
     with pytest.raises(setid.SetidError, match="infinite interval"):
         step_band(endless)
     assert np.isfinite(step_band(endless, 10, kind="sampled").high).all()
+
+
+def test_quotients_of_rectangles_hold_all_quotients() -> None:
+    rng = np.random.default_rng(0)
+    e, q = (0.4 - 0.3j, 0.9 + 0.2j), (0.5 - 0.2j, 1.5 + 0.3j)
+    west, east, south, north = quotient_rectangle(e, q, 0.0)
+    tops, belows = (
+        rng.uniform(a.real, b.real, 500) + 1j * rng.uniform(a.imag, b.imag, 500) for a, b in (e, q)
+    )
+    corners = [complex(a.real, b.imag) for a in e for b in e]
+    poles = [complex(a.real, b.imag) for a in q for b in q]
+    found = np.concatenate([tops / belows, [a / b for a in corners for b in poles]])
+    assert np.all((west <= found.real) & (found.real <= east))
+    assert np.all((south <= found.imag) & (found.imag <= north))
+    assert quotient_rectangle(e, (0.0 - 1j, 1.0 + 1j), 0.0) == (-np.inf, np.inf, -np.inf, np.inf)
+
+
+def test_angles_of_a_rectangle_beyond_the_left_half_plane_are_all() -> None:
+    assert angles_of(-2.0, -1.0, -1.0, 1.0) == (-np.pi, np.pi)
+    low, high = angles_of(1.0, 2.0, -1.0, 1.0)
+    assert low <= -np.pi / 4 and np.pi / 4 <= high < np.pi / 4 + 1e-12

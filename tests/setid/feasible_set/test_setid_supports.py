@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from identification_cases import PLANT
@@ -16,7 +18,9 @@ from setid.feasible_points.members import (
     nominal,
     projection_estimate,
 )
+from setid.feasible_set.proposer import Proposer
 from setid.feasible_set.supports import cover_of, supports
+from setid.proofs.supports import Cover, safe_maxima
 
 RNG = np.random.default_rng(1)
 
@@ -119,3 +123,58 @@ def test_no_members_without_witnesses_far_from_the_data() -> None:
     infinite = identified(first_order().formulation, [(-np.inf, 6.0), (1.0, 2.0)])
     with pytest.raises(setid.SetidError, match="a1"):
         central(infinite)
+
+
+# ---- weak duality -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6, 1e-9])
+def test_bounds_of_any_multipliers_hold_in_rationals(size: float) -> None:
+    """The direction is the rounded combination of rows: what is left is rounding alone."""
+    rng = np.random.default_rng(3)
+    matrix, right = rng.normal(size=(6, 3)), rng.normal(size=6)
+    cover = Cover(("a", "b", "c"), np.full(3, -size), np.full(3, size), matrix, right, True)
+    weights = np.abs(rng.normal(size=(40, 6))) * 10.0 ** rng.integers(-3, 4, size=(40, 6))
+    found = safe_maxima(cover, weights @ matrix, np.arange(6), weights)
+    for bound, use, direction in zip(found, weights, weights @ matrix, strict=True):
+        w = [Fraction(x) for x in use.tolist()]
+        value = sum(a * Fraction(b) for a, b in zip(w, right.tolist(), strict=True))
+        for column, d in zip(matrix.T.tolist(), direction.tolist(), strict=True):
+            rest = Fraction(d) - sum(a * Fraction(b) for a, b in zip(w, column, strict=True))
+            value += abs(rest) * Fraction(size)
+        assert value <= Fraction(float(bound))
+    lies = np.where(rng.random(weights.shape) < 0.5, -weights, np.nan)
+    box = safe_maxima(cover, weights @ matrix, np.arange(6), lies)  # as without multipliers
+    assert np.all(box >= np.abs(weights @ matrix).sum(axis=1) * size)
+
+
+def test_negative_multipliers_prove_nothing() -> None:
+    cover = Cover(("a",), np.zeros(1), np.ones(1), np.ones((1, 1)), np.array([10.0]), True)
+    for weight in (-1.0, -np.inf, np.inf, np.nan):  # -1 would say that 0 is at most -9
+        bound = safe_maxima(cover, np.zeros((1, 1)), np.zeros(1, np.int64), np.full((1, 1), weight))
+        assert bound[0] >= 0.0
+
+
+def test_bases_are_shared_by_directions() -> None:
+    cover = cover_of(second_order())
+    source = Proposer(cover)
+    directions = RNG.normal(size=(300, 5)) / (cover.upper - cover.lower)
+    served = np.concatenate([found.places for found in source.multipliers(directions)])
+    assert sorted(served.tolist()) == list(range(300)) and len(source.bases) < 200
+    again = Proposer(cover, source.bases)
+    assert len(again.bases) == len(source.bases)
+    assert np.all(again.points @ cover.matrix.T <= cover.right + 1e-6 * np.abs(cover.right).max())
+    for found in Proposer(cover, source.bases).multipliers(directions):
+        bounds = safe_maxima(cover, directions[found.places], found.rows, found.weights)
+        reached = (source.points @ directions[found.places].T).max(axis=0)
+        assert np.all(bounds >= reached - 1e-9 * np.abs(reached))
+
+
+def test_contradictory_rows_are_named() -> None:
+    ends, rows = (-np.ones(2), np.ones(2)), np.array([[1.0, 1.0], [-1.0, -1.0]])
+    cover = Cover(("a", "b"), *ends, rows, np.array([0.5, -0.6]), True)
+    source = Proposer(cover)
+    assert list(source.multipliers(np.eye(2))) == [] and source.contradictory
+    weights = source.contradiction()
+    assert weights is not None
+    assert safe_maxima(cover, np.zeros((1, 2)), np.arange(2), weights[None, :])[0] < 0.0

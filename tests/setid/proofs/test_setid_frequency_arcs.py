@@ -15,7 +15,7 @@ import setid
 from setid.bands.frequency_arcs import refined_arcs
 from setid.feasible_set.proposer import Proposer
 from setid.proofs.frequency.arc_regions import ArcRegions, arc_regions, families_of
-from setid.proofs.frequency.arcs import first_arcs
+from setid.proofs.frequency.arcs import first_arcs, taylor
 from setid.proofs.supports import Cover
 from setid.simulation.responses import frequency_response
 
@@ -113,6 +113,7 @@ def test_regions_are_joined_about_the_points_of_the_first() -> None:
         for theta in thetas:
             for w in np.linspace(0.0, np.pi, 120).tolist():
                 assert joined.at(w)[0][0] <= abs(exact(theta, w)) <= joined.at(w)[0][1]
+                assert inside(joined, theta, w)
 
 
 def test_the_peak_and_the_distance_bound_every_member() -> None:
@@ -148,6 +149,45 @@ def test_a_pole_on_the_circle_leaves_the_arcs_about_it_open() -> None:
     arcs = refined_arcs(cover, theta, families, time.monotonic() + 20.0)
     assert arcs.at(1.0)[0] == (0.0, np.inf) and arcs.largest_gain == np.inf
     assert np.isfinite(arcs.at(2.0)[0]).all() and np.isfinite(arcs.at(0.3)[0]).all()
+
+
+def inside(arcs: ArcRegions, theta: np.ndarray, w: float) -> bool:
+    """Whether the rectangle at a frequency holds a response, real and imaginary part."""
+    corners = arcs.corners(w)
+    if not np.all(np.isfinite(corners)):
+        return True
+    off = complex(exact(theta, w)) - corners[0]
+    sides = corners[1] - corners[0], corners[3] - corners[0]
+    shares = [(off * np.conj(side)).real / abs(side) ** 2 for side in sides]
+    return all(0.0 <= share <= 1.0 for share in shares)
+
+
+@pytest.mark.parametrize("theta", [[-0.5, 0.3, 1.0, 0.2], [0.4, 0.1, -0.3, 1.0], THETA.tolist()])
+def test_wide_arcs_hold_up_to_their_ends(theta: list[float]) -> None:
+    point = np.array(theta)
+    cover = Cover(MODEL.parameters, point, point, np.zeros((0, 4)), np.zeros(0), True)
+    families = families_of(MODEL.transfer(1, 1), MODEL.parameters)
+    for count in (5, 8, 13, 40):
+        arcs = arc_regions(cover, point, families, first_arcs(count), Proposer)
+        for centre, half in zip(arcs.centre.tolist(), arcs.half.tolist(), strict=True):
+            for t in (-0.9999, -0.5, 0.3, 0.9999):
+                assert inside(arcs, point, centre + t * half)
+
+
+@pytest.mark.parametrize("half", [0.0, 1e-3, 0.1, 0.5])
+def test_taylor_polynomials_are_off_by_their_remainders_at_most(half: float) -> None:
+    """exp(-j (k - s) w) with 40 digits, beside its polynomial in t."""
+    size, shift, centre = 6, 2.5, 1.2
+    powers, rest, rounding = taylor(size, shift, [(centre, half)])
+    for t in (-1.0, -0.3, 0.0, 0.7, 1.0):
+        for k in range(size):
+            with mpmath.workdps(40):
+                w = mpmath.mpf(centre) + mpmath.mpf(half) * t
+                value = mpmath.exp(mpmath.mpc(0, -1) * (k - mpmath.mpf(shift)) * w)
+                terms = [mpmath.mpmathify(complex(c)) * mpmath.mpf(t) ** m
+                         for m, c in enumerate(powers[0, :, k])]  # fmt: skip
+                off = abs(value - sum(terms))
+            assert off <= rest[0, k] + rounding[0, k]
 
 
 def test_without_time_arcs_are_coarse_and_hold() -> None:

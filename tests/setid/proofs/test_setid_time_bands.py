@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -222,6 +223,62 @@ def test_the_centre_may_be_a_corner_of_the_cell(corner: float) -> None:
         assert holds(ranges.low, ranges.high, replayed(task, point))
 
 
+FIRST = setid.TransferFunction(na=1, nb=1, nk=1)
+SLOWEST = np.array([-0.7, 1.0])  # of the poles from .3 to .7
+
+
+def one_cell(task: Experiment, cover: Cover) -> Ranges:
+    found = branched(task, cover, Effort(1e-9, time.monotonic() - 1.0, 1))
+    assert found.ranges is not None and found.cells == 1
+    return found.ranges
+
+
+def test_all_orders_of_the_slowest_member_are_covered() -> None:
+    """All terms of the series have one sign there, and each bound is attained by its term."""
+    cover = Cover(("a1", "b1"), np.array([-0.7, 1.0]), np.array([-0.3, 1.0]), *no_rows(2), True)
+    task = replace(experiment(FIRST, 16), u=np.ones((16, 1)))
+    ranges = one_cell(task, cover)
+    for a in (-0.7, -0.5, -0.3):
+        assert holds(ranges.low, ranges.high, replayed(task, np.array([a, 1.0])))
+
+
+def test_noise_in_the_first_output_meets_every_pole() -> None:
+    cover = Cover(("a1", "b1"), np.array([-0.7, 1.0]), np.array([-0.3, 1.0]), *no_rows(2), True)
+    task = experiment(FIRST, 16, (0.0,), start=10.0)
+    ranges = one_cell(task, cover)
+    for start in (-10.0, 10.0):
+        assert holds(ranges.low, ranges.high, replayed(task, SLOWEST, np.array([start])))
+
+
+def no_rows(p: int) -> tuple[np.ndarray, np.ndarray]:
+    return np.zeros((0, p)), np.zeros(0)
+
+
+def test_the_output_starts_from_readings_whatever_the_centre_says() -> None:
+    cover, task = box(THETA, 0.0), experiment(SECOND, 16, (0.5, -0.25))
+    outputs = np.array([float(v) for v in replayed(task, THETA)])
+    outputs[:2] = 3.0, -4.0
+    part = Partition(task, cover, frame_of(2), Proposer(cover))
+    part.enclose(0, Centre(THETA, outputs, np.eye(1, 14)[0]), Proposer(part.polytope(0)))
+    ranges = part.ranges()
+    assert ranges is not None and holds(ranges.low, ranges.high, replayed(task, THETA))
+
+
+def test_long_sums_that_cancel_are_rounded_outwards() -> None:
+    """The free response of a slow oscillation, its coefficients known: h * r is all rounding."""
+    radius, angle = 0.9999, 2 * np.pi / 150
+    known = {0: 1.0, 1: -2 * radius * np.cos(angle), 2: radius**2}
+    row = OutputRow(
+        {lag: Affine(float(c), np.zeros(1)) for lag, c in known.items()}, [(0, -1.0, "u1", 0)]
+    )
+    for start in ((1e3, 1.1e3), (7.7, 8.1), (1.0 / 3.0, 0.2)):
+        task = experiment(SECOND, 600, start)
+        task = replace(task, row=row, u=np.zeros((600, 1)))
+        ranges = one_cell(task, box(np.ones(1), 0.0))
+        assert holds(ranges.low, ranges.high, replayed(task, np.ones(1)))
+        assert np.max(ranges.high - ranges.low) < 1e-4 * abs(start[0])
+
+
 # ---- the leak ---------------------------------------------------------------------------
 
 
@@ -383,10 +440,7 @@ def test_sets_without_points_end_without_a_band() -> None:
 
 
 def step(samples: int) -> Experiment:
-    task = experiment(SECOND, samples)
-    return Experiment(
-        task.row, np.ones((samples, 1)), task.first, task.start, task.input_noise, task.errors
-    )
+    return replace(experiment(SECOND, samples), u=np.ones((samples, 1)))
 
 
 def test_a_range_for_all_time_holds_and_has_the_static_gains() -> None:

@@ -13,7 +13,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
 from sparsepop_py.verified.certificate.exact_dual import ExactDual
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
-from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay
+from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay, Tightening
 
 INF = np.inf
 x, y = sp.variables(2)
@@ -163,6 +163,38 @@ def test_values_have_to_be_numbers():
     for value in (np.nan, INF):
         with pytest.raises((ValueError, OverflowError)):
             dual(problem, (0, (), value))
+
+
+def cut(problem, variable, side, value, multiplier, cutoff=1.0, **changes):
+    """The box after side * x_variable >= value is claimed where (x - y)^2 + y^2 <= cutoff."""
+    linear = replace(
+        GRAM, first=np.append(GRAM.first, [0, 0]), second=np.append(GRAM.second, [1, 2])
+    )
+    argument = replace(dual(problem, (0, (), multiplier)), gram=replace(linear, value=np.zeros(5)))
+    argument = replace(argument, **changes)
+    step = Tightening(np.array([variable]), np.array([side]), np.array([value]), argument, True)
+    return Replay(problem, cutoff).step(step, Interval(problem.lower, problem.upper))
+
+
+def test_the_cutoff_row_bounds_variables():
+    """Where (x - y)^2 + y^2 <= 1 the least y is -1: y + (f - 1) / 2 >= -1 and no more."""
+    problem = sp.Problem((x - y) ** 2 + y**2)
+    assert cut(problem, 1, 1, -1.0, Fraction(1, 2)).lo[1] == -1.0
+    assert cut(problem, 1, -1, -1.0, Fraction(1, 2)).hi[1] == 1.0
+    assert cut(problem, 1, 1, -1.0 + 2.0**-53, Fraction(1, 2)).lo[1] == -INF
+    assert cut(problem, 1, 1, -1.0, Fraction(1, 4)).lo[1] == -INF
+    assert cut(problem, 1, 1, -1.0, Fraction(1, 2), cutoff=2.0).lo[1] == -INF
+    assert cut(problem, 1, 1, -1.0, Fraction(-1, 2)).lo[1] == -INF
+    assert cut(problem, 0, 1, -1.25, Fraction(1, 2)).lo[0] == -INF  # -sqrt(2) is the least x
+    assert cut(problem, 0, 1, -1.5, Fraction(1, 2)).lo[0] == -1.5
+    assert cut(problem, 1, 1, -1.0, Fraction(1, 2), lower=np.zeros(2)).lo[1] == -INF
+    none = Replay(problem, None)
+    box = Interval(problem.lower, problem.upper)
+    argument = dual(problem, (0, (), Fraction(1, 2)))
+    step = Tightening(np.array([1]), np.array([1]), np.array([-1.0]), argument, True)
+    assert none.step(step, box) is box
+    both = replace(step, variable=np.array([0, 1]), side=np.ones(2, int), value=-np.ones(2))
+    assert np.all(Replay(problem, 1.0).step(both, box).lo == -INF)
 
 
 def test_a_false_claim_is_not_verified():
