@@ -44,7 +44,7 @@ _WIDE = 0.3  # relative half width from which a parameter is called wide
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Advice:
-    """How to record data of a system.
+    """Advice on how to record data of a system.
 
     Parameters
     ----------

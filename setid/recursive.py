@@ -311,7 +311,7 @@ class Recursive:
         return bool(np.any(excess > _NEAR))
 
     def _excess(self, windows: list[_Window], low: Reals, high: Reals) -> Reals:
-        """How far each row reaches beyond its bound over the box, relative, at most (W,)."""
+        """Relative reach of each row beyond its bound over the box, (W,)."""
         rows = self._stated(windows).regression
         if rows is None:
             return np.full(len(windows), inf)

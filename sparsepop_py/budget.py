@@ -96,7 +96,7 @@ def check() -> None:
 
 
 def pace() -> float:
-    """Return the wall seconds to a CPU second that the deadline kept in this thread has seen."""
+    """Return wall seconds to a CPU second, as this thread's deadline saw."""
     return 1.0 if _KEPT.deadline is None else _KEPT.deadline.pace
 
 

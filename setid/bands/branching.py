@@ -31,7 +31,7 @@ _DIRECTIONS = 40  # that are looked at for the principal axes of the set
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """When to stop halving cells.
+    """Limits at which cells are no longer halved.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """What the search ended with.
+    """Outcome of the search.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def _denominator(experiment: Experiment, theta: Reals) -> Reals:
 
 @dataclass(slots=True, eq=False)
 class _Leaf:
-    """What is known of a cell for choices."""
+    """Facts about a cell that choices use."""
 
     number: int
     source: Proposer
@@ -173,7 +173,7 @@ class _Search:
         return self._found()
 
     def _more(self) -> bool:
-        """Whether there is time for another cell, and for those that are not enclosed yet."""
+        """Check for time for another cell and for those not enclosed yet."""
         waiting = sum(not leaf.enclosed for leaf in self.leaves.values())
         now = time.monotonic() + self.slowest * waiting
         return now < self.effort.until and self.cells < self.effort.cells
@@ -242,7 +242,7 @@ class _Search:
         return np.asarray(np.maximum(width, _FLOOR * top if top > 0 else 1e-300), np.float64)
 
     def _beyond(self, number: int) -> Reals:
-        """How far the range of a cell reaches beyond what is attained, in widths, (N,)."""
+        """Reach of a cell's range beyond what is attained, in widths, (N,)."""
         ranges = self.partition.range_of(number)
         if not len(self.points):
             return np.full(self.low.size, inf)

@@ -33,7 +33,7 @@ _SHARE = 0.7  # of the time, for ranges along principal axes where the cover is 
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """How narrow proved bands are to be, and for how long that is tried.
+    """Wanted width of proved bands, and the time for it.
 
     Parameters
     ----------

@@ -122,7 +122,7 @@ class _Search:
         return _sorted(done)
 
     def wide(self, found: ArcRegions) -> NDArray[np.bool_]:
-        """Which regions are much wider than what vertices attain at the centres of the arcs."""
+        """Find regions much wider than what vertices attain at arc centres."""
         points = np.concatenate([self.source.points, *self.points])
         lags = np.arange(self.families[0].constants.size)
         turns = np.exp(-1j * found.centre[:, None] * lags)

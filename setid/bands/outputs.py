@@ -82,7 +82,7 @@ class OutputBand:
 
     @property
     def silent(self) -> NDArray[np.bool_]:
-        """Where the band says nothing, shape (N, ny).
+        """Samples at which the band says nothing, shape (N, ny).
 
         There it is infinite, or holds every reading that the record has of that output: none of
         them would lie outside.

@@ -284,7 +284,7 @@ def _regions_task(
 def _met(
     found: tuple[Reals, Reals, Complexes], arcs: ArcRegions, turns: Reals, response: Complexes
 ) -> tuple[Reals, Reals, Complexes]:
-    """What is proved at frequencies and on the arcs there, the latter where the former is not."""
+    """Join what is proved at frequencies and on the arcs there."""
     gains, angles, corners = found[0].copy(), found[1].copy(), found[2].copy()
     for k, w in enumerate(turns.tolist()):
         (low, high), phases = arcs.at(w)

@@ -1,4 +1,4 @@
-"""What a search for a proved band ended with, in numbers and in words."""
+"""Outcome of a search for a proved band, in numbers and words."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FLOOR = 0.01  # of the largest attained width: narrower samples do not count
 
 @dataclass(frozen=True, slots=True)
 class BandReport:
-    """How wide a proved band is beside what members attain, and why.
+    """Width of a proved band beside what members attain, and why.
 
     Parameters
     ----------

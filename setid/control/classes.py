@@ -55,7 +55,7 @@ class Fixed:
 
 
 class Controller(ABC):
-    """What every class of controllers offers."""
+    """Interface of all classes of controllers."""
 
     @abstractmethod
     def fixed(self, Ts: float, order: int | None = None) -> Fixed:
@@ -213,5 +213,5 @@ def _over(known: Exact, rows: Sequence[Exact], names: tuple[str, ...]) -> Fixed:
 
 
 def is_class(given: Any) -> bool:
-    """Whether something is an object of a class of controllers, not the class itself."""
+    """Check for an object of a class of controllers."""
     return isinstance(given, Controller)

@@ -117,13 +117,13 @@ class Design:
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What the intervals take for granted; boxes that follow from the data are not among it."""
+        """Assumptions of the intervals, without boxes that follow from the data."""
         known = "prior: Box(" if self.boxed else "\0"
         return tuple(t for t in self.result.assumptions if not t.startswith(known))
 
     @property
     def empty(self) -> bool:
-        """Whether it is proved that no controller of the class is consistent."""
+        """True if it is proved that no controller is consistent."""
         return self.result.empty
 
     @property
@@ -255,7 +255,7 @@ class Design:
         return plot_matching(self.matching(plant), ax)
 
     def summary(self) -> str:
-        """What was refuted, the intervals, and what they take for granted."""
+        """Summarise refutations, intervals and their assumptions."""
         lines = [repr(item) for item in self.refuted]
         lines += [repr(item) for item in self.intervals.values()]
         lines += [f"assumed: {text}" for text in self.assumptions]

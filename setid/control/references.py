@@ -127,7 +127,7 @@ def ideal_controller(P: Any, M: Any) -> Transfer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Matching:
-    """How near a closed loop is to its reference model, and whether it is stable.
+    """Distance of a closed loop from its reference model, and its stability.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ _FLAT = 1e-3  # abs(S) of the weight at frequency 0, before the static gain is m
 
 @dataclass(frozen=True, slots=True)
 class Specification:
-    """What a closed loop is to do.
+    """Specification of a closed loop.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class SpecifiedModel:
 
     @property
     def kept(self) -> bool:
-        """Whether every limit is kept."""
+        """True if every limit is kept."""
         return all(measured <= asked for asked, measured in self.checks.values())
 
 

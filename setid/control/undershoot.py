@@ -33,7 +33,7 @@ _GRID = 1.0 + np.geomspace(1e-3, 99.0, 400)  # numbers z > 1 at which the sign i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Undershoot:
-    """What a step response proves of undershoot and of real zeros outside the unit circle.
+    """Proof of undershoot and of real zeros outside the unit circle.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def _bounds(record: IOData | ArrayLike, noise: Noise | float, y: Reals) -> Reals
 def _zeros(
     low: Reals, high: Reals, ends: tuple[float, float]
 ) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-    """Where the sign of sum_k y_k z^-k is proved to change, and where it is proved at all."""
+    """Find where the sign of sum_k y_k z^-k is proved to change."""
     count = low.size
     powers = _GRID[:, None] ** -np.arange(float(count))
     rest = _GRID ** -float(count) / (1.0 - 1.0 / _GRID)

@@ -54,7 +54,7 @@ def plot_output_band(band: OutputBand, ax: Any = None) -> NDArray[Any]:
 
 
 def _attained(band: OutputBand, i: int) -> tuple[Reals, Reals] | None:
-    """What members reach of one output, None where that is not known."""
+    """Range of one output over members, None where unknown."""
     if band.attained_low is None or band.attained_high is None:
         return None
     low, high = band.attained_low[:, i], band.attained_high[:, i]

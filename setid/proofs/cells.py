@@ -37,7 +37,7 @@ class Cell:
 
     @property
     def box(self) -> tuple[Reals, Reals]:
-        """What is known of the coordinates: between the cuts, and in the proved range."""
+        """Box of the coordinates: between the cuts, in the proved range."""
         return np.maximum(self.low, self.tight[0]), np.minimum(self.high, self.tight[1])
 
 

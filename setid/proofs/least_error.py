@@ -135,7 +135,7 @@ def _root(square: Fraction, up: bool) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutputErrors:
-    """What is claimed of the least output error, with its evidence.
+    """Claim about the least output error, with its evidence.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ __all__ = ["Holdout"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Holdout:
-    """What a held-out record says of an identified set.
+    """Verdict of a held-out record on an identified set.
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ def gram_box(context: SolveContext, gram: ExactGram) -> tuple[BoxProof, Interval
 
 
 def _bounds(replay: Replay, box: Interval, gram: ExactGram) -> Iterator[Step]:
-    """Yield a bound for each end that is missing, as far as the Gram matrix proves one."""
+    """Yield a bound for each missing end that the Gram matrix proves."""
     for end, side in ((box.lo, 1), (box.hi, -1)):
         for v in np.flatnonzero(np.isinf(end)).tolist():
             step = _bound(replay, gram, v, side)

@@ -19,7 +19,7 @@ _HINTS = 3  # failing frequencies that are looked at first in the parts of a cel
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
-    """What was proved on one cell.
+    """Proof on one cell.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class Claim(Protocol):
         """Try to prove it on one cell, frequencies of the hint first."""
 
     def excluded(self, found: ParameterSet) -> bool:
-        """Whether an assumption excludes all members of a cell."""
+        """Check that an assumption excludes all members of a cell."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What was proved over all cells.
+    """Proof over all cells.
 
     Parameters
     ----------

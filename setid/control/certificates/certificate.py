@@ -71,7 +71,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class StabilityCertificate:
-    """Whether a controller is proved to stabilise every consistent plant.
+    """Verdict on whether a controller stabilises every consistent plant.
 
     Parameters
     ----------
@@ -336,7 +336,7 @@ class _Task:
     # ---- conditions ---------------------------------------------------------------------
 
     def _exact_conditions(self) -> tuple[tuple[Condition, ...], Transfer | None]:
-        """What rationals decide, and F = K (1 - M), the plant's integrator moved into it."""
+        """Decide in rationals; F = K (1 - M) takes the plant's integrator."""
         if self.method == "characteristic":
             return (), None
         factor = (self.controller * (1 - self.reference)).reduced()
@@ -370,7 +370,7 @@ class _Task:
         return (first, second, third), factor
 
     def _poles_cancel(self) -> bool:
-        """Whether zeros of 1 - M alone cancel all unstable poles of K and of the integrator.
+        """Check that zeros of 1 - M cancel all unstable poles of K.
 
         A zero of K at z = 1 must not stand in for one of 1 - M: it would hide the plant's
         integrator from Delta, but not from the loop.

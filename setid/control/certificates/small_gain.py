@@ -99,7 +99,7 @@ class SmallGain:
         return ratio_on_arcs(found, top, below, theta, inf, [(w, 0.0) for w in omega])
 
     def excluded(self, found: ParameterSet) -> bool:
-        """Whether no member of a set obeys the margin, so that it need not be looked at."""
+        """Check that no member of a set obeys the margin."""
         if self.margin is None:
             return False
         own = denominator_of(self.model, self.integrators)

@@ -57,7 +57,7 @@ class ParameterSet:
 
     @property
     def empty(self) -> bool:
-        """Whether it is proved that nothing is consistent."""
+        """True if it is proved that nothing is consistent."""
         return bool(np.any(self.polytope.lower > self.polytope.upper))
 
     def theta(self, z: Reals) -> Reals:

@@ -101,7 +101,7 @@ class Polytope:
         return found
 
     def proved_empty(self) -> bool:
-        """Whether weak duality proves that no point is in the polytope."""
+        """Prove by weak duality that no point is in the polytope."""
         if np.any(self.lower > self.upper):
             return True
         if not self.right.size:

@@ -62,7 +62,7 @@ class ArcRegions:
         return np.asarray(found * (1.0 + 4 * _EPS), np.float64)
 
     def joined(self, other: ArcRegions) -> ArcRegions:
-        """What contains both regions on the same arcs, about the points of this one.
+        """Join two families of regions on the same arcs.
 
         The rectangle of the other one is turned, and its moving point is put in a box: the
         difference of the two points is affine in t.
@@ -146,7 +146,7 @@ class ArcRegions:
 
     @property
     def covers(self) -> bool:
-        """Whether the arcs leave no gap from 0 to pi."""
+        """True if the arcs leave no gap from 0 to pi."""
         order = np.argsort(self.centre - self.half)
         low, high = (self.centre - self.half)[order], (self.centre + self.half)[order]
         reach = np.maximum.accumulate(high)

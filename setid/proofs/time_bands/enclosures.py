@@ -51,7 +51,7 @@ _TINY = 1e-290  # more than everything that underflows
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Experiment:
-    """What an output answers to, for one record.
+    """Inputs and first values of one output of a record.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Centre:
     impulse: Reals
 
     def fits(self, experiment: Experiment) -> bool:
-        """Whether there is a number for every sample."""
+        """True if there is a number for every sample."""
         sizes = self.outputs.size, self.impulse.size
         return sizes == (len(experiment.u), experiment.samples)
 

@@ -44,11 +44,11 @@ class Ranges(NamedTuple):
     later: Reals
 
     def joined(self, other: Ranges) -> Ranges:
-        """What contains both."""
+        """Ranges that contain both."""
         return self._by(other, np.minimum, np.maximum)
 
     def met(self, other: Ranges) -> Ranges:
-        """What is in both."""
+        """Ranges in both."""
         return self._by(other, np.maximum, np.minimum)
 
     def _by(self, other: Ranges, low: np.ufunc, high: np.ufunc) -> Ranges:
@@ -63,7 +63,7 @@ class Ranges(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """What one try to enclose a cell found.
+    """Enclosure of one cell, as found.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ class OutputRow:
 
     @property
     def leads_with_one(self) -> bool:
-        """Whether D_0 is exactly 1."""
+        """True if D_0 is exactly 1."""
         return self.feedback[0].constant == 1.0 and not np.any(self.feedback[0].weights)
 
     def without_constant(self) -> OutputRow:
