@@ -27,9 +27,9 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.physical import objectives_of, problem_within, verify_physical, with_relations
 from setid.result.identification import Identification
 from setid.result.json_parts import read, write
-from sparsepop_py.io.json_certificates import CERTIFICATES
-from sparsepop_py.io.json_codecs import optional
-from sparsepop_py.io.json_values import PROVED_POINT
+from sparsepop_py.io.json_files.certificates import CERTIFICATES
+from sparsepop_py.io.json_files.codecs import optional
+from sparsepop_py.io.json_files.values import PROVED_POINT
 
 __all__ = ["Reparametrisation", "reparametrise"]
 

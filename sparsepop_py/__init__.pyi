@@ -22,8 +22,8 @@ from .errors import (
 )
 from .formats import read, write
 from .io.gams import read_gms, write_gms
-from .io.json_ import from_json, read_json, to_json, write_json
-from .io.pyomo_ import from_pyomo
+from .io.json_files.files import from_json, read_json, to_json, write_json
+from .io.other_software.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options

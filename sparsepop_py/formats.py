@@ -17,10 +17,10 @@ from sparsepop_py.compat.mat import read_mat, write_mat
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.files import as_path, read_text
 from sparsepop_py.io.gams import read_gms, write_gms
-from sparsepop_py.io.json_ import read_json, write_json
-from sparsepop_py.io.linear_files import read_linear
-from sparsepop_py.io.qplib import read_qplib
-from sparsepop_py.io.scip_ import read_by_scip
+from sparsepop_py.io.json_files.files import read_json, write_json
+from sparsepop_py.io.other_software.linear_files import read_linear
+from sparsepop_py.io.other_software.qplib import read_qplib
+from sparsepop_py.io.other_software.scip_ import read_by_scip
 from sparsepop_py.io.text import parse
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem

@@ -27,7 +27,7 @@ except ImportError as error:
     raise SolverNotFound("Pyomo is not installed; pip install 'sparsepop-py[pyomo]'") from error
 
 if TYPE_CHECKING:
-    from sparsepop_py.io.pyomo_ import PyomoModel
+    from sparsepop_py.io.other_software.pyomo_ import PyomoModel
 
 __all__ = ["SparsePOPSolver"]
 
@@ -150,7 +150,7 @@ class SparsePOPSolver:
         ProblemError
             If the model is not polynomial or an option is wrong.
         """
-        from sparsepop_py.io.pyomo_ import read_pyomo
+        from sparsepop_py.io.other_software.pyomo_ import read_pyomo
 
         start = time.perf_counter()
         chosen = _options({**self.options, **dict(options or {})}, timelimit)

@@ -7,7 +7,7 @@ from typing import Any
 
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.formats import read
-from sparsepop_py.io.json_ import read_json
+from sparsepop_py.io.json_files.files import read_json
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.rational.result import RationalResult

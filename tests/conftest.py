@@ -8,7 +8,7 @@ import matplotlib
 from hypothesis import HealthCheck, Phase, settings
 
 from sparsepop_py import pipeline
-from sparsepop_py.io.json_ import from_json, to_json
+from sparsepop_py.io.json_files.files import from_json, to_json
 from sparsepop_py.result import Result
 
 matplotlib.use("Agg")

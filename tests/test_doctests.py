@@ -18,7 +18,7 @@ MODULES = [
     for info in pkgutil.walk_packages(package.__path__, package.__name__ + ".")
 ]
 # modules whose examples need an optional package
-OPTIONAL = {"sparsepop_py.pyomo": "pyomo", "sparsepop_py.io.pyomo_": "pyomo"}
+OPTIONAL = {"sparsepop_py.pyomo": "pyomo", "sparsepop_py.io.other_software.pyomo_": "pyomo"}
 
 
 @pytest.mark.parametrize("name", ["sparsepop_py", "setid", *MODULES])

@@ -22,8 +22,8 @@ from setid.formulation.units import in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Claimed, EndProof
 from setid.proofs.parameter_box import start_of
-from sparsepop_py.io.json_certificates import CERTIFICATE
-from sparsepop_py.io.json_values import PROVED_POINT
+from sparsepop_py.io.json_files.certificates import CERTIFICATE
+from sparsepop_py.io.json_files.values import PROVED_POINT
 from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,

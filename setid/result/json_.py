@@ -19,9 +19,9 @@ from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.result.identification import Identification
 from setid.result.json_parts import read, write
-from sparsepop_py.io.json_certificates import CERTIFICATES
-from sparsepop_py.io.json_codecs import array, optional
-from sparsepop_py.io.json_values import PROVED_POINT
+from sparsepop_py.io.json_files.certificates import CERTIFICATES
+from sparsepop_py.io.json_files.codecs import array, optional
+from sparsepop_py.io.json_files.values import PROVED_POINT
 
 __all__ = ["from_json", "to_json"]
 

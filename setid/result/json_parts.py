@@ -29,9 +29,9 @@ from setid.models.narx import PolynomialNARX
 from setid.proofs.intervals import IntervalStatus
 from setid.proofs.output_cells import CellBox
 from setid.proofs.unbounded import Unbounded
-from sparsepop_py.io.json_certificates import CERTIFICATE
-from sparsepop_py.io.json_codecs import array
-from sparsepop_py.io.json_values import CONSTRAINT
+from sparsepop_py.io.json_files.certificates import CERTIFICATE
+from sparsepop_py.io.json_files.codecs import array
+from sparsepop_py.io.json_files.values import CONSTRAINT
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
 from sparsepop_py.verified.uncertain_rows.sign_tree import LeftInverse, ParameterBox, SignTree

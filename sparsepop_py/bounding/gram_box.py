@@ -64,7 +64,7 @@ def _bounds(replay: Replay, box: Interval, gram: ExactGram) -> Iterator[Step]:
 
 
 def _bound(replay: Replay, gram: ExactGram, v: int, side: int) -> Step | None:
-    """Choose the multiplier of the cutoff, with bounds a - b / lambda - c lambda."""
+    """Choose the multiplier of the cutoff."""
     pair, none = (np.array([v]), np.array([side])), np.zeros(1)
 
     def proved(multiplier: float) -> Tightening:

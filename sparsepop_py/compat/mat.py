@@ -21,7 +21,7 @@ from sparsepop_py.compat.output import SparsePOPOutput, cell, matlab_structs
 from sparsepop_py.compat.structs import INFINITE, from_structs, to_structs
 from sparsepop_py.errors import FormatError, ProblemError
 from sparsepop_py.files import read_bytes, write_file
-from sparsepop_py.io.json_ import from_json, to_json
+from sparsepop_py.io.json_files.files import from_json, to_json
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_mat", "write_mat"]

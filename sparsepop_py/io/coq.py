@@ -15,7 +15,7 @@ from pathlib import Path
 import sparsepop_py
 from sparsepop_py.errors import OutputError, ProblemError
 from sparsepop_py.files import as_path, write_text
-from sparsepop_py.io.json_ import write_json
+from sparsepop_py.io.json_files.files import write_json
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.certificate.certificate import Certificate
 

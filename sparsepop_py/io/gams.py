@@ -26,7 +26,7 @@ from sparsepop_py.io.expressions import (
     parse_number,
 )
 from sparsepop_py.io.gams_writer import write_gms
-from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import problem_with_integers
 from sparsepop_py.io.rational_expressions import parse_rational
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem

@@ -9,7 +9,7 @@ from math import inf, isfinite
 from typing import Any
 
 from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.io.json_ import from_json, to_json
+from sparsepop_py.io.json_files.files import from_json, to_json
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem

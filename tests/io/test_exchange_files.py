@@ -20,7 +20,8 @@ from random_cases import SEEDS, random_case
 import sparsepop_py as sp
 from sparsepop_py.conic.program import Cones
 from sparsepop_py.errors import FormatError, ProblemError
-from sparsepop_py.io import json_, json_certificates
+from sparsepop_py.io.json_files import certificates as json_certificates
+from sparsepop_py.io.json_files import values as json_
 from sparsepop_py.verified.box.left_inverse import LeftInverse
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual

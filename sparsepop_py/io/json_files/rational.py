@@ -9,9 +9,9 @@ from typing import Any
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.rational import Rational, RationalConstraint
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.io import json_codecs as codecs
-from sparsepop_py.io.json_certificates import CERTIFICATE
-from sparsepop_py.io.json_codecs import (
+from sparsepop_py.io.json_files import codecs
+from sparsepop_py.io.json_files.certificates import CERTIFICATE
+from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
     number,
@@ -21,7 +21,7 @@ from sparsepop_py.io.json_codecs import (
     text,
     whole,
 )
-from sparsepop_py.io.json_values import (
+from sparsepop_py.io.json_files.values import (
     CONSTRAINT,
     KIND,
     OPTIONS,

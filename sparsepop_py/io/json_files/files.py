@@ -13,16 +13,15 @@ from typing import Any
 
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.files import read_text, write_text
-from sparsepop_py.io import json_codecs as codecs
-from sparsepop_py.io import json_version2 as version2
-from sparsepop_py.io.json_certificates import CERTIFICATE
-from sparsepop_py.io.json_codecs import Codec
-from sparsepop_py.io.json_rational import (
+from sparsepop_py.io.json_files import codecs, version2
+from sparsepop_py.io.json_files.certificates import CERTIFICATE
+from sparsepop_py.io.json_files.codecs import Codec
+from sparsepop_py.io.json_files.rational import (
     RATIONAL_CERTIFICATE,
     RATIONAL_PROBLEM,
     RATIONAL_RESULT,
 )
-from sparsepop_py.io.json_values import PROBLEM, RESULT
+from sparsepop_py.io.json_files.values import PROBLEM, RESULT
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.rational.result import RationalResult

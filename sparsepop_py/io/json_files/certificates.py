@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from sparsepop_py.io import json_codecs as codecs
-from sparsepop_py.io.json_codecs import (
+from sparsepop_py.io.json_files import codecs
+from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
     flag,

@@ -10,9 +10,9 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
-from sparsepop_py.io import json_codecs as codecs
-from sparsepop_py.io.json_certificates import CERTIFICATE
-from sparsepop_py.io.json_codecs import (
+from sparsepop_py.io.json_files import codecs
+from sparsepop_py.io.json_files.certificates import CERTIFICATE
+from sparsepop_py.io.json_files.codecs import (
     Codec,
     array,
     number,

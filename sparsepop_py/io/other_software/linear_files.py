@@ -1,7 +1,7 @@
 """MPS and LP files: linear rows, an objective that may be quadratic, integers.
 
 HiGHS reads them. Files with quadratic rows, which it refuses, are read by SCIP where PySCIPOpt is
-installed (:mod:`sparsepop_py.io.scip_`).
+installed (:mod:`sparsepop_py.io.other_software.scip_`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import scipy.sparse as sps
 
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, SolverNotFound
-from sparsepop_py.io.integers import problem_with_integers
-from sparsepop_py.io.scip_ import read_by_scip
+from sparsepop_py.io.other_software.integers import problem_with_integers
+from sparsepop_py.io.other_software.scip_ import read_by_scip
 from sparsepop_py.lp.files import ReadModel, read_model
 from sparsepop_py.problem.problem import Problem
 

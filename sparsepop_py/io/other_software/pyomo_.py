@@ -15,7 +15,7 @@ from typing import Any
 
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial, total, variables
 from sparsepop_py.errors import ProblemError, SolverNotFound
-from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import problem_with_integers
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
 

@@ -20,7 +20,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError, SolverNotFound
 from sparsepop_py.files import as_path
-from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import problem_with_integers
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_by_scip"]

@@ -18,7 +18,7 @@ import numpy as np
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import FormatError
 from sparsepop_py.files import read_text
-from sparsepop_py.io.integers import problem_with_integers
+from sparsepop_py.io.other_software.integers import problem_with_integers
 from sparsepop_py.problem.problem import Problem
 
 __all__ = ["read_qplib"]

@@ -1,0 +1,1 @@
+"""Problems, certificates and results as JSON: codecs, versions, files."""

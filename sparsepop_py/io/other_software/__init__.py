@@ -1,0 +1,1 @@
+"""Models of other software: Pyomo, MPS, LP, QPLIB, and what SCIP reads."""
