@@ -91,6 +91,8 @@ def _places(thing: Any, path: tuple) -> Iterator[tuple]:
             yield from _places(item, (*path, number))
     elif dataclasses.is_dataclass(thing) and not isinstance(thing, type):
         for field in dataclasses.fields(thing):
+            if field.name == "problem":  # of a certificate: what it is about, no part of the proof
+                continue
             yield from _places(getattr(thing, field.name), (*path, field.name))
 
 

@@ -190,13 +190,15 @@ class Deadline:
     @property
     def late(self) -> bool:
         """True if a limit in time has passed, whatever work was done."""
-        return time.monotonic() >= self.end
+        return self.stopped or time.monotonic() >= self.end
 
     def part(self, share: float) -> Deadline:
         """Return a deadline after a share of the time left."""
         wall, cpu = self._ends(0.0)
         left = None if wall == np.inf else share * max(0.0, wall - time.monotonic())
-        return Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
+        found = Deadline(left, None, None if self.cpu_left is None else share * self.cpu_left)
+        found.stopped = self.stopped
+        return found
 
     @property
     def wall_end(self) -> float:
