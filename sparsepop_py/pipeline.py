@@ -224,6 +224,8 @@ def solve_each(
     options = _with_executor(options or Options(), executor)
     if branch_on is not None:
         options = replace(options, branch_on=tuple(branch_on))
+    if isinstance(objectives, Polynomial):
+        raise ProblemError("objectives: found one polynomial, expected a list of polynomials")
     objectives = list(objectives)
     _check(problem, objectives, options)
     if not objectives:
@@ -269,6 +271,8 @@ def _solve_task(task: tuple[Problem, Options, NDArray[Any] | None]) -> Result:
 
 
 def _with_executor(options: Options, executor: Executor | None) -> Options:
+    if not isinstance(options, Options):
+        raise ProblemError(f"options: found {type(options).__name__}, expected sp.Options")
     return options if executor is None else replace(options, executor=executor)
 
 

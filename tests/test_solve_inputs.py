@@ -270,3 +270,22 @@ def test_earlier_names_of_steps_to_skip_are_accepted_with_a_warning(old, new):
         options = sp.Options(skip=["branch", old])
     assert options.skip == ("branch", new)
     assert options == sp.Options(skip=("branch", new))
+
+
+def test_other_types_are_named() -> None:
+    """Each call once raised an AttributeError or a TypeError from inside."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, lower=0, upper=1)
+    for call, message in (
+        (lambda: sp.solve(problem, {"order": 2}), "options: found dict"),
+        (lambda: sp.solve_each(problem, [x], 3), "options: found int"),
+        (lambda: sp.solve_each(problem, x), "objectives: found one polynomial"),
+        (lambda: sp.Problem(x, None), "constraints: found NoneType"),
+    ):
+        with pytest.raises(sp.ProblemError, match=message):
+            call()
+    for value in (3, None):
+        with pytest.raises(sp.FormatError, match="text: found"):
+            sp.parse(value)
+    verdict = sp.solve(problem).certificate.verify(None)
+    assert not verdict.ok and "expected a Problem" in verdict.reason

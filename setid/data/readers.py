@@ -110,7 +110,11 @@ def _is_gap(item: Any) -> bool:
 
 def listed(given: Column | Sequence[Column]) -> list[Any]:
     """One column or several, as a list."""
-    return [given] if isinstance(given, (str, int)) else list(given)
+    if isinstance(given, (str, int)):
+        return [given]
+    if not isinstance(given, Sequence):
+        raise DataError(f"columns: found {given!r:.60}, expected names or numbers of columns")
+    return list(given)
 
 
 def stacked(columns: list[NDArray[np.float64]]) -> NDArray[np.float64]:

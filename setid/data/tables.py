@@ -150,6 +150,8 @@ def column_names(path: PathLike) -> list[str | int]:
 
 def _lines(path: PathLike) -> list[tuple[int, str]]:
     """Numbered lines without the blanks around them; only line feeds and returns end lines."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise DataError(f"path: found {path!r:.60}, expected the name of a file")
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import sparsepop_py as sp
-from setid.data.checks import frozen
+from setid.data.checks import frozen, real_array
 from setid.errors import SetidError
 from setid.feasible_points.members import ROUNDING, noise_level
 from setid.feasible_points.witness import consistent
@@ -140,7 +140,7 @@ def worst_case_error(result: FeasibleSet, theta: ArrayLike) -> Reals:
     array([0.1547, 0.1093])
     """
     low, high = result.outer_box
-    values = np.asarray(theta, float)
+    values = real_array(theta, "theta", SetidError)
     if values.shape != low.shape:
         raise SetidError(f"theta: found shape {values.shape}, expected {low.shape}")
     with np.errstate(invalid="ignore"):

@@ -94,6 +94,8 @@ def parse(text: str) -> Problem | RationalProblem:
     >>> len(problem.squares)
     2
     """
+    if not isinstance(text, str):
+        raise FormatError(f"text: found {type(text).__name__}, expected a string")
     statements = list(_statements(text))
     aims = [statement for statement in statements if statement.keyword]
     if not aims:

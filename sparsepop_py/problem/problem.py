@@ -88,6 +88,10 @@ class Problem:
         sense: Sense = "min",
     ) -> None:
         single = isinstance(constraints, (Constraint, SymbolicCone))
+        if not single and not isinstance(constraints, Iterable):
+            raise ProblemError(
+                f"constraints: found {type(constraints).__name__}, expected a list of constraints"
+            )
         rows = [constraints] if single else list(constraints)
         objective, rows = symbolic.convert(objective, rows, names)
         objective = _as_objective(objective, rows)

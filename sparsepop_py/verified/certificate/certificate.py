@@ -277,6 +277,8 @@ class Certificate:
             is recognised by the hash of that version, which different problems may share;
             what is recomputed holds for ``problem`` all the same.
         """
+        if not isinstance(problem, Problem):
+            return Verdict(False, -np.inf, f"found {type(problem).__name__}, expected a Problem")
         old = not self.fingerprint.startswith("v2:")
         if self.fingerprint != (fingerprint_v1(problem) if old else problem.fingerprint):
             reason = "the certificate belongs to another problem"

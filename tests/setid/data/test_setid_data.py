@@ -174,3 +174,13 @@ def test_printing() -> None:
     data = setid.IOData([1, np.nan, 3], [[1, 2], [2, 3], [1, np.nan]], Ts=0.1, starts=[0, 1])
     expected = "<IOData: 3 samples, 1 input, 2 outputs, Ts = 0.1, 2 records, 2 missing>"
     assert repr(data) == expected
+
+
+def test_paths_and_columns_of_other_types_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("u,y\n1,2\n2,3\n")
+    with pytest.raises(setid.DataError, match="path: found None"):
+        setid.IOData.from_csv(None, "u", "y")  # type: ignore[arg-type]
+    for column in (1.5, None):
+        with pytest.raises(setid.DataError, match="columns: found"):
+            setid.IOData.from_csv(path, column, "y")  # type: ignore[arg-type]
