@@ -223,12 +223,17 @@ def _settled(y: Reals, begin: int) -> float:
 
 def _at_rest(data: IOData, begin: int, last: float) -> Reals | None:
     """Deviations (N, ny) from rest, before the step and after settling."""
-    parts = [data.y[:begin]] if begin > 3 else []
-    if last < data.samples - 3:
+    parts = [data.y[:begin]] if begin > 3 and _constant(data.u[:begin]) else []
+    if last < data.samples - 3 and _constant(data.u[begin:]):
         parts.append(data.y[int(last) + (data.samples - int(last)) // 2 :])
     parts = [part[~np.any(np.isnan(part), axis=1)] for part in parts]
     parts = [part - (part.max(axis=0) + part.min(axis=0)) / 2 for part in parts if len(part) > 1]
     return np.concatenate(parts) if parts else None
+
+
+def _constant(u: Reals) -> bool:
+    """True if no input changes."""
+    return bool(np.all(np.nanmax(u, axis=0) == np.nanmin(u, axis=0)))
 
 
 def _coverage(count: int) -> float:
@@ -346,7 +351,7 @@ def _sentences(found: Advice, count: int, own: bool) -> list[str]:
 def _on_noise(found: Advice, count: int, own: bool) -> list[str]:
     if found.noise_bound is None:
         return ["no part of the record is at rest: record the outputs with zero input"]
-    where = "at rest" if own else "of this record before the step and after settling"
+    where = "at rest" if own else "of this record where it is at rest"
     return [
         f"noise bound {found.noise_bound} from {count} samples {where}: with 95 % confidence at "
         f"least {100 * found.coverage:.4g} % of noise samples lie within the range seen, if they "

@@ -110,3 +110,11 @@ def test_pictures_are_drawn() -> None:
     planned = setid.excitation(model, [2.0], [0.0, 0.0], setid.Noise(output=0.1))
     assert planned.plot(ax) is ax and "unbounded" in {t.get_text() for t in ax.texts}
     plt.close("all")
+
+
+def test_a_record_without_rest_gives_no_noise_bound() -> None:
+    """A random input never rests: ranges of its response are no noise."""
+    u = np.random.default_rng(2).uniform(-1.0, 1.0, 200)
+    y = setid.simulate(setid.TransferFunction(1, 1, 1), [-0.9, 0.1], u)
+    found = setid.advise(setid.IOData(u, y))
+    assert found.noise_bound is None and "no part of the record is at rest" in found.text
