@@ -53,6 +53,7 @@ def test_every_example_is_tested() -> None:
         "sampling_rates",
         "hammerstein",
         "motor",
+        "report",
     )
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}

@@ -268,7 +268,7 @@ FIELDS: tuple[Field, ...] = (
         "solution.",
         "The same, 2 as 1; `POP.xVect` is no vector of moments where a first moment has left. "
         + _MULTIPLIERS,
-        "test_obbt_lp.py::test_an_aggressive_reduction_may_lose_the_point",
+        "test_obbt_lp.py::test_an_aggressive_reduction_may_lose_the_first_moments",
         (0, 1, 2),
         True,
     ),
