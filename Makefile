@@ -16,8 +16,9 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
 # Rooms whose tests take seconds and notice most mistakes.
-FAST := tests/algebra tests/verified tests/problem tests/lp tests/io tests/test_api.py \
-        tests/test_solve.py tests/test_cli.py
+FAST := tests/algebra tests/verified/arithmetic tests/verified/certificate tests/verified/points \
+        tests/problem tests/lp tests/io/test_exchange_files.py tests/io/test_gams.py \
+        tests/test_api.py tests/test_solve.py tests/test_cli.py
 
 .PHONY: demo test test-fast test-lowest test-slow mutants test-octave docs gallery clean
 
