@@ -135,7 +135,12 @@ class Fit:
             The record; the one that was stored when left out.
         """
         record = self.data if data is None else data
+        if np.isnan([self.lower_bound, self.error]).any():
+            return Verification(False, "an end is no number")
         if self.evidence is not None:
+            reason = self._foreign(self.evidence)
+            if reason:
+                return Verification(False, reason)
             claimed = self.error if self.attained else inf
             return verify_output(self.evidence, self.lower_bound, claimed, record)
         if self.errors == "output":
@@ -148,6 +153,21 @@ class Fit:
         bound = equation_bound(rows, self.norm, proof) if isinstance(proof, Multipliers) else 0.0
         good = self.lower_bound <= bound
         return Verification(good, "" if good else "the lower bound does not follow")
+
+    def _foreign(self, known: OutputErrors) -> str:
+        """Say why evidence is not about this fit; empty where it is."""
+        formulation = known.formulation
+        own = repr(self.model), self.norm, self.errors, tuple(self.names)
+        if own != (repr(formulation.model), known.norm, "output", formulation.parameters):
+            return "the evidence is of another structure, norm or kind of error"
+        if not self.attained:
+            return ""
+        problem = error_problem(formulation, known.box, known.norm, known.radius)
+        units = in_units(problem, formulation).units[: self.theta.size]
+        point = known.attained
+        if point is None or not np.array_equal(point.x[: units.size] * units, self.theta):
+            return "the parameters are not those of the attained point"
+        return ""
 
     def summary(self) -> str:
         """A few lines for people."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from math import inf
+from math import inf, isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,11 @@ class ParameterInterval:
     inner: tuple[float, float] | None
     status: IntervalStatus
     witnesses: tuple[NDArray[np.float64] | None, NDArray[np.float64] | None] = (None, None)
+
+    @property
+    def stated(self) -> bool:
+        """True if all ends are numbers: NaN claims nothing that could be checked."""
+        return not any(isnan(end) for end in (*self.outer, *(self.inner or ())))
 
     @property
     def width(self) -> float:

@@ -12,9 +12,9 @@ bound the engine certifies; all other parameters have a larger error than the ra
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import inf, isqrt
+from math import inf, isnan, isqrt
 from typing import Literal
 
 import numpy as np
@@ -275,6 +275,9 @@ def verify_output(
     again = stated(given.data if data is None else data, given.model, given.priors, found.radius)
     if again.problem.fingerprint != given.problem.fingerprint:
         return Verification(False, "the result belongs to other data")
+    found = replace(found, formulation=again)  # what a fingerprint does not hold is stated again
+    if isnan(lower_bound) or isnan(error):
+        return Verification(False, "an end is no number")
     if found.box is not None and not box_follows(found.box, again):
         return Verification(False, "the box does not follow from the data")
     scaled = in_units(_problem(found), again)

@@ -15,7 +15,7 @@ from setid.formulation.units import InUnits, in_units
 from setid.priors.physical import Physical
 from setid.proofs.evidence import EndProof, Evidence, Verification
 from setid.proofs.existence import admitted
-from setid.proofs.intervals import ParameterInterval
+from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.verification import verify
 
 __all__ = ["objectives_of", "problem_within", "verify_physical", "with_relations"]
@@ -93,10 +93,13 @@ def verify_physical(
     if not first.ok:
         return first
     empty = all(item.outer == (inf, -inf) for item in intervals.values())
-    if claims.empty:
+    wrong = _misstated(intervals, empty)
+    if claims.empty and not wrong:
         return Verification(empty, "" if empty else "the set is empty, and the intervals are not")
     if tuple(intervals) != physical.names or len(ends) != 2 * len(physical.names):
         return Verification(False, "the intervals are not those of the physical parameters")
+    if wrong:
+        return Verification(False, f"the status, name or an end of {wrong} is not what is proved")
     known = claims.formulation
     stated = formulate(known.data if data is None else data, known.model, known.noise, known.priors)
     again = with_relations(stated, physical)
@@ -114,6 +117,16 @@ def verify_physical(
         if item.inner is not None and (item.inner[0] < low[1] or item.inner[1] > -high[1]):
             return Verification(False, f"the inner interval of {name} is not attained")
     return Verification(True)
+
+
+def _misstated(intervals: Mapping[str, ParameterInterval], empty: bool) -> str:
+    """Name the first interval whose words claim more than its ends; empty where none does."""
+    open_ = (IntervalStatus.CERTIFIED, IntervalStatus.PARTIAL)
+    for name, item in intervals.items():
+        said = item.status is IntervalStatus.EMPTY if empty else item.status in open_
+        if item.name != name or not said or not item.stated:
+            return name
+    return ""
 
 
 def _proved(

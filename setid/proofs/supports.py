@@ -34,6 +34,7 @@ __all__ = [
 Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
 _TINY = 1e-300  # more than all products that underflow
+_LEAST = 2.0**-1074  # more than one product that underflows, which a wide box then multiplies
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -299,4 +300,5 @@ def safe_maxima(
     over_box = np.maximum(rest * spaces.lower, rest * spaces.upper).sum(axis=1)
     doubt = np.abs(directions) + use @ np.abs(matrix)
     slack = unit * (use @ np.abs(right) + (np.abs(rest) + doubt) @ size) + _TINY
+    slack += _LEAST * (rows.size + 1) * float(size[np.isfinite(size)].sum())
     return np.asarray(use @ right + over_box + slack, np.float64)

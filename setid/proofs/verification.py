@@ -207,6 +207,8 @@ def _ends_follow(claims: Evidence, ends: list[tuple[float, float]]) -> Verificat
             if not any(end[0] == inf for end in ends):
                 return Verification(False, "emptiness does not follow")
             continue
+        if not item.stated:
+            return Verification(False, f"an end of the interval of {item.name} is no number")
         if item.outer[0] > low[0] or item.outer[1] < -high[0]:
             return Verification(False, f"the outer interval of {item.name} does not follow")
         if item.inner is not None and (item.inner[0] < low[1] or item.inner[1] > -high[1]):

@@ -83,21 +83,33 @@ def test_problem_certificate_and_result_survive_json():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda r: r.update(lower_bound=r["lower_bound"] + 1e-3), "lower_bound: found"),
+        (
+            lambda r: r.update(lower_bound=r["lower_bound"] + 1e-3),
+            "lower_bound: found|result.certificate: ",
+        ),
         (lambda r: r.update(upper_bound=r["upper_bound"] - 1e-3), "upper_bound: found"),
         (lambda r: r.update(status="INFEASIBLE"), "status: found INFEASIBLE"),
         (lambda r: r.update(status="UNBOUNDED"), "status: found UNBOUNDED"),
-        (lambda r: r["certificate"].update(ranges=[]), "lower_bound: found"),
+        (lambda r: r["certificate"].update(ranges=[]), "lower_bound: found|result.certificate: "),
         (lambda r: r["certificate"]["ranges"][0].update(sign=2), "sign: found 2"),
-        (lambda r: r["certificate"]["ranges"][0].update(sign=-1), "lower_bound: found"),
-        (lambda r: r["certificate"].update(level=9.0), "lower_bound: found"),
-        (lambda r: r["certificate"].update(certificate=None), "lower_bound: found"),
-        (lambda r: r["certificate"].update(fingerprint="r1:0"), "lower_bound: found"),
+        (
+            lambda r: r["certificate"]["ranges"][0].update(sign=-1),
+            "lower_bound: found|result.certificate: ",
+        ),
+        (lambda r: r["certificate"].update(level=9.0), "lower_bound: found|result.certificate: "),
+        (
+            lambda r: r["certificate"].update(certificate=None),
+            "lower_bound: found|result.certificate: ",
+        ),
+        (
+            lambda r: r["certificate"].update(fingerprint="r1:0"),
+            "lower_bound: found|result.certificate: ",
+        ),
         (
             lambda r: r["problem"]["objective"]["ratios"][0][1]["coefficients"]["data"].__setitem__(
                 0, 3.0
             ),
-            "lower_bound: found",
+            "lower_bound: found|result.certificate: ",
         ),
     ],
 )

@@ -1,6 +1,7 @@
 """Problems with ratios: closed forms, literature, refusals."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -198,3 +199,10 @@ def test_a_short_limit_keeps_what_is_proved():
     result = sp.solve(problem, sp.Options(effort="auto", time_limit=0.2))
     assert result.lower_bound <= result.upper_bound
     assert result.certificate.verify(problem).ok or result.lower_bound == -math.inf
+
+
+def test_a_level_is_a_double():
+    """An integer that is no double once moved the bound above the minimum."""
+    result = sp.solve(sp.parse("min x/(2 + x^2); s.t. x^2 <= 1"))
+    with pytest.raises(sp.ProblemError, match="level: found"):
+        replace(result.certificate, level=2**60 + 127)

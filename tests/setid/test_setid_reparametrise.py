@@ -163,6 +163,22 @@ def test_false_evidence_is_refused():
     assert said(given, data=setid.IOData(U, [*Y[:3], 2.0])) == "the result belongs to other data"
 
 
+def test_words_claim_no_more_than_ends():
+    """A status, a name or NaN once passed: EMPTY beside finite ends read as proved emptiness."""
+    result = time_constant()
+    known = result.identification.evidence, result.physical
+    item = result.intervals["T"]
+    kinds = setid.IntervalStatus
+    wrong = [replace(item, status=s) for s in (kinds.EMPTY, kinds.UNBOUNDED, kinds.UNIDENTIFIABLE)]
+    wrong += [replace(item, name="S"), replace(item, outer=(float("nan"), item.outer[1]))]
+    for forged in wrong:
+        assert not verify_physical(*known, {"T": forged}, result.ends, DATA).ok
+    found = json.loads(result.to_json())
+    found["reparametrisation"]["intervals"][0]["status"] = "EMPTY"
+    with pytest.raises(setid.SetidError):
+        setid.Reparametrisation.from_json(json.dumps(found))
+
+
 def test_intervals_of_coefficients_are_checked_too():
     result = time_constant()
     evidence = result.identification.evidence

@@ -78,7 +78,9 @@ def _result(**parts: Any) -> RationalResult:
     proof, problem = result.certificate, result.problem
     proved, attained, point = proof.verify(problem).bound, math.inf, None
     ranges = proof.proved_ranges(problem)
-    if result.attained is not None and not isinstance(ranges, str):
+    if isinstance(ranges, str):
+        raise ProblemError(f"result.certificate: {ranges}")
+    if result.attained is not None:
         lifted = problem.lifted(ranges, proof.level)
         point = result.attained.recheck(lifted)
         if point is not None:

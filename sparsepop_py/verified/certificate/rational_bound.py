@@ -185,6 +185,8 @@ class RationalCertificate:
                 raise ProblemError(f"ranges: found {type(proof).__name__}, expected a RangeProof")
         if not isinstance(self.fingerprint, str):
             raise ProblemError(f"fingerprint: found {self.fingerprint!r}, expected a string")
+        if not isinstance(self.level, float | None):  # integers may be no doubles
+            raise ProblemError(f"level: found {self.level!r}, expected a float")
         if not isinstance(self.certificate, Certificate | None):
             raise ProblemError(
                 f"certificate: found {type(self.certificate).__name__}, expected a Certificate"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -178,3 +179,11 @@ def test_contradictory_rows_are_named() -> None:
     weights = source.contradiction()
     assert weights is not None
     assert safe_maxima(cover, np.zeros((1, 2)), np.arange(2), weights[None, :])[0] < 0.0
+
+
+def test_products_that_underflow_prove_nothing() -> None:
+    """theta = -1e100 satisfies 1e-180 theta <= -1e-100, though the product of the row is 0."""
+    wide, row = np.array([1e200]), np.array([[1e-180]])
+    spaces = SimpleNamespace(lower=-wide, upper=wide, matrix=row, right=np.array([-1e-100]))
+    found = safe_maxima(spaces, np.zeros((1, 1)), np.zeros(1, np.int64), np.full((1, 1), 1e-150))
+    assert found[0] >= 0.0

@@ -100,6 +100,14 @@ def test_no_outer_end_may_be_tighter_than_what_follows(
 
 
 @pytest.mark.parametrize("kind", ["linear", "bilinear"])
+@pytest.mark.parametrize("which", ["outer", "inner"])
+def test_ends_are_numbers(request: pytest.FixtureRequest, kind: str, which: str) -> None:
+    """Nothing is larger than NaN, so that a comparison alone lets it pass."""
+    claims = request.getfixturevalue(kind)
+    assert not verify(with_interval(claims, "a1", **{which: (float("nan"), float("nan"))})).ok
+
+
+@pytest.mark.parametrize("kind", ["linear", "bilinear"])
 @pytest.mark.parametrize("name", ["a1", "b0"])
 @pytest.mark.parametrize("end", [0, 1])
 def test_no_inner_end_may_be_wider_than_what_is_attained(

@@ -1,0 +1,32 @@
+"""Fits and their evidence belong together."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+import setid
+
+
+def test_a_fit_and_its_evidence_belong_together() -> None:
+    """Each forgery once verified: another structure, other parameters, NaN, another layout."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 15)
+    y = setid.simulate(setid.TransferFunction(2, 1, 1), [-1.2, 0.5, 1.0], u)
+    data = setid.IOData(u, y)
+    small = setid.fit(data, setid.TransferFunction(1, 1, 1), "linf")
+    assert small.verify(data).ok and small.evidence is not None and small.attained
+    large = setid.fit(data, setid.TransferFunction(2, 1, 1), "linf")
+    forged = [
+        replace(large, lower_bound=small.lower_bound, error=small.error, evidence=small.evidence),
+        replace(small, theta=small.theta + 1.0),
+        replace(small, norm="l1"),
+        replace(small, lower_bound=float("nan")),
+        replace(small, error=float("nan")),
+    ]
+    assert not any(found.verify(data).ok for found in forged)
+    known = small.evidence
+    layout = known.formulation.layout
+    groups = {**layout.groups, "eta": np.append(layout.groups["eta"].ravel(), 0)[:, None]}
+    other = replace(known.formulation, layout=replace(layout, groups=groups))
+    assert replace(small, evidence=replace(known, formulation=other)).verify(data).ok
