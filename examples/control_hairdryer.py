@@ -34,7 +34,7 @@ def main() -> None:
     # specification: settle like one time constant, with the three samples of delay of the plant
     reference = control.reference_model(rise=2.0, Ts=data.Ts, delay=2)
     print("reference model", reference)
-    options = setid.Options(time_limit=3.0, progress=False)
+    options = setid.Options(time_limit=10.0, progress=False)
     simple = control.design(
         experiment, reference, control.PID(derivative=False), BOUND, options=options
     )
