@@ -42,9 +42,9 @@ from sparsepop_py.cli import (
     run_commands,
     version,
 )
+from sparsepop_py.commands.study import add_study
 from sparsepop_py.errors import check_writable
 from sparsepop_py.files import write_text
-from sparsepop_py.study.command import add_study
 
 __all__ = [
     "EXIT_EMPTY",

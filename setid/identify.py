@@ -47,11 +47,11 @@ from setid.options import Options, with_executor
 from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
-from setid.proofs.free_parameters import free_parameters
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.normalisation import unidentifiable
 from setid.proofs.parameter_box import objectives, problem_on_box
-from setid.proofs.unbounded import Unbounded
+from setid.proofs.uniqueness.free_parameters import free_parameters
+from setid.proofs.uniqueness.normalisation import unidentifiable
+from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.assembling import (
     Outcome,
     empty_result,

@@ -1,7 +1,7 @@
 """Arcs on which regions of a frequency response are narrow: halved, and parted into cells.
 
 Everything here only guides: regions are proved by :mod:`setid.proofs.frequency.arc_regions`, cells
-by :mod:`setid.proofs.cells`.
+by :mod:`setid.proofs.cells.cells`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from setid.bands.branching import principal_frame, surveyed
 from setid.feasible_set.proposer import Proposer
-from setid.proofs.cells import Cells
+from setid.proofs.cells.cells import Cells
 from setid.proofs.frequency.arc_regions import ArcRegions, arc_regions
 from setid.proofs.frequency.arcs import Arc, Family, first_arcs, halves
 from setid.proofs.supports import Cover
