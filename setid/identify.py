@@ -47,11 +47,11 @@ from setid.options import Options, with_executor
 from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
-from setid.proofs.free_parameters import free_parameters
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.normalisation import unidentifiable
 from setid.proofs.parameter_box import objectives, problem_on_box
-from setid.proofs.unbounded import Unbounded
+from setid.proofs.uniqueness.free_parameters import free_parameters
+from setid.proofs.uniqueness.normalisation import unidentifiable
+from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.assembling import (
     Outcome,
     empty_result,
@@ -202,7 +202,7 @@ def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """Settings, limits, seconds by stage, and who is told of the bounds."""
+    """Settings, limits, seconds by stage, and what is called with new bounds."""
 
     settings: Options
     deadline: Deadline

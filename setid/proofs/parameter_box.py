@@ -12,7 +12,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
-from setid.proofs.output_cells import CellBox
+from setid.proofs.cells.output_cells import CellBox
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
 from sparsepop_py.verified.uncertain_rows.products import ProductRows

@@ -26,7 +26,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import Equation, Lagged, channel_of
-from setid.proofs.cell_arithmetic import Enclosed, Fitted, enclosed, fitted
+from setid.proofs.cells.arithmetic import Enclosed, Fitted, enclosed, fitted
 from sparsepop_py.verified.arithmetic.scalar_interval import Ends
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 from sparsepop_py.verified.uncertain_rows.products import Total, contracted
