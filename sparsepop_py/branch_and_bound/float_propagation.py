@@ -63,7 +63,7 @@ class FloatPropagation:
     def sweeps(
         self, low: Floats, high: Floats, cutoff: float, most: int, gain: float = 0.02
     ) -> tuple[Floats, Floats, int, bool]:
-        """Propagate up to ``most`` times while a width shrinks by a share.
+        """Propagate up to ``most`` times while widths shrink by a share.
 
         Parameters
         ----------
@@ -77,18 +77,18 @@ class FloatPropagation:
         -------
         low, high : (n,) float
         count : int
-            Sweeps done.
+            Sweeps that gained; the box is what these leave.
         empty : bool
         """
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for number in range(1, most + 1):
+            for number in range(most):
                 new_low, new_high, empty = self._sweep(low, high, cutoff)
                 if empty:
-                    return new_low, new_high, number, True
+                    return low, high, number + 1, True
                 width, left = high - low, new_high - new_low
-                low, high = new_low, new_high
                 if not np.any((width - left > gain * width) & (width > 1e-9)):
                     return low, high, number, False
+                low, high = new_low, new_high
         return low, high, most, False
 
     def _sweep(self, low: Floats, high: Floats, cutoff: float) -> tuple[Floats, Floats, bool]:

@@ -189,7 +189,7 @@ class LinearTree:
 
     def _propagate(self, node: _Open) -> None:
         """Propagate the rows of a node; keep the step where a width shrinks by enough."""
-        most = LINEAR_TREE.sweeps
+        most = LINEAR_TREE.root_sweeps if node is self.root else LINEAR_TREE.sweeps
         cutoff = self.cutoff
         low, high, count, empty = self.propagation.sweeps(node.low, node.high, cutoff, most)
         step = Propagation(count, cutoff < np.inf)
@@ -252,10 +252,10 @@ class LinearTree:
     # ---- points -------------------------------------------------------------------------------
 
     def _worth_a_search(self, node: _Open, number: int) -> bool:
-        """Local searches cost more than nodes: the first few nodes, then rarely."""
+        """Check for a node with a local search: that costs more than nodes do."""
         if number or self.searches >= LINEAR_TREE.most_searches:
             return False
-        return node is self.root or self.nodes & (self.nodes - 1) == 0
+        return self.nodes in LINEAR_TREE.searched
 
     def _search(self, program: _Program) -> None:
         if program.t is None:

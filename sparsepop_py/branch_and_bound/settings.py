@@ -75,14 +75,18 @@ class LinearTreeSettings:
         Units of work of a node beside its programs, see :mod:`sparsepop_py.budget`.
     root_rounds, rounds : int
         Rounds of propagation, program and tightening of the root, and of other nodes.
-    sweeps : int
-        Sweeps of propagation a round.
+    first_sweeps : int
+        Sweeps of propagation before the tree.
+    root_sweeps, sweeps : int
+        Sweeps of propagation a round, of the root and of other nodes.
     worth : float
         Share of a width: propagation that leaves more of every width is not kept.
     infeasible : float
         Least value that a ray of infeasibility proves of 0, with multipliers up to 1.
     most_searches : int
         Local searches.
+    searched : tuple of int
+        Numbers of the nodes with a local search, from 1.
     gained, again : float
         Share of a width: reduced costs that leave less are kept, or ask for another round.
     most_tightened : int
@@ -110,10 +114,13 @@ class LinearTreeSettings:
     node_work: float = 1e-3
     root_rounds: int = 6
     rounds: int = 2
-    sweeps: int = 6
-    worth: float = 0.95
+    first_sweeps: int = 8
+    root_sweeps: int = 6
+    sweeps: int = 3
+    worth: float = 0.9
     infeasible: float = 1e-7
     most_searches: int = 4
+    searched: tuple[int, ...] = (1, 4, 16, 64)
     gained: float = 0.9
     again: float = 0.6
     most_tightened: int = 24

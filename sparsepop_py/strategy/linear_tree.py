@@ -22,14 +22,18 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
 )
 from sparsepop_py.branch_and_bound.linear_tree import LinearTree, suits_linear_tree
+from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import update_incumbent
+from sparsepop_py.presolve.initial_box import finite
 from sparsepop_py.result import HistoryEntry
+from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, tighten
 
-__all__ = ["LinearTreeResult", "by_linear_tree"]
+__all__ = ["LinearTreeResult", "bound_by_box", "by_linear_tree"]
 
 # who leaves out one of these compares other ways to a bound
 _PARTS = frozenset({"linear_tree", "linear", "branch", "cutoff", "obbt_lp"})
@@ -65,15 +69,13 @@ class LinearTreeResult:
 
 
 def by_linear_tree(
-    context: SolveContext, model: Model, candidates: list[NDArray[np.float64]]
+    context: SolveContext, candidates: list[NDArray[np.float64]]
 ) -> LinearTreeResult:
     """Try to close the gap of a small problem by a tree of linear programs.
 
     Parameters
     ----------
     context : SolveContext
-    model : Model
-        A finite box and its proof.
     candidates : list of (n,) float
         Nearly feasible vectors seen so far.
 
@@ -82,11 +84,17 @@ def by_linear_tree(
     LinearTreeResult
     """
     start = time.process_time()
-    by_box = _by_box(context, model, candidates)
-    if by_box.final:
-        return by_box
-    if not _wanted(context) or is_empty(model.box) or not suits_linear_tree(context.problem):
+    if not _wanted(context) or not suits_linear_tree(context.problem):
         return LinearTreeResult(context, candidates)
+    with context.stages.stage("presolve"):
+        bounds = Interval(context.problem.lower, context.problem.upper)
+        box, step = tighten(context.replay(), bounds, LINEAR_TREE.first_sweeps)
+        model = Model(BoxProof((step,)), box)
+    if not finite(box):
+        return LinearTreeResult(context, candidates)
+    by_box = bound_by_box(context, model, candidates)
+    if by_box.final or is_empty(box):
+        return by_box
     seen = list(candidates)
 
     def search(now: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
@@ -138,10 +146,24 @@ def _wanted(context: SolveContext) -> bool:
     )
 
 
-def _by_box(
+def bound_by_box(
     context: SolveContext, model: Model, candidates: list[NDArray[np.float64]]
 ) -> LinearTreeResult:
-    """Bound the objective by its range over the box: that is enough where the box is small."""
+    """Bound the objective by its range over a box, which closes the gap where the box is small.
+
+    Parameters
+    ----------
+    context : SolveContext
+    model : Model
+        The box and its proof.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen so far.
+
+    Returns
+    -------
+    LinearTreeResult
+        With an outcome where the gap is closed.
+    """
     replay = context.replay()
     proved = prove(replay, model.box, None, False)
     if not context.closed(proved.bound):

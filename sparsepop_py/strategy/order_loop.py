@@ -42,7 +42,11 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
-from sparsepop_py.strategy.linear_tree import LinearTreeResult, by_linear_tree
+from sparsepop_py.strategy.linear_tree import (
+    LinearTreeResult,
+    bound_by_box,
+    by_linear_tree,
+)
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -309,6 +313,10 @@ def _run_orders(
     more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     if context.options.effort == "auto":
+        found = by_linear_tree(context, candidates)
+        if found.final:
+            return _of_linear_tree(found)
+        context, candidates = found.context, found.candidates
         with context.stages.stage("presolve"):
             replay = context.replay()
             proof, box = find_box(
@@ -319,10 +327,9 @@ def _run_orders(
                 cutoff=replay.cutoff,
             )
         if finite(box):
-            found = by_linear_tree(context, Model(proof, box), candidates)
+            found = bound_by_box(context, Model(proof, box), candidates)
             if found.final:
                 return _of_linear_tree(found)
-            context, candidates = found.context, found.candidates
             shared_state = SharedState.of(
                 context.problem, (context.problem.objective,), context.options
             )
