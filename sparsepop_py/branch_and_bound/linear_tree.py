@@ -234,12 +234,20 @@ class LinearTree:
             if self._cut(node, program, number):
                 self._search_minimiser()
                 continue
-            if not searched and (self._worth_a_search() or self._promises(program.point)):
-                searched = True
+            if self._promises(program.point):
+                self._search(program.point)
+            elif number == LINEAR_TREE.search_round and self._worth_a_search():
+                searched = True  # tightening goes on with a better cutoff
                 self._search(program.point)
             if node.bound >= self.goal:
                 break
-            if not self._reduce(node, program) and not self._tighten(node, program):
+            if self._reduce(node, program) or self._tighten(node, program):
+                continue
+            if searched or not self._worth_a_search():
+                break
+            searched, upper = True, self.context.upper
+            self._search(program.point)
+            if node.bound >= self.goal or self.context.upper == upper:
                 break
         if node.bound >= self.goal:
             self._fathom(node)
