@@ -14,7 +14,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
-from setid.proofs.simulated.forms import Region
+from setid.proofs.simulated.forms import Form, Region
 from setid.proofs.simulated.outputs import Simulated
 from setid.proofs.supports import cover
 from sparsepop_py.budget import Deadline
@@ -49,9 +49,7 @@ class Fitting:
 
     def errors(self, theta: Reals) -> tuple[Reals, Reals]:
         """Errors in noise bounds (R,), and their slopes (R, p)."""
-        nothing = np.zeros((0, theta.size))
-        with np.errstate(over="ignore", invalid="ignore"):
-            signals = self.parts.run(Region(theta, theta, nothing, np.zeros(0), np.zeros(0)))
+        signals = self._run(theta)
         data, errors, slopes = self.formulation.data, [], []
         bound = self.formulation.noise.bounds(data)[0]
         for channel, name in enumerate(self.parts.outputs):
@@ -61,6 +59,15 @@ class Fitting:
             errors.append((y[known] - form.value[known]) / unit)
             slopes.append(-form.slope[known] / unit[:, None])
         return np.concatenate(errors), np.concatenate(slopes)
+
+    def simulated(self, theta: Reals) -> dict[str, Reals]:
+        """Samples (N,) of every signal."""
+        return {name: form.value for name, form in self._run(theta).items()}
+
+    def _run(self, theta: Reals) -> dict[str, Form]:
+        nothing = np.zeros((0, theta.size))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.parts.run(Region(theta, theta, nothing, np.zeros(0), np.zeros(0)))
 
     def level(self, theta: Reals) -> float:
         """The largest error in noise bounds; infinite where it is no number."""
@@ -93,42 +100,37 @@ class Fitting:
         return np.asarray(found.x[:p], np.float64) if found.status == "solved" else None
 
 
-def best_fit(fitting: Fitting, deadline: Deadline, guess: Reals | None = None) -> Reals:
-    """Minimise the largest error from several starts; the best parameters that are found.
+def best_fit(fitting: Fitting, deadline: Deadline) -> tuple[Reals, float]:
+    """Minimise the largest error from several starts.
 
     Parameters
     ----------
     fitting : Fitting
     deadline : Deadline
-    guess : (p,) float, optional
-        A start.
+
+    Returns
+    -------
+    (p,) float, float
+        The best parameters that are found, and their largest error in noise bounds.
     """
     random = np.random.default_rng(_SEED)
     low, high = fitting.lower, fitting.upper
-    best = low / 2 + high / 2
-    starts = [best] if guess is None else [guess, best]
-    least = np.inf
+    best, least = low / 2 + high / 2, np.inf
     for number in range(_STARTS):
-        begin = starts[number] if number < len(starts) else random.uniform(low, high)
+        begin = random.uniform(low, high) if number else best
         found, level = _fitted(fitting, begin, deadline)
         if level < least:
             best, least = found, level
-        if least < 1.0 or deadline.end <= _now():
+        if least < 1.0 or deadline.over:
             break
-    return best
-
-
-def _now() -> float:
-    import time
-
-    return time.monotonic()
+    return best, least
 
 
 def _fitted(fitting: Fitting, theta: Reals, deadline: Deadline) -> tuple[Reals, float]:
     width = fitting.upper - fitting.lower
     level, radius = fitting.level(theta), 0.5 * width
     for _ in range(_STEPS):
-        if deadline.end <= _now():
+        if deadline.over:
             break
         step = fitting.step(theta, radius, None)
         if step is None:
@@ -173,7 +175,7 @@ def reached_ends(fitting: Fitting, inside: Reals, deadline: Deadline) -> list[Re
 def _end(fitting: Fitting, inside: Reals, goal: Reals, deadline: Deadline) -> Reals:
     theta, radius = inside, fitting.upper - fitting.lower
     for _ in range(_STEPS):
-        if deadline.end <= _now():
+        if deadline.over:
             break
         step = fitting.step(theta, radius, goal)
         if step is None:

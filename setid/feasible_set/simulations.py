@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,6 +23,7 @@ from setid.proofs.simulated.tree import (
     tightened,
     widened,
 )
+from sparsepop_py.budget import Deadline
 
 __all__ = ["principal_directions", "simulated_box"]
 
@@ -71,7 +71,7 @@ def simulated_box(
     directions: Reals,
     attained: tuple[Reals, Reals] | None,
     tol: float,
-    until: float,
+    deadline: Deadline,
 ) -> SimulatedBox | None:
     """Narrow a finite box by simulations over regions.
 
@@ -87,14 +87,13 @@ def simulated_box(
         Ends that consistent parameters reach.
     tol : float
         Of the attained widths: regions that reach less far beyond are not parted.
-    until : float
-        Reading of ``time.monotonic`` at which work ends.
+    deadline : Deadline
     """
     region = first_region(formulation, *box, directions)
     if region is None:
         return None
     root = _Grown(region)
-    grower = _Grower(formulation, parts, attained, tol, until)
+    grower = _Grower(formulation, parts, attained, tol, deadline)
     complete = grower.grow(root)
     leaves = [g.region for g in grower.leaves if g.region is not None]
     p = box[0].size
@@ -115,10 +114,10 @@ class _Grower:
         parts: Simulated,
         attained: tuple[Reals, Reals] | None,
         tol: float,
-        until: float,
+        deadline: Deadline,
     ) -> None:
         self._formulation, self._parts = formulation, parts
-        self._attained, self._tol, self._until = attained, tol, until
+        self._attained, self._tol, self._deadline = attained, tol, deadline
         self.leaves: list[_Grown] = []
 
     def grow(self, root: _Grown) -> bool:
@@ -130,7 +129,7 @@ class _Grower:
         self._file(root, waiting, count)
         while waiting:
             _, _, grown = heapq.heappop(waiting)
-            if time.monotonic() >= self._until:
+            if self._deadline.over:
                 self.leaves += [grown, *(g for _, _, g in waiting)]
                 return False
             assert grown.region is not None
@@ -176,7 +175,7 @@ class _Grower:
 
     def _narrow(self, grown: _Grown) -> None:
         for _ in range(_STEPS):
-            if grown.region is None or time.monotonic() >= self._until:
+            if grown.region is None or self._deadline.over:
                 return
             before = _widths(grown.region)
             spaces = half_spaces(self._formulation, self._parts, grown.region)
