@@ -79,7 +79,9 @@ def parts_of(formulation: Formulation) -> Parts | None:
     equation = equations[signal]
     poles = bare.wiring.transfer(blocks[0]).denominator
     fixed = {name for name, _ in model.fixed}
-    if fixed & {*poles, *past} or any(len(t.signals) != 1 for t in equation.terms[: len(poles) + 1]):
+    if fixed & {*poles, *past} or any(
+        len(t.signals) != 1 for t in equation.terms[: len(poles) + 1]
+    ):
         return None
     drives = _drives(equation, len(poles), signal, formulation)
     if drives is None:

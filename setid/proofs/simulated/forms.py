@@ -64,8 +64,8 @@ class Region:
         found = np.abs(slopes) @ radius
         if self.low.size:
             at, doubt = self.directions @ middle, 8 * (size.size + 4) * _UNIT
-            doubt = doubt * (np.abs(self.directions) @ size) + _TINY
-            width = np.maximum(self.high - at, at - self.low) + 4 * doubt
+            doubts = doubt * (np.abs(self.directions) @ size) + _TINY
+            width = np.maximum(self.high - at, at - self.low) + 4 * doubts
             shares = slopes @ self._shares
             left = np.abs(slopes - shares @ self.directions)
             loss = 8 * (shares.shape[-1] + 4) * _UNIT

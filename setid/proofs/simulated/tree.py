@@ -20,7 +20,16 @@ from setid.proofs.simulated.outputs import Simulated, half_spaces, simulated
 from setid.proofs.supports import Cover, box_ranges, safe_maxima
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 
-__all__ = ["SimulatedBox", "Step", "TreeNode", "asked", "first_region", "parted", "tightened", "widened"]
+__all__ = [
+    "SimulatedBox",
+    "Step",
+    "TreeNode",
+    "asked",
+    "first_region",
+    "parted",
+    "tightened",
+    "widened",
+]
 
 Reals = NDArray[np.float64]
 _WIDER = 1e-12  # of the ends: what a claim leaves to sums in another order
