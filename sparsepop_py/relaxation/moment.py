@@ -51,7 +51,15 @@ from sparsepop_py.relaxation.term_sparsity import Terms, term_sparse
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.verified.arithmetic.array_checks import read_only
 
-__all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax", "shape_sizes"]
+__all__ = [
+    "BlockGroup",
+    "Relaxation",
+    "conic_rows",
+    "least_order",
+    "on_groups",
+    "relax",
+    "shape_sizes",
+]
 
 
 @dataclass(frozen=True, eq=False)
