@@ -18,7 +18,10 @@ from setid import control
 
 RECORD = Path(__file__).resolve().parent / "data" / "hairdryer.csv"
 PLANT = setid.TransferFunction(na=1, nb=2, nk=3)  # one time constant, three samples of delay
-BOUND = 0.277  # V: 1.1 times the bound with which this structure explains 200 samples
+# V. The plant's structure explains 200 samples with 0.252. A PID controller that is consistent with
+# the reference model asks for more: 0.297 is the least that a local search over its three gains
+# finds (a linear program in the noise for each), and below it the set of controllers is empty.
+BOUND = 0.33
 
 
 def main() -> None:
@@ -34,7 +37,7 @@ def main() -> None:
     # specification: settle like one time constant, with the three samples of delay of the plant
     reference = control.reference_model(rise=2.0, Ts=data.Ts, delay=2)
     print("reference model", reference)
-    options = setid.Options(time_limit=10.0, progress=False)
+    options = setid.Options(time_limit=6.0, progress=False)
     simple = control.design(
         experiment, reference, control.PID(derivative=False), BOUND, options=options
     )
@@ -45,7 +48,7 @@ def main() -> None:
 
     answers = [
         control.stability_certificate(
-            experiment, found.centre, reference, PLANT, BOUND, method=method, time_limit=20.0
+            experiment, found.centre, reference, PLANT, BOUND, method=method, time_limit=10.0
         )
         for method in ("small_gain", "characteristic")
     ]

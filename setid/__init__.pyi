@@ -1,11 +1,35 @@
 """Names of setid, and where they come from; loaded with their first use."""
 
 from . import control, neural
-from .advise import (
+from .analysis.advise import (
     Advice,
     Excitation,
     advise,
     excitation,
+)
+from .analysis.fit import (
+    Fit,
+    fit,
+)
+from .analysis.recursive import (
+    Recursive,
+    UpdateCost,
+)
+from .analysis.reparametrise import (
+    Reparametrisation,
+    reparametrise,
+)
+from .analysis.select import (
+    Selection,
+    SelectionStep,
+    select,
+)
+from .analysis.sensitivity import (
+    Sensitivity,
+    sensitivity,
+)
+from .analysis.terms import (
+    sparse_terms,
 )
 from .bands.blocks import (
     SignalBand,
@@ -105,10 +129,6 @@ from .feasible_set.projections import (
 from .feasible_set.start import (
     parameter_box,
 )
-from .fit import (
-    Fit,
-    fit,
-)
 from .formulation.assembly import (
     Rows,
 )
@@ -182,32 +202,15 @@ from .proofs.intervals import (
     IntervalStatus,
     ParameterInterval,
 )
-from .proofs.normalisation import (
-    unidentifiable,
-)
 from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
 )
-from .recursive import (
-    Recursive,
-    UpdateCost,
-)
-from .reparametrise import (
-    Reparametrisation,
-    reparametrise,
+from .proofs.uniqueness.normalisation import (
+    unidentifiable,
 )
 from .result.identification import (
     Identification,
-)
-from .select import (
-    Selection,
-    SelectionStep,
-    select,
-)
-from .sensitivity import (
-    Sensitivity,
-    sensitivity,
 )
 from .simulation.simulate import (
     Simulated,
@@ -216,9 +219,6 @@ from .simulation.simulate import (
 )
 from .study import (
     Study,
-)
-from .terms import (
-    sparse_terms,
 )
 from .verify import (
     verify,

@@ -34,7 +34,7 @@ from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
-from setid.proofs.noise_scale import (
+from setid.proofs.least_noise.noise_scale import (
     NoiseScale,
     admitted_point,
     attained_factor,

@@ -17,7 +17,7 @@ Examples
 
 import lazy_loader
 
-from sparsepop_py.entries import enter_pyomo
+from sparsepop_py.plugins.entries import enter_pyomo
 
 # Names come from __init__.pyi. Importing the package loads none of its rooms: no solver, no scipy.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

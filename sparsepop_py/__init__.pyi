@@ -27,7 +27,6 @@ from .io.other_software.pyomo_ import from_pyomo
 from .io.sdpa import read_sdpa, write_sdpa
 from .io.text import parse
 from .options import Options
-from .orders import compare_orders
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
 from .problem.rational_problem import RationalProblem
@@ -38,6 +37,7 @@ from .relaxation.sparsepop.relaxation import Switches
 from .result import Point, Result, Status
 from .solvers import solve_conic
 from .sparsity.correlative import Cliques, find_cliques
+from .study.orders import compare_orders
 from .study.problems import Study
 from .study.study import StudyStatus
 from .study.table import Table

@@ -18,6 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from sparsepop_py import plots
+from sparsepop_py.commands.parsers import add_command
+from sparsepop_py.commands.study import add_study
+from sparsepop_py.commands.verify import add_verify
 from sparsepop_py.errors import (
     FormatError,
     OutputError,
@@ -28,7 +31,6 @@ from sparsepop_py.errors import (
 from sparsepop_py.files import read_bytes, write_text
 from sparsepop_py.formats import FORMATS, read, read_stream
 from sparsepop_py.options import Options
-from sparsepop_py.orders import compare_orders
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
@@ -37,10 +39,9 @@ from sparsepop_py.relaxation.moment import relax
 from sparsepop_py.result import Result, Status
 from sparsepop_py.solvers import solver_names
 from sparsepop_py.sparsity.correlative import find_cliques
-from sparsepop_py.study.command import add_study
+from sparsepop_py.study.orders import compare_orders
 from sparsepop_py.study.problems import Study
 from sparsepop_py.verified.arithmetic.display import rounded
-from sparsepop_py.verify_command import add_verify
 
 __all__ = [
     "EXIT_INPUT",
@@ -168,14 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         ("orders", _orders, "compare relaxation orders, plain and with presolve"),
         ("info", _info, "print sizes and blocks without solving"),
     ):
-        command = commands.add_parser(
-            name,
-            help=text,
-            description=f"{text[0].upper()}{text[1:]}.",
-            epilog=_CODES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        command.set_defaults(run=run)
+        command = add_command(commands, name, text, run, _CODES)
         command.add_argument(
             "file",
             nargs="?",  # --json FILE takes it

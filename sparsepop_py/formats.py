@@ -22,9 +22,9 @@ from sparsepop_py.io.other_software.linear_files import read_linear
 from sparsepop_py.io.other_software.qplib import read_qplib
 from sparsepop_py.io.other_software.scip_ import read_by_scip
 from sparsepop_py.io.text import parse
+from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
-from sparsepop_py.registry import Registry
 
 __all__ = ["FORMATS", "Format", "read", "read_stream", "write"]
 

@@ -147,7 +147,8 @@ def solve(
     stages = Stages(options.progress, on_progress)
     context = SolveContext(problem, options, stages, _deadline(options))
     try:
-        return _result(_solve_one(context, _start_vectors(problem, start), None), {})
+        state = _solve_one(context, _start_vectors(problem, start), None)
+        return _result(state, state.known)
     finally:
         stages.close()
 

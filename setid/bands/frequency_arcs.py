@@ -1,7 +1,7 @@
 """Arcs on which regions of a frequency response are narrow: halved, and parted into cells.
 
 Everything here only guides: regions are proved by :mod:`setid.proofs.frequency.arc_regions`, cells
-by :mod:`setid.proofs.cells`.
+by :mod:`setid.proofs.cells.cells`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from setid.bands.branching import principal_frame, surveyed
 from setid.feasible_set.proposer import Proposer
-from setid.proofs.cells import Cells
+from setid.proofs.cells.cells import Cells
 from setid.proofs.frequency.arc_regions import ArcRegions, arc_regions
 from setid.proofs.frequency.arcs import Arc, Family, first_arcs, halves
 from setid.proofs.supports import Cover
@@ -25,7 +25,7 @@ __all__ = ["refined_arcs"]
 
 Reals = NDArray[np.float64]
 _EXCESS = 1.1  # of the radius at the centre of an arc that the arc may have
-_FLOOR = 2e-3  # of the nominal gain: smaller radii need not be told apart
+_FLOOR = 2e-3  # of the nominal gain: smaller radii need no further cells
 _LEAST = 2e-5  # half width below which an arc is not halved, rad a sample
 _HOPELESS = 1e-2  # the same where the region at the centre is wide itself
 _MOST = 3000  # arcs

@@ -20,7 +20,7 @@ import sparsepop_py as sp
 from setid.formulation.completion import defined_unknowns, held_unknowns, polished
 from setid.formulation.formulation import Formulation
 from setid.proofs.existence import proved_point
-from setid.proofs.noise_scale import problem_with_factor
+from setid.proofs.least_noise.noise_scale import problem_with_factor
 from sparsepop_py.local_search.slp import sequential_search
 
 __all__ = ["coupled", "recheck_results", "search_ends"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import coupled_rows
-from setid.proofs.output_cells import cell_box
+from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import ProvedBox, product_rows, start_of
 from sparsepop_py.uncertain_rows.directions import direction_box
 from sparsepop_py.uncertain_rows.lifted_products import complete_box, lifted_box

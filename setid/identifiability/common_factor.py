@@ -1,6 +1,6 @@
 """Search for a simpler structure that explains the data and leaves parameters unbounded.
 
-The arguments, and how they are checked, are in :mod:`setid.proofs.unbounded`.
+The arguments, and how they are checked, are in :mod:`setid.proofs.uniqueness.unbounded`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from setid.feasible_points.witness import consistent
 from setid.formulation.formulation import Formulation, formulate
 from setid.minimum_noise.factor import search_factor
 from setid.models.lti import TransferFunction
-from setid.proofs.noise_scale import scaled_noise
-from setid.proofs.unbounded import Unbounded, moved_parameters, simpler_structures
+from setid.proofs.least_noise.noise_scale import scaled_noise
+from setid.proofs.uniqueness.unbounded import Unbounded, moved_parameters, simpler_structures
 
 __all__ = ["find_unbounded"]
 

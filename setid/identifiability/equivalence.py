@@ -1,6 +1,6 @@
 """Parameter vectors of block structures with the same outputs, and which of them is meant.
 
-How scales and shifts change parameters is in :mod:`setid.proofs.normalisation`.
+How scales and shifts change parameters is in :mod:`setid.proofs.uniqueness.normalisation`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from setid.errors import ModelError
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.models.block import BlockStructured, Lure, Normalise
-from setid.proofs.normalisation import convert_ends, scaled_signals
+from setid.proofs.uniqueness.normalisation import convert_ends, scaled_signals
 from sparsepop_py.verified.arithmetic.scalar_interval import (
     Ends,
 )

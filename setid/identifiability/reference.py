@@ -16,9 +16,14 @@ from setid.errors import ModelError
 from setid.formulation.formulation import formulate
 from setid.models.block import BlockStructured, Lure
 from setid.priors.base import Prior
-from setid.proofs.normalisation import Nonzero, normalised_by, products_with, unidentifiable
-from setid.proofs.output_cells import cell_box
+from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
+from setid.proofs.uniqueness.normalisation import (
+    Nonzero,
+    normalised_by,
+    products_with,
+    unidentifiable,
+)
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 
 __all__ = ["Reference", "reference_model", "refuse"]

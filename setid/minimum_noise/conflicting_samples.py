@@ -19,7 +19,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.formulation.regression import Regression
 from setid.formulation.units import in_units
-from setid.proofs.output_cells import CellBox
+from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import ProvedBox, problem_on_box, product_rows, start_of
 from sparsepop_py.uncertain_rows.lifted_products import lifted_box
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box

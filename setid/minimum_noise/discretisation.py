@@ -30,7 +30,7 @@ from setid.models.continuous import INDIRECT_WARNING, ContinuousTransferFunction
 from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior, listed
-from setid.proofs.noise_scale import admitted_point, problem_with_factor
+from setid.proofs.least_noise.noise_scale import admitted_point, problem_with_factor
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box

@@ -16,7 +16,7 @@ from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import in_units
 from setid.options import Options
-from setid.proofs.noise_scale import problem_with_factor
+from setid.proofs.least_noise.noise_scale import problem_with_factor
 from setid.proofs.parameter_box import ProvedBox, start_of
 from sparsepop_py.uncertain_rows.directions import units_of_rows
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box

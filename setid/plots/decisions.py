@@ -13,10 +13,10 @@ from setid.plots.axes import ATTAINED, PROVED, ink, new_axes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from setid.advise import Advice, Excitation
+    from setid.analysis.advise import Advice, Excitation
+    from setid.analysis.select import Selection
+    from setid.analysis.sensitivity import Sensitivity
     from setid.consistency import Consistency
-    from setid.select import Selection
-    from setid.sensitivity import Sensitivity
 
 __all__ = [
     "plot_advice",

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from setid.plots.axes import ATTAINED, COLOUR, clip, far, fill_between, ink, over_time
 
 if TYPE_CHECKING:
+    from setid.analysis.fit import Fit
     from setid.bands.outputs import Comparison, OutputBand
-    from setid.fit import Fit
 
 __all__ = ["plot_comparison", "plot_fit", "plot_output_band"]
 

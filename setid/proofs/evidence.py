@@ -9,9 +9,9 @@ from typing import NamedTuple, Protocol
 import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
-from setid.proofs.unbounded import Unbounded
+from setid.proofs.uniqueness.normalisation import Nonzero
+from setid.proofs.uniqueness.unbounded import Unbounded
 
 __all__ = ["Claimed", "EndProof", "Evidence", "Verification"]
 

@@ -15,9 +15,9 @@ from setid.formulation.units import InUnits, in_units
 from setid.models.block import BlockStructured
 from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.existence import admitted
-from setid.proofs.free_parameters import free_parameters
-from setid.proofs.normalisation import reference_follows, unidentifiable
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
+from setid.proofs.uniqueness.free_parameters import free_parameters
+from setid.proofs.uniqueness.normalisation import reference_follows, unidentifiable
 
 __all__ = ["verify"]
 

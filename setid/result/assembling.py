@@ -15,9 +15,9 @@ from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured, HammersteinWiener, Wiener
 from setid.options import Options
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
-from setid.proofs.unbounded import Unbounded
+from setid.proofs.uniqueness.normalisation import Nonzero
+from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.result.identification import Identification
 from setid.result.reports import active_priors
 

@@ -22,9 +22,9 @@ from setid.data.record import IOData
 from setid.feasible_set.feasible_set import FeasibleSet
 from setid.proofs.evidence import EndProof, Evidence, Verification
 from setid.proofs.intervals import IntervalStatus
-from setid.proofs.normalisation import Nonzero
 from setid.proofs.parameter_box import ProvedBox
-from setid.proofs.unbounded import Unbounded
+from setid.proofs.uniqueness.normalisation import Nonzero
+from setid.proofs.uniqueness.unbounded import Unbounded
 from setid.proofs.verification import verify
 from setid.result.holdout import Holdout
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from setid.analysis.sensitivity import Sensitivity
     from setid.bands.outputs import Comparison, Mode, OutputBand
     from setid.bands.responses import Kind
     from setid.export.python_control import ControlModels
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from setid.feasible_points.centre import Central
     from setid.feasible_set.projections import Projection
     from setid.result.reports import Remarks
-    from setid.sensitivity import Sensitivity
 
 __all__ = ["Identification"]
 
@@ -348,7 +348,7 @@ class Identification(FeasibleSet):
         factors : iterable of float, optional
             On all noise bounds; 1 to 2 in six steps when left out.
         """
-        from setid.sensitivity import FACTORS, sensitivity
+        from setid.analysis.sensitivity import FACTORS, sensitivity
 
         return sensitivity(self, FACTORS if factors is None else factors)
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.registry import Registry
 from sparsepop_py.relaxation.moment import Relaxation, least_order, relax, shape_sizes
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.relaxation.term_sparsity import Terms

@@ -30,9 +30,9 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import check
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.registry import Registry
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, matrix_block
 from sparsepop_py.sparsity.correlative import Cliques
 

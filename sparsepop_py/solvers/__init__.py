@@ -16,7 +16,7 @@ import numpy as np
 from sparsepop_py.budget import pace, spend
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
-from sparsepop_py.registry import Registry
+from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.solvers.interface import ConicSolver, SolverSettings
 
 __all__ = ["NOT_BEGUN", "SOLVERS", "preferred", "require_solver", "solve_conic", "solver_names"]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from setid.proofs.cells import Cells
+from setid.proofs.cells.cells import Cells
 from setid.proofs.supports import Cover, Multipliers
 from setid.proofs.time_bands.enclosures import (
     Centre,

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import scipy.sparse as sps
+from scipy.optimize import linprog, minimize
 from scipy.signal import cont2discrete
 
 import setid
 from setid import control
 
 TS = 0.01
+DRYER = Path(__file__).parents[3] / "examples" / "data" / "hairdryer.csv"
 # Zero-order hold of the laboratory plant and reference model, and the ideal controller
 # (LRIC laboratories 7 and 8; exact arithmetic)
 K_STAR = {
@@ -153,3 +158,46 @@ def test_models_of_python_control() -> None:
     found = control.design(data, reference, control.LTI(1), 1e-4, options=QUICK)
     poles = module.poles(found.to_control())
     assert np.abs(poles - 1.0).min() < 1e-9
+
+
+def least_noise(record: setid.IOData, theta: list[float]) -> float:
+    """Least bound of the noise on the input of s = B(q) (u - e), by a linear program in e."""
+    u, s = record.u.ravel(), record.y.ravel()
+    taps, count = len(theta), len(s)
+    known = np.convolve(u, theta)[:count]
+    matrix = sum(
+        sps.diags_array(np.full(count - j, b), offsets=-j, shape=(count, count))
+        for j, b in enumerate(theta)
+    )
+    rows = sps.csr_array(matrix)[taps - 1 :]
+    below = sps.hstack([sps.eye_array(count), -np.ones((count, 1))])
+    above = sps.hstack([-sps.eye_array(count), -np.ones((count, 1))])
+    answer = linprog(
+        np.append(np.zeros(count), 1.0),
+        A_ub=sps.vstack([below, above]),
+        b_ub=np.zeros(2 * count),
+        A_eq=sps.hstack([rows, np.zeros((count - taps + 1, 1))]),
+        b_eq=(known - s)[taps - 1 :],
+        bounds=[(None, None)] * count + [(0.0, None)],
+    )
+    return float(answer.fun) if answer.success else np.inf
+
+
+def test_a_measured_record_where_the_noise_decides_whether_there_are_controllers() -> None:
+    """The least noise of PID controllers of this record lies between two bounds, by scipy."""
+    record = setid.IOData.from_csv(DRYER, inputs="u", outputs="y", Ts=0.08).detrend()
+    experiment = record.split(200)[0]
+    reference = control.reference_model(rise=2.0, Ts=0.08, delay=2)
+    limit = setid.Options(time_limit=6.0, progress=False)
+    found = control.design(experiment, reference, control.PID(filter=0.08), 0.33, options=limit)
+    assert not found.empty
+    theta = found.result.feasible
+    data = found.result.formulation.data
+    assert least_noise(data, list(theta)) <= 0.33
+    smallest = minimize(
+        lambda gains: least_noise(data, list(gains)),
+        theta,
+        method="Nelder-Mead",
+        options={"maxiter": 60},
+    )
+    assert 0.277 < smallest.fun <= 0.33

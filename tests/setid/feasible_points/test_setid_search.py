@@ -15,7 +15,7 @@ from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
-from setid.proofs.output_cells import CellBox
+from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import box_follows, objectives, problem_on_box
 
 LURE = setid.Lure(setid.TransferFunction(1, 1, 1), 2, "nolinear")

@@ -83,7 +83,7 @@ def test_boxes_from_the_data_hold_the_truth_and_shrink_with_the_noise(name: str)
 
 
 def box_of(formulation: setid.Formulation):
-    from setid.proofs.output_cells import cell_box
+    from setid.proofs.cells.output_cells import cell_box
     from sparsepop_py.uncertain_rows.lifted_products import lifted_box
 
     p = len(formulation.parameters)

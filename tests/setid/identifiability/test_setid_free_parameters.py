@@ -13,7 +13,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
-from setid.proofs.free_parameters import free_parameters
+from setid.proofs.uniqueness.free_parameters import free_parameters
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 SILENT = np.zeros(12)

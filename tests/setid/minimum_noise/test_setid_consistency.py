@@ -11,7 +11,7 @@ from identification_cases import laboratory_two_first, laboratory_two_second
 
 import setid
 from setid.minimum_noise.factor import least_factor
-from setid.proofs.noise_scale import attained_factor
+from setid.proofs.least_noise.noise_scale import attained_factor
 
 FIRST = setid.TransferFunction(1, 1)
 QUICK = setid.Options(time_limit=60.0, progress=False)

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 
 import setid
 from setid.formulation.regression import regression_of_data
-from setid.proofs.least_error import (
+from setid.proofs.least_noise.least_error import (
     Multipliers,
     equation_bound,
     error_problem,

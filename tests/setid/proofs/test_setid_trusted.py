@@ -103,7 +103,7 @@ assert set(setid.__all__) <= set(dir(setid))
 def test_functions_keep_their_names_beside_modules_of_the_same_name(tmp_path: Path) -> None:
     code = """
 import setid.identify, setid.consistency
-from setid.select import Selection
+from setid.analysis.select import Selection
 import setid
 print(*(callable(getattr(setid, n)) for n in ("identify", "consistency", "select", "verify")))
 """

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import sparsepop_py as sp
+from setid.analysis.terms import sparse_terms, without, without_idle
 from setid.consistency import consistency
 from setid.data.checks import entries_of, natural
 from setid.data.noise import Noise
@@ -33,7 +34,6 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
-from setid.terms import sparse_terms, without, without_idle
 from sparsepop_py.executors.dispatch import completed
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from setid.errors import ModelError
 from setid.formulation.formulation import Formulation, formulate
 from setid.models.block import BlockStructured, Lure, Normalise
-from setid.proofs.output_cells import CellBox
+from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import start_of
 from setid.simulation.simulate import simulate
 from sparsepop_py.verified.arithmetic.scalar_interval import (

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import sparsepop_py as sp
-from sparsepop_py.orders import OrderComparison
+from sparsepop_py.study.orders import OrderComparison
 
-LABORATORY = Path(__file__).resolve().parents[1] / "examples" / "problems" / "laboratory.gms"
+LABORATORY = Path(__file__).resolve().parents[2] / "examples" / "problems" / "laboratory.gms"
 MINIMUM = 52.7066065447  # one stationary point on the branch x1 > 7 of the hyperbola
 
 

@@ -7,7 +7,7 @@ import pytest
 from identification_cases import laboratory_two_second
 
 import setid
-from setid.select import _sign_test
+from setid.analysis.select import _sign_test
 
 QUICK = setid.Options(time_limit=60.0, progress=False)
 

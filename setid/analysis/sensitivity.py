@@ -29,7 +29,7 @@ from setid.models.continuous import without_delta
 from setid.options import Options
 from setid.priors import Box
 from setid.proofs.evidence import Verification
-from setid.proofs.noise_scale import scaled_noise
+from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.result.identification import Identification
 
 if TYPE_CHECKING:

@@ -34,7 +34,7 @@ class Registry(Generic[Entry]):
 
     Examples
     --------
-    >>> from sparsepop_py.registry import Registry
+    >>> from sparsepop_py.plugins.registry import Registry
     >>> roots = Registry("root", {"square": "math:sqrt"})
     >>> roots["square"](9.0)
     3.0

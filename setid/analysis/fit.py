@@ -32,7 +32,7 @@ from setid.models.equations import Structure
 from setid.options import Options
 from setid.priors.base import Prior, listed
 from setid.proofs.evidence import Verification
-from setid.proofs.least_error import (
+from setid.proofs.least_noise.least_error import (
     Multipliers,
     Norm,
     OutputErrors,

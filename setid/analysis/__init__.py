@@ -1,0 +1,1 @@
+"""Questions beyond one identification: fits, structures, noise bounds, streams of samples."""

@@ -1,0 +1,1 @@
+"""Proved lower bounds of the noise or error that explains a record."""

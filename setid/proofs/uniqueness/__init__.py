@@ -1,0 +1,1 @@
+"""Parameters that data cannot fix: free ones, unbounded ones, and normalisations that fix them."""
