@@ -12,20 +12,20 @@ import sparsepop_py as sp
 
 from .auto_beside_plain import auto_beside_plain, beside_table, files_of
 from .errors import BenchmarkError
-from .families import REGISTRY
-from .limits import CASES, limits_table, measure_limits
-from .measure import Setting
-from .orders import compare, order_table
-from .pictures import draw_orders, draw_report
-from .published import published_tables
-from .records import Row, read_rows, write_row
-from .registry import Selection
-from .report import report
+from .measuring.measure import Setting
+from .measuring.records import Row, read_rows, write_row
+from .measuring.registry import Selection
+from .measuring.settings import parsed, switches
+from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
-from .settings import parsed, switches
-from .sizes import compare_sizes, read_reference, sizes_table
-from .tables import number, table
-from .walks import walks
+from .tables.limits import CASES, limits_table, measure_limits
+from .tables.orders import compare, order_table
+from .tables.pictures import draw_orders, draw_report
+from .tables.published import published_tables
+from .tables.report import report
+from .tables.sizes import compare_sizes, read_reference, sizes_table
+from .tables.text import number, table
+from .tables.walks import walks
 
 __all__ = ["main"]
 
