@@ -213,7 +213,7 @@ def _axes(rows: NoisyRows, x: Reals) -> Reals:
 def _residual_noise(rows: NoisyRows, x: Reals) -> Reals:
     """Noise (M,) of least squares that explains the rows at x."""
     residual = rows.target + rows.regressors @ x
-    dual = sla.cho_solve((_whitening(rows, x), True), residual)
+    dual = sla.cho_solve_banded((_whitening(rows, x), True), residual)
     return np.asarray(rows.bound**2 * (rows.shape_of_noise(x).T @ dual), np.float64)
 
 
@@ -221,24 +221,45 @@ def _newton(rows: NoisyRows, x: Reals) -> tuple[float, Reals, Reals]:
     """Cost, step, and the transposed cleaned regressors in the metric of the noise."""
     factor = _whitening(rows, x)
     residual = rows.target + rows.regressors @ x
-    white = sla.solve_triangular(factor, residual, lower=True)
+    white = _below(factor, residual)
     shape = rows.shape_of_noise(x)
-    dual = sla.solve_triangular(factor, white, lower=True, trans="T")
+    dual = _above(factor, white)
     noise = rows.bound**2 * (shape.T @ dual)
     moved = [slope @ noise for slope in rows.slopes]
     clean = rows.regressors - np.stack(moved, axis=1) if moved else rows.regressors
-    inside = sla.solve_triangular(factor, clean, lower=True)
+    inside = _below(factor, clean)
     step = np.linalg.lstsq(inside, -white, rcond=1e-13)[0]
-    metric = sla.solve_triangular(factor, inside, lower=True, trans="T").T
+    metric = _above(factor, inside).T
     return float(white @ white), np.asarray(step, np.float64), metric
 
 
 def _whitening(rows: NoisyRows, x: Reals) -> Reals:
-    """Cholesky factor (R, R) of the noise's covariance at x, a little lifted."""
-    shape = np.asarray((rows.shape_of_noise(x) * rows.bound[None, :]).todense())
-    covariance = shape @ shape.T
-    covariance[np.diag_indices_from(covariance)] += 1e-10 * np.trace(covariance) / len(shape)
-    return np.asarray(np.linalg.cholesky(covariance), np.float64)
+    """Cholesky factor of the noise's covariance at x, a little lifted, by diagonals (b + 1, R).
+
+    Noise samples occur in neighbouring rows only, so that the covariance has few diagonals.
+    """
+    shape = rows.shape_of_noise(x) * rows.bound[None, :]
+    covariance = sps.coo_array(shape @ shape.T)
+    lower = covariance.row - covariance.col
+    kept = lower >= 0
+    bands = np.zeros((int(lower.max(initial=0)) + 1, covariance.shape[0]))
+    bands[lower[kept], covariance.col[kept]] = covariance.data[kept]
+    bands[0] += 1e-10 * bands[0].mean()
+    return np.asarray(sla.cholesky_banded(bands, lower=True), np.float64)
+
+
+def _below(factor: Reals, right: Reals) -> Reals:
+    """Solve L z = right for a factor L that is given by its diagonals."""
+    return np.asarray(sla.solve_banded((len(factor) - 1, 0), factor, right), np.float64)
+
+
+def _above(factor: Reals, right: Reals) -> Reals:
+    """Solve L' z = right for a factor L that is given by its diagonals."""
+    size = factor.shape[1]
+    upper = np.zeros_like(factor)
+    for lag, diagonal in enumerate(factor):
+        upper[len(factor) - 1 - lag, lag:] = diagonal[: size - lag]
+    return np.asarray(sla.solve_banded((0, len(factor) - 1), upper, right), np.float64)
 
 
 # ---- boxes ------------------------------------------------------------------------------
@@ -403,11 +424,12 @@ def rows_on_box(sums: Sums, box: Polytope) -> tuple[Reals, Reals]:
 def _weights(rows: NoisyRows, frame: Frame, best: bool) -> Reals:
     """Rows as they are, whitened rows, a left inverse, and the best ones for each end."""
     factor = _whitening(rows, frame.origin)
-    count = len(factor)
-    white = sla.solve_triangular(factor, np.eye(count), lower=True)
+    count = factor.shape[1]
     kept = np.unique(np.linspace(0, count - 1, min(count, _MOST_WHITE)).astype(int))
+    plain = np.zeros((kept.size, count))
+    plain[np.arange(kept.size), kept] = 1.0
     metric = frame.axes.T @ _newton(rows, frame.origin)[2]
-    parts = [np.eye(count)[kept], white[kept], metric]
+    parts = [plain, _above(factor, plain.T).T, metric]
     parts += [_best(rows, frame)] if best else []
     found = np.concatenate(parts)
     size = np.abs(found).max(axis=1, keepdims=True)
