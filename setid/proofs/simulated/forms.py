@@ -51,7 +51,7 @@ class Region:
     _shares: Reals = field(init=False)  # of the directions in each parameter, nearly
 
     def __post_init__(self) -> None:
-        shares: Reals = np.linalg.pinv(self.directions)
+        shares = np.asarray(np.linalg.pinv(self.directions), np.float64)
         middle: Reals = np.asarray(self.lower / 2 + self.upper / 2, np.float64)
         wanted = self.low / 2 + self.high / 2 - self.directions @ middle
         moved = np.clip(middle + shares @ wanted, self.lower, self.upper)
@@ -68,8 +68,8 @@ class Region:
         middle, size = self.middle, np.maximum(np.abs(self.lower), np.abs(self.upper))
         found = self.spread(slopes)
         if self.low.size:
-            at, doubt = self.directions @ middle, 8 * (size.size + 4) * _UNIT
-            doubt = doubt * (np.abs(self.directions) @ size) + _TINY
+            at = self.directions @ middle
+            doubt = 8 * (size.size + 4) * _UNIT * (np.abs(self.directions) @ size) + _TINY
             width = np.maximum(self.high - at, at - self.low) + 4 * doubt
             shares = slopes @ self._shares
             left = np.abs(slopes - shares @ self.directions)
