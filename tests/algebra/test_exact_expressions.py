@@ -250,6 +250,9 @@ def test_a_grid_holds_its_numbers(values):
     assert size == np.inf or Fraction(size) * (1 + Fraction(1, 2**40)) >= sum(
         abs(Fraction(value)) for value in values
     )
+    step_of_one, size_of_one = exact_terms.grid_of_number(values[0])
+    assert (Fraction(values[0]) / Fraction(2) ** step_of_one).denominator == 1
+    assert size_of_one == abs(values[0])
     if exact_terms.held(step, size):
         assert Fraction(float(sum(map(Fraction, values)))) == sum(map(Fraction, values))
 
