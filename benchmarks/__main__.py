@@ -11,20 +11,21 @@ from pathlib import Path
 import sparsepop_py as sp
 
 from .errors import BenchmarkError
-from .families import REGISTRY
-from .limits import CASES, limits_table, measure_limits
-from .measure import Setting
-from .orders import compare, order_table
-from .pictures import draw_orders, draw_report
-from .published import published_tables
-from .records import Row, read_rows, write_row
-from .registry import Selection
-from .report import report
+from .measuring.measure import Setting
+from .measuring.records import Row, read_rows, write_row
+from .measuring.registry import Selection
+from .measuring.settings import parsed, switches
+from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
-from .settings import parsed, switches
-from .sizes import compare_sizes, read_reference, sizes_table
-from .tables import number, table
-from .walks import walks
+from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of
+from .tables.limits import CASES, limits_table, measure_limits
+from .tables.orders import compare, order_table
+from .tables.pictures import draw_orders, draw_report
+from .tables.published import published_tables
+from .tables.report import report
+from .tables.sizes import compare_sizes, read_reference, sizes_table
+from .tables.text import number, table
+from .tables.walks import walks
 
 __all__ = ["main"]
 
@@ -143,6 +144,15 @@ def _limits(chosen: argparse.Namespace) -> None:
     print(f"\n{limits_table(found)}")
 
 
+def _auto(chosen: argparse.Namespace) -> None:
+    files = [f for each in chosen.files for f in (_gms(each) if each.is_dir() else [each])]
+    found = []
+    for each in auto_beside_plain(files_of(files), chosen.orders, chosen.limit):
+        print(f"{each.name} order {each.order}: {'reached' if each.reached else 'NOT reached'}")
+        found.append(each)
+    print(f"\n{beside_table(found)}")
+
+
 def _walks(chosen: argparse.Namespace) -> None:
     print(walks())
 
@@ -172,6 +182,7 @@ def _parser() -> argparse.ArgumentParser:
         commands.add_parser("sparsepop_times", help="times beside those SparsePOP published")
     )
     _limits_parser(commands.add_parser("limits", help="wall time over time limits, under load"))
+    _auto_parser(commands.add_parser("auto", help="effort auto beside plain orders"))
     walking = commands.add_parser("walks", help="folders, imports, traces and words of the code")
     walking.set_defaults(act=_walks)
     return parser
@@ -186,6 +197,20 @@ def _times_parser(parser: argparse.ArgumentParser) -> None:
         "--repeat", type=int, default=2, help="the least of them, default %(default)s"
     )
     parser.set_defaults(act=_times)
+
+
+def _auto_parser(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.gms or FOLDER")
+    parser.add_argument(
+        "--orders", nargs="+", type=int, default=[1, 2, 3], help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--limit",
+        type=float,
+        default=60.0,
+        help="CPU seconds a plain order, default %(default)s",
+    )
+    parser.set_defaults(act=_auto)
 
 
 def _limits_parser(parser: argparse.ArgumentParser) -> None:

@@ -9,14 +9,15 @@ from typing import Any
 
 import sparsepop_py as sp
 
-from . import intervals, peers, soundness
 from .errors import BenchmarkError
-from .isolation import Crash, isolated
-from .measure import Method, Setting, build_row, method, own_rows, peer_rows, settings_of
-from .random_problems import random_problem
-from .records import Row
-from .registry import Case, Family, Selection
-from .settings import options_from, variants
+from .measuring.isolation import Crash, isolated
+from .measuring.measure import Method, Setting, build_row, method, own_rows, peer_rows, settings_of
+from .measuring.records import Row
+from .measuring.registry import Case, Family, Selection
+from .measuring.settings import options_from, variants
+from .peers import scip as peers
+from .problems import intervals, soundness
+from .problems.random_problems import random_problem
 
 __all__ = ["SOLVERS", "ablation", "measure", "rows_of_methods", "run"]
 
@@ -123,9 +124,9 @@ def ablation(
     Parameters
     ----------
     names : iterable of str
-        Switches, see :func:`benchmarks.settings.switches`.
+        Switches, see :func:`benchmarks.measuring.settings.switches`.
     more : iterable of str
-        Further variants as texts, see :func:`benchmarks.settings.variants`.
+        Further variants as texts, see :func:`benchmarks.measuring.settings.variants`.
 
     Raises
     ------

@@ -30,6 +30,14 @@ from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import SetidError, SetidWarning
+from setid.feasible_points.cascades import (
+    CascadeEnds,
+    attained_result,
+    cascade_ends,
+    cascade_of,
+    narrowed_cascade,
+    point_of,
+)
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point, repair
@@ -48,7 +56,8 @@ from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
+from setid.proofs.simulated.outputs import Simulated
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import unidentifiable
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -74,6 +83,8 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
+_FITS, _PROOFS = 0.25, 0.9  # of the time left, for points and for cells of a cascade
+_OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
@@ -362,6 +373,10 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
         return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
         notes = (*notes, _NO_BOX)
+    if (cascade := cascade_of(formulation)) is not None:
+        settled = _by_simulation(formulation, task, cascade, box, notes)
+        if settled is not None:
+            return settled
     problem = problem_on_box(formulation, box)
     outcome = Outcome(problem=problem, box=box, notes=notes)
     p = len(formulation.parameters)
@@ -409,6 +424,53 @@ def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
         if sum(Fraction(float(c)) * bound.ray[letter - 1] for letter, c in pairs if letter):
             return False
     return True
+
+
+# ---- cascades ---------------------------------------------------------------------------
+
+
+def _by_simulation(
+    formulation: Formulation,
+    task: _Task,
+    parts: Simulated,
+    box: ProvedBox | None,
+    notes: tuple[str, ...],
+) -> Identification | None:
+    """Settle all ends by simulations over regions; None where no box to begin with is finite."""
+    found = task.kept(
+        "start", lambda: cascade_ends(formulation, parts, box, task.deadline.part(_FITS)), None
+    )
+    if found is None:
+        return None
+    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(_PROOFS))
+    narrowed = task.kept("cells", narrow, None)
+    if narrowed is not None and narrowed.empty:
+        return task.empty(formulation, Outcome(box=narrowed, notes=notes))
+    if narrowed is None or narrowed.cut_short:
+        notes = (*notes, _OPEN)
+    box = box if narrowed is None else narrowed
+    problem = problem_on_box(formulation, box)
+    scaled = in_units(problem, formulation)
+    attain = partial(_attained_ends, formulation, scaled, found)
+    results = task.timed("points", attain)
+    items = _intervals(formulation, scaled, results, task.settings.tol)
+    return task.result(
+        formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
+    )
+
+
+def _attained_ends(
+    formulation: Formulation, scaled: InUnits, found: CascadeEnds
+) -> tuple[sp.Result, ...]:
+    """Prove the points at which simulations reach the ends; nothing else is claimed of them."""
+    made = []
+    for number, objective in enumerate(objectives(formulation)):
+        about, point = scaled.problem.with_objective(scaled.asked(objective)[0]), None
+        if found.ends:
+            x = point_of(formulation, found.fitting, found.ends[number])
+            point = proved_point(formulation, about, x / scaled.units)
+        made.append(attained_result(about, point))
+    return tuple(made)
 
 
 # ---- the engine -------------------------------------------------------------------------

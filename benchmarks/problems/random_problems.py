@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 
-from .errors import BenchmarkError
-from .registry import Case, Selection, Task
+from ..errors import BenchmarkError
+from ..measuring.registry import Case, Selection, Task
 
 __all__ = ["KINDS", "RandomProblem", "cases", "random_problem", "samples"]
 

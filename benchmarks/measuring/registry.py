@@ -9,7 +9,7 @@ from typing import Any
 
 import sparsepop_py as sp
 
-from .errors import BenchmarkError
+from ..errors import BenchmarkError
 
 __all__ = ["Case", "Family", "Registry", "Selection", "Task"]
 

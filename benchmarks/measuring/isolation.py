@@ -9,7 +9,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 
-from .errors import BenchmarkError
+from ..errors import BenchmarkError
 from .records import Row
 
 __all__ = ["Crash", "isolated"]

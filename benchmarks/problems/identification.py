@@ -26,8 +26,8 @@ from scipy.optimize import linprog
 
 import sparsepop_py as sp
 
-from .errors import BenchmarkError
-from .registry import Case, Selection, Task
+from ..errors import BenchmarkError
+from ..measuring.registry import Case, Selection, Task
 
 __all__ = ["NAMES", "THETA", "Record", "cases", "record", "start_box", "task"]
 

@@ -30,11 +30,11 @@ import networkx as nx
 import setid
 import sparsepop_py as sp
 
-from .tables import table
+from .text import table
 
 __all__ = ["Trace", "floors", "import_graph", "trace", "walks"]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("sparsepop_py", "setid")
 # folders whose defects could make a false claim; those that are not there are left out
 TRUSTED = (

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import sparsepop_py as sp
 
+from ..errors import BenchmarkError
+from ..measuring.registry import Case, Family, Registry, Selection, Task
 from . import block_structured, identification, intervals, networks, random_problems
-from .errors import BenchmarkError
-from .registry import Case, Family, Registry, Selection, Task
 
 __all__ = ["REGISTRY"]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 ZOO = ROOT / "tests" / "problems" / "zoo"
 EXAMPLES = ROOT / "examples" / "problems"
 _BILEVEL = ("ex9_", "ex5_2_", "ex5_4_", "st_e33", "st_bpk", "st_bpv")  # products of flows or duals

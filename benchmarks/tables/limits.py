@@ -22,8 +22,8 @@ import numpy as np
 import setid
 import sparsepop_py as sp
 
-from .errors import BenchmarkError
-from .tables import table
+from ..errors import BenchmarkError
+from .text import table
 
 __all__ = ["CASES", "KEPT", "LimitedRun", "limits_table", "measure_limits"]
 

@@ -12,12 +12,12 @@ from typing import Any
 import sparsepop_py as sp
 from sparsepop_py.verified.arithmetic.display import rounded
 
-from .errors import BenchmarkError
-from .measure import own_rows
-from .records import Row
-from .registry import Case, Family, Task
-from .settings import options_from
-from .tables import number, table
+from ..errors import BenchmarkError
+from ..measuring.measure import own_rows
+from ..measuring.records import Row
+from ..measuring.registry import Case, Family, Task
+from ..measuring.settings import options_from
+from .text import number, table
 
 __all__ = ["compare", "order_table"]
 

@@ -16,7 +16,7 @@ import numpy as np
 
 import sparsepop_py as sp
 
-from .registry import Task
+from ..measuring.registry import Task
 
 __all__ = ["haverly", "pooling", "separation"]
 

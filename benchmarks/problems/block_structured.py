@@ -17,9 +17,9 @@ import numpy as np
 import setid
 from setid.feasible_set.start import find_box
 
-from .errors import BenchmarkError
+from ..errors import BenchmarkError
+from ..measuring.registry import Case, Selection
 from .intervals import RecordTask
-from .registry import Case, Selection
 
 __all__ = ["KINDS", "cases", "record", "task"]
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from sparsepop_py.verified.arithmetic.display import rounded
 
+from ..measuring.records import PHASES, Row
 from .orders import order_table
-from .records import PHASES, Row
-from .tables import number, table
+from .text import number, table
 
 __all__ = ["OURS", "Group", "exponent", "groups_of", "report", "series_of"]
 

@@ -10,7 +10,7 @@ from typing import Any
 import sparsepop_py as sp
 from sparsepop_py.options import SKIPPED
 
-from .errors import BenchmarkError
+from ..errors import BenchmarkError
 
 __all__ = ["options_from", "parsed", "switches", "variants"]
 

@@ -17,9 +17,9 @@ from pathlib import Path
 import sparsepop_py as sp
 from sparsepop_py.verified.arithmetic.display import rounded
 
-from . import networks
-from .errors import BenchmarkError
-from .tables import number, table
+from ..errors import BenchmarkError
+from ..problems import networks
+from .text import number, table
 
 __all__ = ["Published", "Timed", "find_problem", "published", "published_tables", "time_problem"]
 

@@ -30,9 +30,9 @@ from setid.feasible_set.start import find_box
 from setid.formulation.units import in_units
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 
-from .measure import Setting, own_rows, peer_rows, settings_of
-from .records import Row
-from .registry import Case, Family, Selection, Task
+from ..measuring.measure import Setting, own_rows, peer_rows, settings_of
+from ..measuring.records import Row
+from ..measuring.registry import Case, Family, Selection, Task
 
 __all__ = ["PLANTS", "Experiment", "cases", "findings", "nesting", "rows"]
 

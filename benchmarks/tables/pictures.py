@@ -10,7 +10,7 @@ from typing import Any
 
 from sparsepop_py.plots import require_matplotlib
 
-from .records import PHASES, Row
+from ..measuring.records import PHASES, Row
 from .report import OURS, Group, groups_of, series_of
 
 __all__ = ["draw_orders", "draw_report"]

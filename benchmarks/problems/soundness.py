@@ -10,8 +10,8 @@ import numpy as np
 
 import sparsepop_py as sp
 
-from .errors import DEFECTS
-from .peers import Answer
+from ..errors import DEFECTS
+from ..peers.scip import Answer
 from .random_problems import RandomProblem, samples
 
 __all__ = ["damaged", "disagreements", "findings"]

@@ -13,8 +13,8 @@ import numpy as np
 
 import sparsepop_py as sp
 
-from . import peers
-from .errors import DEFECTS
+from ..errors import DEFECTS
+from ..peers import scip as peers
 from .probes import Watch, watched
 from .records import PHASES, Row
 from .registry import Case, Family, Task

@@ -15,11 +15,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from .errors import BenchmarkError
+from ..errors import BenchmarkError
 
 __all__ = ["PHASES", "Row", "commit", "read_rows", "versions", "write_row"]
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PHASES = (
     "parse",
     "presolve",

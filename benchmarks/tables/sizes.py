@@ -13,8 +13,8 @@ from pathlib import Path
 import sparsepop_py as sp
 from sparsepop_py.verified.arithmetic.display import rounded
 
-from .errors import BenchmarkError
-from .tables import table
+from ..errors import BenchmarkError
+from .text import table
 
 __all__ = ["Compared", "compare_sizes", "read_reference", "sizes_table"]
 
