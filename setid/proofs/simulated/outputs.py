@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
-from setid.models.equations import Equation, Lagged, Term, channel_of
+from setid.models.equations import Equation, Term
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.supports import Cover, cover
 
