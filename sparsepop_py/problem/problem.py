@@ -11,7 +11,7 @@ import copy
 import hashlib
 import numbers
 from collections.abc import Iterable, Sequence
-from dataclass, fieldes import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
