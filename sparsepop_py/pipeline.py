@@ -39,6 +39,7 @@ from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
+from sparsepop_py.problem.rounding import note as rounding_note
 from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
@@ -535,6 +536,7 @@ _Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
 def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
+    notes += rounding_note(context.problem.rounding)
     notes += _lost_by_the_proof(context, bound, lower)
     if deadline.stopped:
         notes.append(INTERRUPTED)
