@@ -202,12 +202,12 @@ from .proofs.intervals import (
     IntervalStatus,
     ParameterInterval,
 )
-from .proofs.uniqueness.normalisation import (
-    unidentifiable,
-)
 from .proofs.parameter_box import (
     DirectionBox,
     ParameterBox,
+)
+from .proofs.uniqueness.normalisation import (
+    unidentifiable,
 )
 from .result.identification import (
     Identification,

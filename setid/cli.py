@@ -42,6 +42,7 @@ from sparsepop_py.cli import (
     run_commands,
     version,
 )
+from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.commands.study import add_study
 from sparsepop_py.errors import check_writable
 from sparsepop_py.files import write_text
@@ -116,14 +117,7 @@ def _parser() -> argparse.ArgumentParser:
         ("identify", _identify, "prove an interval for each parameter"),
         ("consistency", _consistency, "find the least noise that explains the record"),
     ):
-        command = commands.add_parser(
-            name,
-            help=text,
-            description=f"{text[0].upper()}{text[1:]}.",
-            epilog=_CODES,
-            formatter_class=layout,
-        )
-        command.set_defaults(run=run)
+        command = add_command(commands, name, text, run, _CODES)
         command.add_argument("record", metavar="RECORD.csv", help="a table of samples")
         _add_data(command)
         add_structure(command)
@@ -148,8 +142,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_serve(commands: Any) -> None:
     text = "open a page for identification in the browser, on this machine alone"
-    command = commands.add_parser("serve", help=text, description=f"{text[0].upper()}{text[1:]}.")
-    command.set_defaults(run=_serve)
+    command = add_command(commands, "serve", text, _serve)
     command.add_argument("--port", type=int, default=8321, help="0 takes any that is free (8321)")
     command.add_argument("--no-browser", action="store_true", help="print the address alone")
 

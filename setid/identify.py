@@ -214,7 +214,7 @@ def _noise_of(noise: Noise, data: IOData, first: IOData, rest: IOData) -> tuple[
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
-    """Settings, limits, seconds by stage, and who is told of the bounds."""
+    """Settings, limits, seconds by stage, and what is called with new bounds."""
 
     settings: Options
     deadline: Deadline

@@ -13,6 +13,7 @@ from setid.proofs.verification import verify
 from setid.result.certificate_files import certificate_files
 from setid.result.identification import Identification
 from setid.result.json_ import from_json, to_json
+from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.files import read_text
 
 __all__ = ["add_verify", "certificate_text"]
@@ -53,14 +54,7 @@ def add_verify(commands: Any) -> None:
     ----------
     commands : argparse subparsers
     """
-    command = commands.add_parser(
-        "verify",
-        help=_TEXT,
-        description=f"{_TEXT.capitalize()}.",
-        epilog=_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.set_defaults(run=_run)
+    command = add_command(commands, "verify", _TEXT, _run, _CODES)
     command.add_argument(
         "file",
         metavar="FILE.json",

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from sparsepop_py import plots
+from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.commands.study import add_study
 from sparsepop_py.commands.verify import add_verify
 from sparsepop_py.errors import (
@@ -168,14 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         ("orders", _orders, "compare relaxation orders, plain and with presolve"),
         ("info", _info, "print sizes and blocks without solving"),
     ):
-        command = commands.add_parser(
-            name,
-            help=text,
-            description=f"{text[0].upper()}{text[1:]}.",
-            epilog=_CODES,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        command.set_defaults(run=run)
+        command = add_command(commands, name, text, run, _CODES)
         command.add_argument(
             "file",
             nargs="?",  # --json FILE takes it

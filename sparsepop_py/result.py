@@ -231,22 +231,9 @@ class Result:
         str
             Status, bounds, point, sizes, history, seconds and notes.
         """
-        lines = [
-            repr(self.problem)[1:-1],
-            f"status        {self.status}: {self.message}",
-            f"lower bound   {rounded(self.lower_bound, False, 11, scientific=False)}  proved",
-            f"upper bound   {rounded(self.upper_bound, True, 11, scientific=False)}  "
-            + ("attained" if self.attained else "no attained point"),
-            f"gap           {self.gap:.3g}",
-        ]
-        if self.problem.sense == "max":
-            lines.append("              (of the negative of the objective that is maximised)")
-        if self.x is not None:
-            shown = ", ".join(f"{v:.8g}" for v in self.x[:8])
-            more = f", ... ({self.x.size} entries)" if self.x.size > 8 else ""
-            lines.append(f"x             ({shown}{more})")
-            if self.attained is None:
-                lines.append(f"              violates by {self.problem.violation(self.x):.2g}")
+        lines = claims_of(self, self.message)
+        if self.x is not None and self.attained is None:
+            lines.append(f"              violates by {self.problem.violation(self.x):.2g}")
         if self.certificate is not None:
             lines.append(f"correction    {self.certificate.correction:.3g}  paid for the proof")
         if self.relaxation is not None:
@@ -385,3 +372,22 @@ def _advice(result: Result) -> list[str]:
 
 def _listed(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def claims_of(result: Any, message: str) -> list[str]:
+    """Problem, status, bounds and point of a result, a line each."""
+    lines = [
+        repr(result.problem)[1:-1],
+        f"status        {result.status}: {message}",
+        f"lower bound   {rounded(result.lower_bound, False, 11, scientific=False)}  proved",
+        f"upper bound   {rounded(result.upper_bound, True, 11, scientific=False)}  "
+        + ("attained" if result.attained else "no attained point"),
+        f"gap           {result.gap:.3g}",
+    ]
+    if result.problem.sense == "max":
+        lines.append("              (of the negative of the objective that is maximised)")
+    if result.x is not None:
+        shown = ", ".join(f"{v:.8g}" for v in result.x[:8])
+        more = f", ... ({result.x.size} entries)" if result.x.size > 8 else ""
+        lines.append(f"x             ({shown}{more})")
+    return lines

@@ -25,7 +25,7 @@ __all__ = ["refined_arcs"]
 
 Reals = NDArray[np.float64]
 _EXCESS = 1.1  # of the radius at the centre of an arc that the arc may have
-_FLOOR = 2e-3  # of the nominal gain: smaller radii need not be told apart
+_FLOOR = 2e-3  # of the nominal gain: smaller radii need no further cells
 _LEAST = 2e-5  # half width below which an arc is not halved, rad a sample
 _HOPELESS = 1e-2  # the same where the region at the centre is wide itself
 _MOST = 3000  # arcs

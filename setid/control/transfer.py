@@ -197,11 +197,6 @@ class Transfer:
 
     # ---- integrators --------------------------------------------------------------------
 
-    def without_integrator(self) -> Transfer:
-        """Multiply with 1 - q^-1; a pole at exactly z = 1 is cancelled."""
-        top = times(self.numerator, (Fraction(1), Fraction(-1)))
-        return Transfer(top, self.denominator, self.Ts).reduced()
-
     def snapped(self, tolerance: float = 1e-9) -> tuple[Transfer, float]:
         """Move a pole that is nearly at z = 1 to exactly 1.
 

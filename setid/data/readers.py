@@ -33,7 +33,7 @@ def read_mat_columns(
 ) -> list[NDArray[np.float64]]:
     """Variables of a MATLAB file (up to version 7), each as columns (N, c).
 
-    Rows and columns are told apart by length: the longer side holds the samples.
+    Length decides between rows and columns: the longer side holds the samples.
 
     Raises
     ------

@@ -68,7 +68,7 @@ class Proposer:
         self.bases: list[Rows] = []
         """Rows of each basis: m rows, then p upper and p lower sides of the box."""
         self.contradictory = False
-        """Whether a program has said that no point satisfies all rows."""
+        """True after a program found no point that satisfies all rows."""
         for rows in seeds:
             self._keep(rows, check=True)
 

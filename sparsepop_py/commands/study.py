@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.errors import FormatError
 from sparsepop_py.study.store import Store
 from sparsepop_py.study.study import BaseStudy, status_of, table_of
@@ -28,7 +29,7 @@ def add_study(commands: Any, study: type[BaseStudy]) -> argparse.ArgumentParser:
         arguments that adds tasks.
     """
     text = "run, watch and export studies: many problems in one file"
-    command = commands.add_parser("study", help=text, description=f"{text.capitalize()}.")
+    command = add_command(commands, "study", text)
     inner = command.add_subparsers(required=True, metavar="COMMAND")
     runs = _inner(inner, "run", "do the tasks that have no outcome yet", _run)
     runs.set_defaults(study_type=study, prepare=None)
@@ -44,10 +45,8 @@ def add_study(commands: Any, study: type[BaseStudy]) -> argparse.ArgumentParser:
 
 
 def _inner(commands: Any, name: str, text: str, run: Any) -> argparse.ArgumentParser:
-    command = commands.add_parser(name, help=text, description=f"{text.capitalize()}.")
-    command.set_defaults(run=run)
+    command = add_command(commands, name, text, run)
     command.add_argument("study", metavar="STUDY", help="the file of the study")
-    assert isinstance(command, argparse.ArgumentParser)
     return command
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from sparsepop_py.commands.parsers import add_command
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.formats import read
 from sparsepop_py.io.json_files.files import read_json
@@ -34,14 +35,7 @@ def add_verify(commands: Any) -> None:
     ----------
     commands : argparse subparsers
     """
-    command = commands.add_parser(
-        "verify",
-        help=_TEXT,
-        description=f"{_TEXT.capitalize()}.",
-        epilog=_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command.set_defaults(run=_run)
+    command = add_command(commands, "verify", _TEXT, _run, _CODES)
     command.add_argument(
         "files",
         nargs="+",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.options import Options
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
-from sparsepop_py.result import HistoryEntry, Result, Status
+from sparsepop_py.result import HistoryEntry, Result, Status, claims_of
 from sparsepop_py.verified.arithmetic.display import rounded
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
@@ -136,20 +136,7 @@ class RationalResult:
         -------
         str
         """
-        lines = [
-            repr(self.problem)[1:-1],
-            f"status        {self.status}: {self.status.message}",
-            f"lower bound   {rounded(self.lower_bound, False, 11, scientific=False)}  proved",
-            f"upper bound   {rounded(self.upper_bound, True, 11, scientific=False)}  "
-            + ("attained" if self.attained else "no attained point"),
-            f"gap           {self.gap:.3g}",
-        ]
-        if self.problem.sense == "max":
-            lines.append("              (of the negative of the objective that is maximised)")
-        if self.x is not None:
-            shown = ", ".join(f"{v:.8g}" for v in self.x[:8])
-            more = f", ... ({self.x.size} entries)" if self.x.size > 8 else ""
-            lines.append(f"x             ({shown}{more})")
+        lines = claims_of(self, self.status.message)
         for proof, q in list(zip(self.certificate.ranges, self.problem.denominators, strict=True))[
             :8
         ]:
