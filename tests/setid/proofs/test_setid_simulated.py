@@ -113,6 +113,33 @@ def test_the_reach_is_that_of_the_vertices() -> None:
     assert np.all(region.spread(np.array([[2.0, -1.0]])) >= 3.0)
 
 
+def test_the_reach_is_not_that_of_one_side() -> None:
+    # 0 <= x + y <= 0.1 stated as [-0.1, 0.1] and [0, 0.3]: the middle has x + y = 0.075
+    # by the mean of both, so that x + y moves by up to 0.075
+    w = np.array([[1.0, 1.0], [1.0, 1.0]])
+    region = Region(-np.ones(2), np.ones(2), w, np.array([-0.1, 0.0]), np.array([0.1, 0.3]))
+    assert region.middle.sum() == pytest.approx(0.075)
+    assert region.reach(np.array([[1.0, 1.0]]))[0] >= 0.075
+
+
+def test_directions_say_nothing_across_them() -> None:
+    # |x + y| <= 0.1 in the square [-1, 1]^2 lets x go from -1 to 1
+    w = np.array([[1.0, 1.0]])
+    region = Region(-np.ones(2), np.ones(2), w, np.array([-0.1]), np.array([0.1]))
+    found = region.reach(np.array([[1.0, 0.0], [1.0, 1.0]]))
+    assert found == pytest.approx([1.0, 0.1], rel=1e-9) and found[0] >= 1.0
+
+
+def test_numbers_that_are_fixed_act() -> None:
+    data = record(12)
+    model = cascade({"b[z,u1]1": 1.0, "gamma1": 2.0})
+    given = setid.formulate(data, model, setid.Noise(output=0.01), [setid.Stable()])
+    region = region_of((-0.4, -0.5, 0.4, 0.6), 0.0)  # 0.4 (2 z + 0.6 z^2) is 0.8 (z + 0.3 z^2)
+    form = recursion_of(given).run(region)["y1"]
+    exact = [float(v) for v in exact_outputs(TRUTH, data.u[:, 0])]
+    assert form.value == pytest.approx(exact, abs=1e-13)
+
+
 def test_products_and_sums_of_forms_hold_exact_values() -> None:
     # (1 + 3 x)(2 - x) = 2 + 5 x - 3 x^2 and |x| <= 1/2: the rest is 3/4
     region = Region(np.array([-0.5]), np.array([0.5]), np.zeros((0, 1)), np.zeros(0), np.zeros(0))
