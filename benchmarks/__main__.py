@@ -10,7 +10,6 @@ from pathlib import Path
 
 import sparsepop_py as sp
 
-from .auto_beside_plain import auto_beside_plain, beside_table, files_of
 from .errors import BenchmarkError
 from .measuring.measure import Setting
 from .measuring.records import Row, read_rows, write_row
@@ -19,6 +18,7 @@ from .measuring.settings import parsed, switches
 from .peers.environments import PEERS, make
 from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
+from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of
 from .tables.limits import CASES, limits_table, measure_limits
 from .tables.orders import compare, order_table
 from .tables.pictures import draw_orders, draw_report

@@ -57,7 +57,7 @@ from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
-from setid.proofs.simulated.outputs import Simulated
+from setid.proofs.simulated.outputs import Recursion
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import unidentifiable
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -83,7 +83,8 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_FITS, _PROOFS = 0.25, 0.9  # of the time left, for points and for cells of a cascade
+_FITS = 0.25  # of the time left, for fits of a cascade
+_MORE = 1.5  # times what the proof of one point took: what is kept for each
 _OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
@@ -432,7 +433,7 @@ def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
 def _by_simulation(
     formulation: Formulation,
     task: _Task,
-    parts: Simulated,
+    parts: Recursion,
     box: ProvedBox | None,
     notes: tuple[str, ...],
 ) -> Identification | None:
@@ -442,7 +443,11 @@ def _by_simulation(
     )
     if found is None:
         return None
-    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(_PROOFS))
+    begin, number = time.monotonic(), 2 * len(formulation.parameters)
+    task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
+    last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
+    share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
+    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(share))
     narrowed = task.kept("cells", narrow, None)
     if narrowed is not None and narrowed.empty:
         return task.empty(formulation, Outcome(box=narrowed, notes=notes))
@@ -450,22 +455,26 @@ def _by_simulation(
         notes = (*notes, _OPEN)
     box = box if narrowed is None else narrowed
     problem = problem_on_box(formulation, box)
-    scaled = in_units(problem, formulation)
-    attain = partial(_attained_ends, formulation, scaled, found)
-    results = task.timed("points", attain)
-    items = _intervals(formulation, scaled, results, task.settings.tol)
+    every = range(number)
+    results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
+    items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )
 
 
+def _left(task: _Task) -> float:
+    return task.until - time.monotonic()
+
+
 def _attained_ends(
-    formulation: Formulation, scaled: InUnits, found: CascadeEnds
+    formulation: Formulation, box: ProvedBox | None, found: CascadeEnds, ends: Iterable[int]
 ) -> tuple[sp.Result, ...]:
-    """Prove the points at which simulations reach the ends; nothing else is claimed of them."""
+    """Prove the points at which simulations reach ends; nothing else is claimed of them."""
+    scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
     made = []
-    for number, objective in enumerate(objectives(formulation)):
-        about, point = scaled.problem.with_objective(scaled.asked(objective)[0]), None
+    for number in ends:
+        about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
         if found.ends:
             x = point_of(formulation, found.fitting, found.ends[number])
             point = proved_point(formulation, about, x / scaled.units)

@@ -39,11 +39,13 @@ from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import RationalProblem
+from sparsepop_py.problem.rounding import note as rounding_note
 from sparsepop_py.progress import OnProgress, Stages
 from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.strategy.linear_tree import from_convex_minimiser
 from sparsepop_py.strategy.multi_objective import (
     MultiObjectiveSearch,
     first_starts,
@@ -420,7 +422,9 @@ def _solve_one(
                 box = shared.box if shared else Interval(problem.lower, problem.upper)
                 first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
                 context = _at_the_origin(context)
-                if not _falls(context):
+                if context.options.effort == "auto":
+                    context = from_convex_minimiser(context)
+                if context.best is None:
                     context, candidates = first_incumbent(context, first)
             context.report(-np.inf)
             if not _falls(context):
@@ -533,6 +537,7 @@ _Status = tuple[Status, tuple[str, ...], NDArray[np.float64] | None]
 def _status(state: SearchState, lower: float) -> _Status:
     context, bound, deadline = state.context, state.outcome, state.context.deadline
     notes = [*bound.model.notes, *state.notes, *context.notes]
+    notes += rounding_note(context.problem.rounding)
     notes += _lost_by_the_proof(context, bound, lower)
     if deadline.stopped:
         notes.append(INTERRUPTED)

@@ -30,7 +30,9 @@ __all__ = [
     "start_of",
 ]
 
-ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox | SimulatedBox  # of parameters, from the data
+ProvedBox = (
+    ParameterBox | DirectionBox | LiftedBox | CellBox | SimulatedBox
+)  # of parameters, from the data
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:

@@ -135,6 +135,7 @@ def cone(kind: Kind, entries: Sequence[Polynomial], name: str = "") -> Constrain
     implied = entries[0]
     if kind is Kind.PSD:
         diagonal = [entries[k] for k in _diagonal(len(entries))]
+        diagonal = [p.as_rounded() for p in diagonal]  # of the doubles that a problem is about
         varying = next((p for p in diagonal if p.degree), diagonal[0])
         implied = _exact_sum(diagonal) or varying
     return Constraint(implied, kind, name, tuple(entries))
@@ -171,7 +172,7 @@ def _same(a: Any, b: Any) -> bool:
             return bool(a == b)
         mixed, other = (a, b) if isinstance(a, Polynomial) else (b, a)
         return isinstance(other, numbers.Real) and not total([mixed, -float(other)]).terms
-    return a.dimension != b.dimension or not total([a, -b]).terms
+    return a.dimension != b.dimension or not total([a.as_rounded(), -b.as_rounded()]).terms
 
 
 def _diagonal(count: int) -> list[int]:

@@ -3,15 +3,19 @@
 A :class:`Polynomial` is a frozen pair of arrays: words (see
 :mod:`sparsepop_py.algebra.monomials`) and coefficients. Arithmetic merges equal
 monomials with one sort, so 10^5 terms in 10^4 variables take milliseconds;
-many terms are added in one pass by :func:`total`.
+many terms are added in one pass by :func:`total`. Where doubles cannot hold a sum or a
+product, a polynomial remembers its exact terms (:mod:`sparsepop_py.algebra.exact_terms`), and
+further arithmetic goes on from those.
 """
 
 from __future__ import annotations
 
+import math
 import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from fractions import Fraction
 from functools import cached_property
 from math import isqrt
 from typing import Any
@@ -20,7 +24,8 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
-from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra import exact_terms, monomials
+from sparsepop_py.algebra.exact_terms import ExactTerms, Grid
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.errors import ProblemError
 
@@ -181,7 +186,8 @@ class Polynomial:
     """Real polynomial in ``dimension`` variables, sparse and immutable.
 
     Build one with :func:`variables` and arithmetic, :meth:`from_terms`, or
-    :func:`sparsepop_py.parse`.
+    :func:`sparsepop_py.parse`. Arithmetic is exact, and each coefficient is the double next to
+    what was written, see :attr:`exact`.
 
     Parameters
     ----------
@@ -290,7 +296,7 @@ class Polynomial:
         """
         words, values = _checked_terms(words, coefficients, dimension)
         labels = _checked_labels(names, int(dimension))
-        return Polynomial._merged(words, values, int(dimension), labels)
+        return Polynomial._summed(words, values, int(dimension), labels)
 
     @staticmethod
     def _merged(
@@ -299,18 +305,137 @@ class Polynomial:
         dimension: int,
         names: tuple[str, ...] | None = None,
     ) -> Polynomial:
-        """As :meth:`from_words`, without a check of the words."""
+        """As :meth:`from_words`, without a check of the words, and with rounded sums."""
         if not np.all(np.isfinite(coefficients)):
             bad = coefficients[~np.isfinite(coefficients)][0]
             raise ProblemError(f"coefficients: found {bad}, expected finite numbers")
         words = monomials.trim(words)
         unique, where = monomials.collect(words, dimension)
+        return Polynomial._added(unique, where, coefficients, dimension, names)
+
+    @staticmethod
+    def _added(
+        unique: Words,
+        where: NDArray[np.int64],
+        coefficients: NDArray[np.float64],
+        dimension: int,
+        names: tuple[str, ...] | None,
+    ) -> Polynomial:
+        """Add up the coefficients of equal monomials in doubles."""
         sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0]).astype(float)
         keep = sums != 0.0
         if not np.all(np.isfinite(sums)):
             raise ProblemError("coefficients: a sum of equal monomials overflows")
         unique = monomials.trim(unique[keep])
         return Polynomial._of_sorted(unique, sums[keep], dimension, names)
+
+    @staticmethod
+    def _on_grid_merged(
+        words: Words,
+        coefficients: NDArray[np.float64],
+        dimension: int,
+        names: tuple[str, ...] | None,
+        grid: Grid,
+    ) -> Polynomial:
+        """As :meth:`_merged`, of numbers on a grid that doubles hold: all sums are exact."""
+        unique, where = monomials.collect(monomials.trim(words), dimension)
+        sums = np.bincount(where, weights=coefficients, minlength=unique.shape[0]).astype(float)
+        if np.count_nonzero(sums) < sums.size:
+            keep = sums != 0.0
+            unique, sums = monomials.trim(unique[keep]), sums[keep]
+        return Polynomial._of_sorted(unique, sums, dimension, names)._on(grid)
+
+    @staticmethod
+    def _summed(
+        words: Words,
+        coefficients: NDArray[np.float64],
+        dimension: int,
+        names: tuple[str, ...] | None = None,
+    ) -> Polynomial:
+        """As :meth:`_merged`, with exact sums of equal monomials."""
+        words = monomials.trim(words)
+        unique, where = monomials.collect(words, dimension)
+        if unique.shape[0] < words.shape[0] and np.all(np.isfinite(coefficients)):
+            if not exact_terms.held(*exact_terms.grid_of(coefficients)):
+                terms = ExactTerms.of_doubles(words, coefficients)
+                return Polynomial._of_exact(ExactTerms.added([terms], dimension), dimension, names)
+        return Polynomial._merged(words, coefficients, dimension, names)
+
+    @staticmethod
+    def _of_exact(
+        terms: ExactTerms, dimension: int, names: tuple[str, ...] | None = None
+    ) -> Polynomial:
+        """Round each coefficient once, and remember the terms if that changed one."""
+        try:
+            values = terms.rounded()
+        except OverflowError:
+            raise ProblemError(
+                "coefficients: a product or a sum of equal monomials overflows"
+            ) from None
+        keep = values != 0.0
+        words = terms.words if np.all(keep) else monomials.trim(terms.words[keep])
+        made = Polynomial._of_sorted(words, values[keep], dimension, names)
+        if not terms.are_doubles(values):
+            made.__dict__["_exact"] = terms
+        return made
+
+    @property
+    def exact(self) -> ExactTerms | None:
+        """Terms before their coefficients were rounded, None where doubles hold them all.
+
+        A :class:`sparsepop_py.Problem` is about ``coefficients``, and says in ``rounding``
+        what was rounded.
+        """
+        found: ExactTerms | None = self.__dict__.get("_exact")
+        return found
+
+    @property
+    def fractions(self) -> list[Fraction]:
+        """Exact coefficients, in the order of the words of :attr:`exact`, else of ``words``."""
+        return self._terms().fractions
+
+    def _terms(self) -> ExactTerms:
+        """The exact terms."""
+        return self.exact or ExactTerms.of_doubles(self.words, self.coefficients)
+
+    def as_rounded(self) -> Polynomial:
+        """Return the polynomial whose coefficients are these doubles, without memory.
+
+        Returns
+        -------
+        Polynomial
+            The same object where nothing was rounded.
+        """
+        if self.exact is None:
+            return self
+        return self._with(self.coefficients)
+
+    def _with(self, values: NDArray[np.float64]) -> Polynomial:
+        """The same monomials with other coefficients."""
+        return Polynomial._of_sorted(self.words, values, self.dimension, self.names)
+
+    @property
+    def _grid(self) -> Grid:
+        """A grid that holds the coefficients, perhaps coarser than needed."""
+        found: Grid | None = self.__dict__.get("_on_grid")
+        return self._tight_grid() if found is None else found
+
+    def _tight_grid(self) -> Grid:
+        found = exact_terms.grid_of(self.coefficients)
+        self.__dict__["_on_grid"] = found
+        return found
+
+    def _on(self, grid: Grid) -> Polynomial:
+        """Remember a grid that holds the coefficients."""
+        self.__dict__["_on_grid"] = grid
+        return self
+
+    def _within(self, dimension: int, names: tuple[str, ...] | None) -> Polynomial:
+        """The same terms in another number of variables, which holds all that occur."""
+        made = Polynomial._of_sorted(self.words, self.coefficients, dimension, names)
+        if self.exact is not None:
+            made.__dict__["_exact"] = self.exact
+        return made
 
     @staticmethod
     def from_terms(
@@ -352,13 +477,19 @@ class Polynomial:
         if names is not None:
             _check_names(names, int(matrix.shape[1]))
         words = monomials.from_exponents(matrix)
-        return Polynomial._merged(
+        return Polynomial._summed(
             words, values, int(matrix.shape[1]), tuple(names) if names is not None else None
         )
 
     def _constant(self, value: float) -> Polynomial:
         word = np.zeros((1, 1), np.int32)
-        return Polynomial._merged(word, np.array([value], float), self.dimension, self.names)
+        made = Polynomial._merged(word, np.array([value], float), self.dimension, self.names)
+        return made._on(exact_terms.grid_of_number(value))
+
+    def _rational(self, value: Fraction) -> Polynomial:
+        word = np.zeros((1, 1), np.int32)
+        terms = ExactTerms.of_fractions(word, [value], self.dimension)
+        return Polynomial._of_exact(terms, self.dimension, self.names)
 
     def _operand(self, other: Any) -> Polynomial | None:
         if isinstance(other, Polynomial):
@@ -369,10 +500,8 @@ class Polynomial:
                 )
             return other
         if isinstance(other, numbers.Real):
-            try:
-                return self._constant(float(other))
-            except OverflowError:
-                raise ProblemError("a number is too large for a double") from None
+            exact = _fraction(other)
+            return self._constant(float(other)) if exact is None else self._rational(exact)
         return None
 
     # ---- views --------------------------------------------------------------------------
@@ -429,13 +558,31 @@ class Polynomial:
 
     def __sub__(self, other: Any) -> Polynomial:
         right = self._operand(other)
-        return NotImplemented if right is None else total([self, right._scaled(-1.0)])
+        return NotImplemented if right is None else total([self, -right])
 
     def __rsub__(self, other: Any) -> Polynomial:
         left = self._operand(other)
-        return NotImplemented if left is None else total([left, self._scaled(-1.0)])
+        return NotImplemented if left is None else total([left, -self])
 
     def _scaled(self, factor: float) -> Polynomial:
+        if not math.isfinite(factor) or factor == 0.0:
+            return self._scaled_doubles(factor)
+        if self.exact is None:
+            number = exact_terms.grid_of_number(factor)
+            grid = _held_product(self._grid, number) or _held_product(self._tight_grid(), number)
+            if grid is not None:
+                values = self.coefficients * factor
+                return self._with(values)._on(grid)
+            if abs(factor) == 1.0:
+                return self._scaled_doubles(factor)
+        return self._times_fraction(Fraction(factor))
+
+    def _times_fraction(self, factor: Fraction) -> Polynomial:
+        if not factor:
+            return self._scaled_doubles(0.0)
+        return Polynomial._of_exact(self._terms().scaled(factor), self.dimension, self.names)
+
+    def _scaled_doubles(self, factor: float) -> Polynomial:
         with np.errstate(over="ignore", under="ignore"):
             values = self.coefficients * factor
         if factor == 0.0 or not np.all(np.isfinite(values)) or not np.all(values):
@@ -444,19 +591,27 @@ class Polynomial:
 
     def __mul__(self, other: Any) -> Polynomial:
         if isinstance(other, numbers.Real):
-            return self._scaled(float(other))
+            exact = _fraction(other)
+            return self._scaled(float(other)) if exact is None else self._times_fraction(exact)
         right = self._operand(other)
         if right is None:
             return NotImplemented
+        grid = self._product_grid(right)
+        if grid is None:
+            terms = self._terms().times(right._terms(), self.dimension)
+            return Polynomial._of_exact(terms, self.dimension, self.names or right.names)
         words = monomials.multiply(self.words[:, None, :], right.words[None, :, :])
-        with np.errstate(over="ignore", under="ignore"):
-            values = self.coefficients[:, None] * right.coefficients[None, :]
-        return Polynomial._merged(
-            words.reshape(values.size, words.shape[-1]),
-            values.ravel(),
-            self.dimension,
-            self.names or right.names,
-        )
+        values = self.coefficients[:, None] * right.coefficients[None, :]
+        words = words.reshape(values.size, words.shape[-1])
+        names = self.names or right.names
+        return Polynomial._on_grid_merged(words, values.ravel(), self.dimension, names, grid)
+
+    def _product_grid(self, right: Polynomial) -> Grid | None:
+        """Find a grid on which doubles hold the product, None if there is none."""
+        if self.exact is not None or right.exact is not None:
+            return None
+        grid = _held_product(self._grid, right._grid)
+        return grid or _held_product(self._tight_grid(), right._tight_grid())
 
     __rmul__ = __mul__
 
@@ -466,9 +621,12 @@ class Polynomial:
             return self._over(self, other) if isinstance(other, Polynomial) else NotImplemented
         if other == 0:
             raise ProblemError("division of a polynomial by zero")
-        with np.errstate(over="ignore", under="ignore"):
-            values = self.coefficients / float(other)
-        return Polynomial._merged(self.words, values, self.dimension, self.names)
+        exact, divisor = _fraction(other), float(other)
+        if not math.isfinite(divisor):
+            raise ProblemError(f"division of a polynomial by {other}")
+        if exact is None and abs(math.frexp(divisor)[0]) == 0.5 and abs(divisor) >= 1:
+            return self._scaled(1.0 / divisor)  # a power of two
+        return self._times_fraction(1 / (exact or Fraction(divisor)))
 
     def __rtruediv__(self, other: Any) -> Any:
         return self._over(other, self) if isinstance(other, numbers.Real) else NotImplemented
@@ -516,13 +674,22 @@ class Polynomial:
                 f"variable: found {variable!r}, expected an integer from 0 to {self.dimension - 1}"
             )
         letter = int(variable) + 1
-        power = np.count_nonzero(self.words == letter, axis=1)
+        terms = self.exact
+        words = self.words if terms is None else terms.words
+        power = np.count_nonzero(words == letter, axis=1)
         rows = np.flatnonzero(power)
-        words = self.words[rows].copy()
+        power, words = power[rows], words[rows].copy()
         words[np.arange(rows.size), np.argmax(words == letter, axis=1)] = 0
         words.sort(axis=1)
-        values = self.coefficients[rows] * power[rows]
-        return Polynomial._merged(words, values, self.dimension, self.names)
+        if terms is None:
+            grid = _held_product(self._grid, (0, float(power.max(initial=0))))
+            if grid is not None:
+                values = self.coefficients[rows] * power
+                n, names = self.dimension, self.names
+                return Polynomial._on_grid_merged(words, values, n, names, grid)
+            terms = self._terms()
+        found = terms.differentiated(rows, power, words, self.dimension)
+        return Polynomial._of_exact(found, self.dimension, self.names)
 
     # ---- comparisons make constraints ---------------------------------------------------
 
@@ -585,6 +752,25 @@ class Polynomial:
         str
         """
         return self.names[variable] if self.names else f"x{variable + 1}"
+
+
+def _held_product(left: Grid, right: Grid) -> Grid | None:
+    """Multiply grids; None where doubles may not hold sums of numbers on the product."""
+    step, size = left[0] + right[0], left[1] * right[1]
+    return (step, size) if exact_terms.held(step, size) else None
+
+
+def _fraction(number: Any) -> Fraction | None:
+    """A rational number that is no double, None for others."""
+    if type(number) is float or (type(number) is int and abs(number) <= 2**53):
+        return None
+    if not isinstance(number, numbers.Rational):
+        return None
+    exact = Fraction(number)
+    try:
+        return None if Fraction(float(exact)) == exact else exact
+    except OverflowError:
+        raise ProblemError("a number is too large for a double") from None
 
 
 def _checked_terms(
@@ -666,7 +852,7 @@ def variables(n: int, names: Sequence[str] | None = None) -> tuple[Polynomial, .
         _check_names(labels, int(n))
     one = np.ones(1)
     return tuple(
-        Polynomial._of_sorted(np.array([[v]], np.int32), one, int(n), labels)
+        Polynomial._of_sorted(np.array([[v]], np.int32), one, int(n), labels)._on((0, 1.0))
         for v in range(1, n + 1)
     )
 
@@ -705,8 +891,25 @@ def total(terms: Iterable[Polynomial | float]) -> Polynomial:
         if part is None:
             raise ProblemError(f"total: found {type(item).__name__}, expected polynomials")
         parts.append(part)
+    names = next((part.names for part in parts if part.names), None)
+    return _sum_of(parts, first.dimension, names)
+
+
+def _sum_of(parts: list[Polynomial], dimension: int, names: tuple[str, ...] | None) -> Polynomial:
+    known = [part for part in parts if part.exact is None]
+    words, values = _joined(known) if known else (np.zeros((0, 1), np.int32), np.zeros(0))
+    if len(known) == len(parts):
+        grids = [part._grid for part in parts]
+        grid = min(step for step, _ in grids), sum(size for _, size in grids)
+        if exact_terms.held(*grid):
+            return Polynomial._on_grid_merged(words, values, dimension, names, grid)
+        return Polynomial._summed(words, values, dimension, names)
+    exact = [part.exact for part in parts if part.exact is not None]
+    terms = ExactTerms.added([ExactTerms.of_doubles(words, values), *exact], dimension)
+    return Polynomial._of_exact(terms, dimension, names)
+
+
+def _joined(parts: list[Polynomial]) -> tuple[Words, NDArray[np.float64]]:
     width = max(part.words.shape[1] for part in parts)
     words = np.concatenate([monomials.widen(part.words, width) for part in parts])
-    values = np.concatenate([part.coefficients for part in parts])
-    names = next((part.names for part in parts if part.names), None)
-    return Polynomial._merged(words, values, first.dimension, names)
+    return words, np.concatenate([part.coefficients for part in parts])

@@ -33,8 +33,8 @@ def key_of(polynomial: Polynomial) -> tuple[object, ...]:
 class Rational:
     """Sum of a polynomial and of ratios of polynomials.
 
-    Built by dividing polynomials or by :func:`ratio`. Adding, subtracting and multiplying
-    round coefficients as arithmetic of polynomials does.
+    Built by dividing polynomials or by :func:`ratio`. Ratios are merged where
+    their denominators agree in all doubles.
 
     Parameters
     ----------
@@ -99,8 +99,22 @@ class Rational:
         merged: dict[tuple[object, ...], Pair] = {}
         for p, q in fractions:
             before = merged.get(key_of(q))
-            merged[key_of(q)] = (p if before is None else before[0] + p, q)
+            if before is not None:
+                p, q = before[0] + p, q if before[1].exact is None else before[1]
+            merged[key_of(q)] = (p, q)
         return Rational(whole, tuple(merged.values()))
+
+    def as_rounded(self) -> Rational:
+        """Return the sum of ratios whose coefficients are these doubles, without memory.
+
+        Returns
+        -------
+        Rational
+        """
+        if all(part.exact is None for part in self.parts):
+            return self
+        pairs = tuple((p.as_rounded(), q.as_rounded()) for p, q in self.ratios)
+        return Rational(self.whole.as_rounded(), pairs)
 
     # ---- views --------------------------------------------------------------------------
 

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sps
 
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.exact_terms import ExactTerms
 from sparsepop_py.algebra.matrix_constraints import SymbolicCone, cone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.algebra.rational import AnyConstraint, Rational, constraint
@@ -88,19 +92,27 @@ def natural_key(name: str) -> tuple[list[tuple[int, str]], str]:
 def _polynomial(expression: Any, symbols: list[Any], labels: list[str], where: str) -> Polynomial:
     import sympy
 
+    floats = {number: sympy.Rational(number) for number in expression.atoms(sympy.Float)}
     try:
-        terms = sympy.Poly(
-            expression, *symbols, domain="RR" if expression.has(sympy.Float) else None
-        )
+        terms = sympy.Poly(expression.xreplace(floats), *symbols)  # multiplied out exactly
     except (sympy.PolynomialError, sympy.polys.polyerrors.CoercionFailed) as error:
         raise ProblemError(f"{where}: found {expression}, expected a polynomial: {error}") from None
     pairs = terms.terms() or [((0,) * len(symbols), 0)]
     exponents = np.array([powers for powers, _ in pairs], int)
     try:
-        coefficients = [float(value) for _, value in pairs]
-    except TypeError:
+        coefficients = [_fraction(value) for _, value in pairs]
+    except (TypeError, ValueError, OverflowError):
         raise ProblemError(f"{where}: found {expression}, expected real coefficients") from None
-    return Polynomial.from_terms(exponents, coefficients, labels)
+    words = monomials.from_exponents(sps.csr_array(exponents))
+    exact = ExactTerms.of_fractions(words, coefficients, len(symbols))
+    return Polynomial._of_exact(exact, len(symbols), tuple(labels))
+
+
+def _fraction(value: Any) -> Fraction:
+    """Take a rational coefficient exactly, and others as the double next to them."""
+    if getattr(value, "is_Rational", False):
+        return Fraction(int(value.p), int(value.q))
+    return Fraction(float(value))
 
 
 def _rational(

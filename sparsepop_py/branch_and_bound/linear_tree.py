@@ -16,27 +16,31 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.branch_and_bound.float_propagation import FloatPropagation
-from sparsepop_py.branch_and_bound.product_model import LinearData, ProductModel
+from sparsepop_py.branch_and_bound.product_model import LinearData, ProductModel, SquareCut
 from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
-from sparsepop_py.budget import check, spend
+from sparsepop_py.budget import check, spend, spent
 from sparsepop_py.context import SolveContext
 from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.shapes import Products
+from sparsepop_py.solvers.quadratic import minimise_on_box
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.sos_identity import Identity
 from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Step, Tightening
 
-__all__ = ["LinearTree", "suits_linear_tree"]
+__all__ = ["LinearTree", "convex_minimiser", "suits_linear_tree"]
 
 Floats = NDArray[np.float64]
 
@@ -51,6 +55,36 @@ def suits_linear_tree(problem: Problem) -> bool:
     )
 
 
+def convex_minimiser(model: ProductModel, data: LinearData) -> Floats | None:
+    """Minimise a convex objective over the linear relaxation on a box.
+
+    Parameters
+    ----------
+    model : ProductModel
+    data : LinearData
+        Its numbers on the box.
+
+    Returns
+    -------
+    (N,) float or None
+        The columns at the minimiser; None where the objective is not convex or the solver fails.
+    """
+    n = model.dimension
+    cut = model.cut(model.rows, np.zeros(n))
+    if cut is None:
+        return None
+    spend(LINEAR_TREE.quadratic_work)
+    _, slope = cut.scaled(data.scaling)
+    spread = np.zeros((slope.shape[0], model.columns))
+    spread[:, cut.variables] = slope / np.sqrt(data.size)
+    linear = data.cost.copy()
+    linear[n:] = 0.0
+    kept = model.rows + 1 + model.envelopes
+    rows = model.matrix(data.values)[:kept], data.low[:kept], model.free[:kept]
+    hessian = sps.csc_array(2.0 * spread.T @ spread)
+    return minimise_on_box(hessian, linear, rows, (model.least, np.ones(model.columns)))
+
+
 @dataclass(eq=False)
 class _Open:
     """A node of the growing tree. Mutable."""
@@ -60,7 +94,7 @@ class _Open:
     bound: float = -np.inf
     depth: int = 0
     steps: list[Step] = field(default_factory=list)
-    argument: LinearDual | None = None
+    argument: LinearDual | Identity | None = None
     empty: bool = False
     branch: tuple[int, float] | None = None
     children: tuple[_Open, ...] = ()
@@ -77,6 +111,13 @@ class _Program:
     t: Floats | None
     empty: bool = False
 
+    @property
+    def point(self) -> Floats:
+        """The solution in the variables of the problem, shape (n,)."""
+        assert self.t is not None
+        scaling = self.data.scaling
+        return scaling.point(np.clip(self.t[: scaling.centre.size], -1.0, 1.0))
+
 
 @dataclass(eq=False)
 class LinearTree:
@@ -89,20 +130,24 @@ class LinearTree:
     box : Interval
         The box of the root, with finite ends.
     search_incumbent : callable
-        Given a context and candidate vectors, the context with a better incumbent if one is proved.
+        Given a context, candidate vectors and whether a proof of these is enough, without a search
+        from them: the context with a better incumbent if one is proved.
     variables : (k,) int, optional
         Branching variables; those in products when left out.
     """
 
     context: SolveContext
     box: Interval
-    search_incumbent: Callable[[SolveContext, list[NDArray[Any]]], SolveContext]
+    search_incumbent: Callable[[SolveContext, list[NDArray[Any]], bool], SolveContext]
     variables: NDArray[np.int64] | None = None
     nodes: int = 0
-    searches: int = 0
+    search_work: float = 0.0
     root: _Open = field(init=False)
     _heap: list[tuple[float, int, _Open]] = field(default_factory=list)
     _least: float = np.inf
+    _fathomed: float = 0.0
+    _obbt_rounds: int = 0
+    _point: Floats | None = None
     _highs: LinearModel | None = None
 
     def __post_init__(self) -> None:
@@ -111,6 +156,12 @@ class LinearTree:
         self.root = _Open(self.box.lo.copy(), self.box.hi.copy())
         if self.variables is None:
             self.variables = self.model.factors
+        self._preference = np.full(self.model.dimension, LINEAR_TREE.others)
+        products = Products.of(self.context.problem, [self.context.problem.objective])
+        self._preference[list(products.complicating)] = 1.0
+        self._begin = spent()
+        self._branches = np.zeros(self.model.dimension, bool)
+        self._branches[self.variables] = True
         self._width = np.maximum(self.box.hi - self.box.lo, 1e-300)
 
     # ---- the search ---------------------------------------------------------------------------
@@ -152,40 +203,53 @@ class LinearTree:
             self._process(heapq.heappop(self._heap)[2])
         return self.closed
 
+    @property
+    def _most_nodes(self) -> int:
+        """Nodes that the tree may have: fewer where programs are larger."""
+        return min(LINEAR_TREE.most_nodes, LINEAR_TREE.most_columns // self.model.columns + 1)
+
     def _stalls(self, first: float) -> bool:
         """Check whether the gap shrinks too slowly for a small tree."""
-        if self.nodes >= LINEAR_TREE.most_nodes or self._least < self.goal:
+        if self.nodes >= self._most_nodes or self._least < self.goal:
             return True
-        if self.nodes < LINEAR_TREE.patience:
+        if self.nodes < min(LINEAR_TREE.patience, self._most_nodes):
             return False
         whole = self.goal - first
-        left = (self.goal - self.bound) / whole if 0 < whole < np.inf else 1.0
-        share = self.nodes / LINEAR_TREE.most_nodes
-        return left > 1.0 - share or len(self._heap) > LINEAR_TREE.most_nodes - self.nodes
+        gained = (self.bound - first) / whole if 0 < whole < np.inf else 0.0
+        share = self.nodes / self._most_nodes
+        return max(gained, self._fathomed) < LINEAR_TREE.pace * share
 
     def _process(self, node: _Open) -> None:
         """Propagate, bound and tighten a node; branch it if it stays open."""
         self.nodes += 1
         spend(LINEAR_TREE.node_work)
         program: _Program | None = None
+        searched = False
         rounds = LINEAR_TREE.root_rounds if node is self.root else LINEAR_TREE.rounds
         for number in range(rounds):
             self._propagate(node)
-            if node.bound == np.inf:
-                return
-            program = self._solve(node)
-            if program is None or node.bound >= self.goal:
+            program = self._solve(node) if node.bound < np.inf else None
+            if program is None or program.t is None or node.bound >= self.goal:
                 break
-            if self._worth_a_search(node, number):
-                self._search(program)
-                if node.bound >= self.goal:
-                    break
-            if not self._reduce(node, program) and not self._tighten(node, program, number):
+            if self._cut(node, program, number):
+                self._search_minimiser()
+                continue
+            if not searched and (self._worth_a_search() or self._promises(program.point)):
+                searched = True
+                self._search(program.point)
+            if node.bound >= self.goal:
+                break
+            if not self._reduce(node, program) and not self._tighten(node, program):
                 break
         if node.bound >= self.goal:
-            self._least = min(self._least, node.bound)
-            return
-        self._branch(node, program)
+            self._fathom(node)
+        else:
+            self._branch(node, program)
+
+    def _fathom(self, node: _Open) -> None:
+        """Record a leaf, and its share of the tree: a half of its parent's."""
+        self._least = min(self._least, node.bound)
+        self._fathomed += 0.5**node.depth
 
     def _propagate(self, node: _Open) -> None:
         """Propagate the rows of a node; keep the step where a width shrinks by enough."""
@@ -215,9 +279,53 @@ class LinearTree:
             return None
         if program.bound > node.bound:
             size = 1.0 if program.empty else data.size
-            node.argument = self.model.dual(data, [program.price], [size])
+            if self.model.uses_cuts(program.price):
+                node.argument = self.model.identity(data, program.price, size)
+            else:
+                node.argument = self.model.dual(data, [program.price], [size])
             node.bound, node.empty = program.bound, program.empty
         return program
+
+    def _cut(self, node: _Open, program: _Program, number: int) -> bool:
+        """Add cuts of convex rows that the solution of a node violates."""
+        model, most = self.model, LINEAR_TREE.cut_rounds if node is self.root else 1
+        room = len(model.cuts) < LINEAR_TREE.most_cuts
+        if program.t is None or number >= most or not model.convex or not room:
+            return False
+        own = program.point
+        made = [
+            model.cut(row, self._minimiser(program) if row == model.rows else own)
+            for row in model.convex
+        ]
+        new = tuple(cut for cut in made if cut is not None and self._violates(cut, program))
+        if new:
+            self.model = replace(model, cuts=(*model.cuts, *new))
+        return bool(new)
+
+    def _minimiser(self, program: _Program) -> Floats:
+        """Minimise a convex objective over the rows of a node, else take the solution."""
+        model, data = self.model, program.data
+        assert program.t is not None
+        n, point = model.dimension, program.t
+        found = convex_minimiser(model, data)
+        if found is not None:
+            point = found
+        minimiser = data.scaling.point(np.clip(point[:n], -1.0, 1.0))
+        self._point = minimiser if found is not None else None
+        return minimiser
+
+    def _search_minimiser(self) -> None:
+        """Start a local search from a convex program's minimiser that promises a gain."""
+        point, self._point = self._point, None
+        if point is not None and self._promises(point):
+            self._search(point)
+
+    def _violates(self, cut: SquareCut, program: _Program) -> bool:
+        """Check whether a solution violates a cut by more than rounding."""
+        assert program.t is not None
+        row, right = cut.row(program.data.scaling)
+        value = row @ program.t[np.append(cut.columns, cut.variables)]
+        return bool(value < right - 1e-7 * np.abs(row).max(initial=0.0))
 
     def _farkas(self, data: LinearData, found: LinearSolution) -> _Program:
         """Take the ray of an infeasible program with the sign that proves more."""
@@ -251,18 +359,26 @@ class LinearTree:
 
     # ---- points -------------------------------------------------------------------------------
 
-    def _worth_a_search(self, node: _Open, number: int) -> bool:
+    def _worth_a_search(self) -> bool:
         """Check for a node with a local search: that costs more than nodes do."""
-        if number or self.searches >= LINEAR_TREE.most_searches:
+        if self.search_work > LINEAR_TREE.search_share * (spent() - self._begin):
             return False
         return self.nodes in LINEAR_TREE.searched
 
-    def _search(self, program: _Program) -> None:
-        if program.t is None:
-            return
-        self.searches += 1
-        point = program.data.scaling.point(np.clip(program.t[: self.model.dimension], -1.0, 1.0))
-        self.context = self.search_incumbent(self.context, [point])
+    def _promises(self, point: Floats) -> bool:
+        """Check for a point that is nearly feasible and better than the incumbent."""
+        gain = self.context.upper - self.context.problem.objective(point)
+        if gain <= LINEAR_TREE.worth_a_search * self.context.allowed:
+            return False
+        return self.context.problem.violation(point) <= LINEAR_TREE.feasible
+
+    def _search(self, point: Floats) -> None:
+        before, upper = spent(), self.context.upper
+        if self._promises(point):
+            self.context = self.search_incumbent(self.context, [point], True)
+        if self.context.upper == upper:
+            self.context = self.search_incumbent(self.context, [point], False)
+        self.search_work += spent() - before
 
     # ---- bounds of variables ------------------------------------------------------------------
 
@@ -273,7 +389,7 @@ class LinearTree:
         t <= -1 + (cutoff - bound) / r.
         """
         data, cutoff = program.data, self.cutoff
-        if not program.bound < cutoff < np.inf:
+        if not program.bound < cutoff < np.inf or self.model.uses_cuts(program.price):
             return False
         n = self.model.dimension
         rest, room = program.rest[:n], (cutoff - program.bound) / data.size
@@ -281,6 +397,7 @@ class LinearTree:
             reach = room / np.abs(rest)
         wide = node.high - node.low
         gains = (reach < 2.0 * LINEAR_TREE.gained) & (wide > 1e-9 * self._width)
+        gains &= self._branches
         chosen = np.flatnonzero(gains)
         if not chosen.size:
             return False
@@ -291,13 +408,14 @@ class LinearTree:
         self._take(node, data, chosen, side, 1.0 - reach[chosen], dual)
         return bool(np.any(reach[chosen] < 2.0 * LINEAR_TREE.again))
 
-    def _tighten(self, node: _Open, program: _Program, number: int) -> bool:
+    def _tighten(self, node: _Open, program: _Program) -> bool:
         """Tighten bounds of the root by linear programs (OBBT) where reduced costs do not."""
         assert self.variables is not None
         open_ = [v for v in self.variables.tolist() if node.high[v] > node.low[v]]
         few = len(open_) <= LINEAR_TREE.most_tightened
-        if node is not self.root or not few or number > LINEAR_TREE.obbt_rounds:
+        if node is not self.root or not few or self._obbt_rounds >= LINEAR_TREE.obbt_rounds:
             return False
+        self._obbt_rounds += 1
         data, cutoff = program.data, self.cutoff
         highs = self._highs_of(data, cutoff)
         points = [program.t] if program.t is not None else []
@@ -311,6 +429,8 @@ class LinearTree:
             if found.status != "solved":
                 continue
             points.append(found.x)
+            if self.model.uses_cuts(self.model.signed(found.dual)):
+                continue
             price, weight = self.model.signed(found.dual), max(0.0, -found.dual[self.model.rows])
             rest = self.model.rest(data, cost + weight * data.cost, price)
             value = self.model.bound(data, rest, price)
@@ -367,6 +487,7 @@ class LinearTree:
         score = relative.copy()
         if program is not None and program.t is not None:
             score = (self._errors(program)[chosen] + 1e-9) * np.sqrt(relative)
+            score *= self._preference[chosen]
         score = np.where(width > 1e-8 * (1.0 + np.abs(node.low[chosen])), score, -1.0)
         if not chosen.size or score.max() < 0:
             self._least = min(self._least, node.bound)

@@ -33,8 +33,10 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.lp_dual import LinearDual
+from sparsepop_py.verified.certificate.multipliers import Multipliers
+from sparsepop_py.verified.certificate.sos_identity import Identity
 
-__all__ = ["LinearData", "ProductModel"]
+__all__ = ["LinearData", "ProductModel", "SquareCut"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -74,6 +76,43 @@ class LinearData:
 
 
 @dataclass(frozen=True, eq=False)
+class SquareCut:
+    """The row |V (x - point)|^2 >= 0, linear in variables and products.
+
+    Parameters
+    ----------
+    variables : (k,) int
+    factor : (r, k) float
+        V, whose columns belong to the variables.
+    point : (k,) float
+    pairs : (2, p) int
+        Positions i <= j among the variables of the products that occur; others cancel in V'V.
+    columns : (p,) int
+        Columns of these products.
+    """
+
+    variables: Ints
+    factor: Floats
+    point: Floats
+    pairs: Ints
+    columns: Ints
+
+    def scaled(self, scaling: Scaling) -> tuple[Floats, Floats]:
+        """Write V (x - point) as u + M t, shapes (r,) and (r, k)."""
+        v = self.variables
+        shift = self.factor @ (scaling.centre[v] - self.point)
+        return shift, self.factor * scaling.scale[v]
+
+    def row(self, scaling: Scaling) -> tuple[Floats, float]:
+        """Compute the coefficients of products and variables, and the right side."""
+        shift, slope = self.scaled(scaling)
+        matrix = slope.T @ slope
+        i, j = self.pairs
+        products = np.where(i == j, 1.0, 2.0) * matrix[i, j]
+        return np.append(products, 2.0 * shift @ slope), -float(shift @ shift)
+
+
+@dataclass(frozen=True, eq=False)
 class ProductModel:
     """A problem of degree 2 over variables and products.
 
@@ -95,6 +134,8 @@ class ProductModel:
     row, column : (T,) int
         Row and column of each term; columns of products follow the variables.
     coefficient : (T,) float
+    cuts : tuple of SquareCut
+        Rows that follow the envelopes.
     """
 
     dimension: int
@@ -107,6 +148,7 @@ class ProductModel:
     row: Ints
     column: Ints
     coefficient: Floats
+    cuts: tuple[SquareCut, ...] = ()
 
     @staticmethod
     def of(problem: Problem) -> ProductModel:
@@ -221,8 +263,15 @@ class ProductModel:
         more, right, _, pairs = self._envelopes
         height = self.rows + 1 + pairs.shape[0]
         count = np.bincount(np.append(rows, self.rows + 1 + more), minlength=height)
+        last = [np.append(cut.columns, cut.variables) for cut in self.cuts]
+        count = np.append(count, [part.size for part in last])
         start = np.append(0, np.cumsum(count)).astype(np.int32)
-        return np.append(columns, right).astype(np.int32), start
+        return np.concatenate([columns, right, *last]).astype(np.int32), start
+
+    @property
+    def envelopes(self) -> int:
+        """Number of rows that are envelopes of products."""
+        return int(self._envelopes[3].shape[0])
 
     def matrix(self, values: Floats) -> sps.csr_array:
         """Put numbers in the pattern, shape (R, N)."""
@@ -246,26 +295,29 @@ class ProductModel:
         values /= sizes[rows]
         constant = constant / sizes
         envelopes = self._envelopes
-        low = np.concatenate([-constant[:-1], [-np.inf], -np.ones(envelopes[3].shape[0])])
+        cuts = [cut.row(scaling) for cut in self.cuts]
+        last = [np.array([right for _, right in cuts])]
+        low = np.concatenate([-constant[:-1], [-np.inf], -np.ones(envelopes[3].shape[0]), *last])
         cost = np.zeros(self.columns)
         own = rows == self.rows
         cost[self._places[3][own]] = values[own]
         size = float(sizes[-1])
-        everything: Floats = np.append(values, envelopes[2]).astype(float)
+        everything = np.concatenate([values, envelopes[2], *(part for part, _ in cuts)])
         return LinearData(scaling, everything, low, cost, float(constant[-1]), size, sizes)
 
     @cached_property
-    def _free(self) -> NDArray[np.bool_]:
-        """Rows of A that are equations."""
-        return np.concatenate([self.equality, np.zeros(1 + self._envelopes[3].shape[0], bool)])
+    def free(self) -> NDArray[np.bool_]:
+        """Rows of A that are equations, shape (R,)."""
+        others = 1 + self._envelopes[3].shape[0] + len(self.cuts)
+        return np.concatenate([self.equality, np.zeros(others, bool)])
 
     def high(self, data: LinearData) -> Floats:
         """Upper sides of the rows of A."""
-        return np.where(self._free, data.low, np.inf)
+        return np.where(self.free, data.low, np.inf)
 
     def signed(self, price: Floats) -> Floats:
         """Set prices of inequalities with the wrong sign to zero, and that of the objective."""
-        kept = np.where(self._free, price, np.maximum(price, 0.0))
+        kept = np.where(self.free, price, np.maximum(price, 0.0))
         kept[self.rows] = 0.0
         return kept
 
@@ -278,6 +330,98 @@ class ProductModel:
         used = price != 0
         base = float(price[used] @ data.low[used])
         return base + float(np.minimum(rest * self.least, rest).sum())
+
+    def uses_cuts(self, price: Floats) -> bool:
+        """Check for prices of cuts, which need an identity with squares."""
+        return bool(self.cuts) and bool(np.any(price[-len(self.cuts) :] > 0))
+
+    def identity(self, data: LinearData, price: Floats, size: float) -> Identity:
+        """Convert row prices, those of cuts among them, to an identity with squares.
+
+        Parameters
+        ----------
+        data : LinearData
+        price : (R,) float
+        size : float
+            Size of the cost that the prices belong to.
+
+        Returns
+        -------
+        Identity
+        """
+        dual = self.dual(data, [price], [size])
+        equal = np.zeros(1 + self.constraints, bool)
+        equal[1 + self.number[self.equality]] = True
+        free = np.append(equal, np.zeros(int(dual.generator.max(initial=0)) + 1, bool))[
+            dual.generator
+        ]
+        groups = []
+        for chosen, is_free in ((free, True), (~free & (dual.value > 0), False)):
+            number = dual.generator[chosen]
+            if number.size:
+                basis = np.zeros((number.size, 1, 1), np.int32)
+                value = dual.value[chosen][:, None]
+                value = value if is_free else np.sqrt(value)[:, :, None]
+                groups.append(Multipliers(number, basis, value))
+        for cut, weight in zip(self.cuts, price[-len(self.cuts) :], strict=True):
+            if weight > 0:
+                shift, slope = cut.scaled(data.scaling)
+                letters = np.append(0, cut.variables + 1).astype(np.int32)
+                factor = np.sqrt(weight * size) * np.concatenate([shift[None], slope.T])
+                one = np.zeros(1, np.int32)
+                groups.append(Multipliers(one, letters[None, :, None], factor[None]))
+        return Identity(data.scaling, tuple(groups), dual.products)
+
+    def cut(self, row: int, point: Floats) -> SquareCut | None:
+        """Build the cut of a convex row at a point, None where the row is not convex.
+
+        Parameters
+        ----------
+        row : int
+            A row of the problem, whose negative counts, or the objective.
+        point : (n,) float
+        """
+        found = self._convex.get(row)
+        if found is None:
+            return None
+        variables, factor, pairs, columns = found
+        return SquareCut(variables, factor, point[variables], pairs, columns)
+
+    @cached_property
+    def convex(self) -> tuple[int, ...]:
+        """Rows with squares that are convex where they bound from below."""
+        return tuple(self._convex)
+
+    @cached_property
+    def _convex(self) -> dict[int, tuple[Ints, Floats, Ints, Ints]]:
+        """Variables, factor, pairs and product columns of the convex quadratic rows."""
+        found = {}
+        for row in np.unique(self.row[self.column >= self.dimension]).tolist():
+            if row < self.rows and self.equality[row]:
+                continue
+            made = self._factor(row)
+            if made is not None:
+                found[row] = made
+        return found
+
+    def _factor(self, row: int) -> tuple[Ints, Floats, Ints, Ints] | None:
+        """Factor the quadratic form of a row as V'V, None where it is not convex."""
+        n = self.dimension
+        terms = np.flatnonzero((self.row == row) & (self.column >= n))
+        columns, value = self.column[terms], self.coefficient[terms]
+        value = value if row == self.rows else -value
+        i, j = self.first[columns - n], self.second[columns - n]
+        variables = np.unique(np.append(i, j))
+        left, right = np.searchsorted(variables, i), np.searchsorted(variables, j)
+        matrix = np.zeros((variables.size, variables.size))
+        np.add.at(matrix, (left, right), 0.5 * value)
+        np.add.at(matrix, (right, left), 0.5 * value)
+        size, vectors = np.linalg.eigh(matrix)
+        if size[0] < -1e-10 * size[-1] or not size[-1] > 0:
+            return None
+        kept = size > 1e-10 * size[-1]
+        factor = (np.sqrt(size[kept]) * vectors[:, kept]).T
+        return variables, factor, np.stack([left, right]), columns
 
     def dual(
         self,
@@ -306,7 +450,7 @@ class ProductModel:
         pairs = self._envelopes[3] + (cutoff is not None)
         single = generators.count(count, self.dimension)
         above = self.rows + 1
-        table = np.array(prices)
+        table = np.array(prices)[:, : above + pairs.shape[0]]
         used = np.flatnonzero(np.any(table[:, above:] != 0, axis=0))
         place = np.full(pairs.shape[0], -1)
         place[used] = np.arange(used.size)

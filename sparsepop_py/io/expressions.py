@@ -2,7 +2,8 @@
 
 One recursive descent over tokens. Terms are collected in one dictionary a sum and
 become arrays once at the end, so that 10^5 terms take about a second, and only nested
-parentheses recurse.
+parentheses recurse. A number is the double next to it; what is made of numbers is exact, and
+is rounded when a problem is made.
 """
 
 from __future__ import annotations
@@ -10,10 +11,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
 from itertools import chain
+from operator import eq
 
 import numpy as np
 
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.exact_terms import LARGEST_BITS, ExactTerms
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import FormatError, ProblemError
 
@@ -30,8 +36,9 @@ __all__ = [
 ]
 
 Token = tuple[str, str, int]  # kind, text, position in the whole text
-Terms = dict[tuple[int, ...], float]  # sorted letters (variables from 1) -> coefficient
-Value = float | tuple[int, ...] | Terms  # a number, a product of variables, a sum
+Number = int | Fraction
+Terms = dict[tuple[int, ...], Number]  # sorted letters (variables from 1) -> coefficient
+Value = Number | tuple[int, ...] | Terms  # a number, a product of variables, a sum
 
 MAX_DEPTH = 100  # of parentheses: far inside Python's own limit of recursion
 MAX_DEGREE = 1000
@@ -157,7 +164,7 @@ def parse_expression(
     if not isinstance(vocabulary, Vocabulary):
         vocabulary = Vocabulary(vocabulary)
     parser = _Parser(source, vocabulary)
-    return _polynomial(parser.whole(), vocabulary, parser.start)
+    return parser.polynomial(parser.whole())
 
 
 def parse_number(source: str | Sequence[Token]) -> float:
@@ -174,39 +181,49 @@ def parse_number(source: str | Sequence[Token]) -> float:
     -2.25
     """
     parser = _Parser(source, Vocabulary(()))
-    value = parser.whole().get((), 0.0)
-    if not math.isfinite(value):
-        raise ExpressionError(str(value), "a finite number", parser.start)
-    return value
+    value = parser.whole().get((), 0)
+    try:
+        return float(value)
+    except OverflowError:
+        found = "-inf" if value < 0 else "inf"
+        raise ExpressionError(found, "a finite number", parser.start) from None
 
 
-def _polynomial(terms: Terms, vocabulary: Vocabulary, position: int) -> Polynomial:
+def _words(terms: Terms) -> monomials.Words:
     degrees = np.fromiter(map(len, terms), np.int64, len(terms))
     width = max(1, int(degrees.max(initial=0)))
     words = np.zeros((len(terms), width), np.int32)
     letters = np.fromiter(chain.from_iterable(terms), np.int32, int(degrees.sum()))
     words[np.arange(width) >= width - degrees[:, None]] = letters
-    values = np.fromiter(terms.values(), float, len(terms))
+    return words
+
+
+def _exact(terms: Terms, dimension: int) -> ExactTerms:
+    return ExactTerms.of_fractions(_words(terms), [*map(Fraction, terms.values())], dimension)
+
+
+def _is_long(value: Number) -> bool:
+    bits = max(value.numerator.bit_length(), value.denominator.bit_length())
+    return bits > LARGEST_BITS
+
+
+def _quotient(number: Number, divisor: Number) -> Number:
+    found = Fraction(number) / divisor
+    return found.numerator if found.denominator == 1 else found
+
+
+def _near(number: Number) -> float:
     try:
-        return Polynomial._merged(words, values, len(vocabulary.names), vocabulary.names)
-    except ProblemError as error:
-        raise ExpressionError(
-            "a coefficient that overflows", "finite coefficients", position
-        ) from error
-
-
-def _add(terms: Terms, coefficient: float, word: tuple[int, ...], rest: Terms | None) -> None:
-    """Add ``coefficient * word * rest`` to the terms."""
-    for other, value in rest.items() if rest is not None else (((), 1.0),):
-        product = tuple(sorted(word + other)) if other else word
-        terms[product] = terms.get(product, 0.0) + coefficient * value
+        return float(number)
+    except OverflowError:
+        return -math.inf if number < 0 else math.inf
 
 
 def _simplest(terms: Terms) -> Value:
     """Reduce a constant sum to a number, so that one may divide by it."""
-    terms = {word: value for word, value in terms.items() if value != 0.0}
+    terms = {word: value for word, value in terms.items() if value}
     if not any(terms):
-        return terms.get((), 0.0)
+        return terms.get((), 0)
     return terms
 
 
@@ -221,6 +238,7 @@ class _Parser:
         self.vocabulary = vocabulary
         self.at = 0
         self.depth = 0
+        self.followed = True  # no number grew so long that it was rounded on the way
 
     def fail(self, expected: str, found: str = "", position: int = -1) -> ExpressionError:
         kind, text, here = self.tokens[self.at]
@@ -237,30 +255,68 @@ class _Parser:
             raise self.fail("one of + - * / ^ or the end of the expression")
         return terms
 
+    def polynomial(self, terms: Terms) -> Polynomial:
+        """Make the polynomial of the terms of the whole expression."""
+        n, names = len(self.vocabulary.names), self.vocabulary.names
+        try:
+            values = [float(value) for value in terms.values()]
+            if self.followed and all(map(eq, values, terms.values())):
+                return Polynomial._merged(_words(terms), np.array(values, float), n, names)
+            exact = _exact(terms, n)
+            return Polynomial._of_exact(replace(exact, followed=self.followed), n, names)
+        except (OverflowError, ProblemError):
+            raise self.overflow(self.start) from None
+
+    def overflow(self, position: int) -> ExpressionError:
+        found = "a coefficient that overflows"
+        return ExpressionError(found, "finite coefficients", position)
+
+    def short(self, value: Number) -> Number:
+        """Round a number that grew too long."""
+        if not _is_long(value):
+            return value
+        self.followed = False
+        try:
+            return Fraction(float(value))
+        except OverflowError:
+            raise self.overflow(self.start) from None
+
+    def add(
+        self, terms: Terms, coefficient: Number, word: tuple[int, ...], rest: Terms | None
+    ) -> None:
+        """Add ``coefficient * word * rest`` to the terms."""
+        for other, value in rest.items() if rest is not None else (((), 1),):
+            product = tuple(sorted(word + other)) if other else word
+            added = coefficient if value == 1 else coefficient * value
+            before = terms.get(product)
+            terms[product] = added if before is None else self.short(before + added)
+
     def sum(self) -> Terms:
         terms: Terms = {}
-        sign = 1.0
+        sign = 1
         while True:
             self.product(terms, sign)
             kind, text, _ = self.tokens[self.at]
             if kind != "sign":
                 return terms
-            sign = -1.0 if text == "-" else 1.0
+            sign = -1 if text == "-" else 1
             self.at += 1
 
-    def product(self, terms: Terms, coefficient: float) -> None:
+    def product(self, terms: Terms, coefficient: Number) -> None:
         """Read one term and add it to ``terms``."""
         letters: list[int] = []
         rest: Terms | None = None
         operator = "*"
         while True:
-            coefficient *= self.signs()
+            sign = self.signs()
+            coefficient = coefficient if sign > 0 else -coefficient
             position = self.tokens[self.at][2]
             value = self.power()
             if operator == "/":
-                coefficient /= self.divisor(value, position)
-            elif isinstance(value, float):
-                coefficient *= value
+                divisor = self.divisor(value, position)
+                coefficient = self.short(_quotient(coefficient, divisor))
+            elif isinstance(value, (int, Fraction)):
+                coefficient = value if coefficient == 1 else self.short(coefficient * value)
             elif isinstance(value, tuple):
                 letters.extend(value)
             else:
@@ -269,19 +325,19 @@ class _Parser:
             if kind != "times":
                 break
             self.at += 1
-        _add(terms, coefficient, tuple(sorted(letters)), rest)
+        self.add(terms, coefficient, tuple(sorted(letters)), rest)
 
-    def signs(self) -> float:
-        sign = 1.0
+    def signs(self) -> int:
+        sign = 1
         while self.tokens[self.at][0] == "sign":
             sign = -sign if self.tokens[self.at][1] == "-" else sign
             self.at += 1
         return sign
 
-    def divisor(self, value: Value, position: int) -> float:
-        if not isinstance(value, float):
+    def divisor(self, value: Value, position: int) -> Number:
+        if not isinstance(value, (int, Fraction)):
             raise DivisionError("a division by variables", "a number after '/'", position)
-        if value == 0.0:
+        if value == 0:
             raise self.fail("a number other than zero after '/'", "a division by zero", position)
         return value
 
@@ -296,41 +352,46 @@ class _Parser:
             raise self.fail("parentheses that say which power comes first", "a second exponent")
         return self.raised(base, exponent, position)
 
-    def constant(self, value: Value, role: str) -> float:
-        if not isinstance(value, float):
+    def constant(self, value: Value, role: str) -> Number:
+        if not isinstance(value, (int, Fraction)):
             position = self.tokens[self.at - 1][2]
             raise self.fail(f"a number as {role}", f"an {role} with variables", position)
         return value
 
-    def raised(self, base: Value, exponent: float, position: int) -> Value:
-        if isinstance(base, float):
+    def raised(self, base: Value, exponent: Number, position: int) -> Value:
+        if isinstance(base, (int, Fraction)):
             return self.raised_number(base, exponent, position)
         if exponent < 0 or exponent % 1 != 0:
             raise self.fail(
-                "a non-negative integer as exponent", f"the exponent {exponent:g}", position
+                "a non-negative integer as exponent", f"the exponent {_near(exponent):g}", position
             )
         degree = len(base) if isinstance(base, tuple) else max(map(len, base))
         if degree * exponent > MAX_DEGREE:
             raise self.fail(
-                f"at most degree {MAX_DEGREE}", f"degree {degree * exponent:.0f}", position
+                f"at most degree {MAX_DEGREE}", f"degree {_near(degree * exponent):.0f}", position
             )
         if isinstance(base, tuple):
             return base * int(exponent)
-        result: Terms = {(): 1.0}
+        result: Terms = {(): 1}
         for bit in f"{int(exponent):b}":
             result = self.multiply(result, result, position)
             if bit == "1":
                 result = self.multiply(result, base, position)
         return result
 
-    def raised_number(self, base: float, exponent: float, position: int) -> float:
+    def raised_number(self, base: Number, exponent: Number, position: int) -> Number:
+        near, power = _near(base), _near(exponent)
         try:
-            value = base**exponent
+            value = near**power
         except (OverflowError, ZeroDivisionError):
             value = math.inf
         if isinstance(value, complex) or not math.isfinite(value):
-            raise self.fail("a finite real number", f"the power {base:g}^{exponent:g}", position)
-        return value
+            raise self.fail("a finite real number", f"the power {near:g}^{power:g}", position)
+        bits = max(base.numerator.bit_length(), base.denominator.bit_length())
+        if exponent.denominator == 1 and bits * abs(int(exponent)) <= LARGEST_BITS:
+            return Fraction(base) ** int(exponent)
+        self.followed = False
+        return Fraction(value)
 
     def multiply(self, left: Terms, right: Terms, position: int) -> Terms:
         if len(left) * len(right) > MAX_PRODUCTS:
@@ -339,10 +400,23 @@ class _Parser:
                 f"a product of parentheses with {len(left) * len(right)} terms",
                 position,
             )
+        if any(type(v) is not int or _is_long(v) for v in chain(left.values(), right.values())):
+            return self.multiply_rationals(left, right, position)
         terms: Terms = {}
         for word, value in left.items():
-            _add(terms, value, word, right)
+            self.add(terms, value, word, right)
         return terms
+
+    def multiply_rationals(self, left: Terms, right: Terms, position: int) -> Terms:
+        n = len(self.vocabulary.names)
+        try:
+            product = _exact(left, n).times(_exact(right, n), n)
+        except OverflowError:
+            raise self.overflow(position) from None
+        self.followed = self.followed and product.followed
+        words = product.words.tolist()
+        letters = (tuple(letter for letter in word if letter) for word in words)
+        return dict(zip(letters, product.fractions, strict=True))
 
     def primary(self) -> Value:
         kind, text, _ = self.tokens[self.at]
@@ -351,7 +425,7 @@ class _Parser:
             if not math.isfinite(value):
                 raise self.fail("a number that a double can hold")
             self.at += 1
-            return value
+            return int(value) if value.is_integer() else Fraction(value)
         if kind == "name":
             if self.tokens[self.at + 1][0] == "open":
                 return self.function(text)
@@ -391,6 +465,6 @@ class _Parser:
             )
         self.at += 1
         if kind == "sqr":
-            return self.raised(_simplest(self.arguments()[0]), 2.0, position)
+            return self.raised(_simplest(self.arguments()[0]), 2, position)
         base, exponent = map(_simplest, self.arguments(2))
         return self.raised(base, self.constant(exponent, "exponent"), position)

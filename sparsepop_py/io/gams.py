@@ -456,19 +456,19 @@ class _Reader:
     ) -> Polynomial | Rational:
         """Solve the row for the objective variable."""
         whole, *others = _parts(row[0])
-        words, values = whole.words, whole.coefficients
-        holds = (words == whole.dimension).any(axis=1)
+        last, holds = whole.dimension, (whole.words == whole.dimension).any(axis=1)
         inside = any((part.words == part.dimension).any() for part in others)
-        if inside or np.any(degrees(words)[holds] > 1):
+        if inside or np.any(degrees(whole.words)[holds] > 1):
             raise self.definitions[key].statement.error(
                 f"{objvar.name!r} in a product or a power", "it times a number"
             )
-        rest: Polynomial | Rational
-        rest = Polynomial.from_words(words[~holds], values[~holds], len(names), names)
+        (factor,) = whole.derivative(last - 1).fractions
+        target = Polynomial(np.array([[last]], np.int32), np.ones(1), last)
+        rest = (whole - factor * target)._within(len(names), names)
         if isinstance(row[0], Rational):
             pairs = tuple((_shrunk(p, names), _shrunk(q, names)) for p, q in row[0].ratios)
-            rest = Rational(rest, pairs)
-        return rest / -float(values[holds][0])
+            return Rational(rest, pairs) / -factor
+        return rest / -factor
 
 
 def _names(statement: Statement, start: int) -> Iterator[tuple[str, int]]:
@@ -505,7 +505,7 @@ def _shrunk(row: Expression, names: tuple[str, ...]) -> Expression:
     if isinstance(row, Rational):
         pairs = tuple((_shrunk(p, names), _shrunk(q, names)) for p, q in row.ratios)
         return Rational(_shrunk(row.whole, names), pairs)
-    return Polynomial(row.words, row.coefficients, len(names), names)
+    return row._within(len(names), names)
 
 
 def _objective_bounds(

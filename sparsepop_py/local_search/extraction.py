@@ -277,13 +277,18 @@ def _extract(
 def _single_atoms(
     factors: NDArray[np.float64], shifted: NDArray[np.int64]
 ) -> NDArray[np.float64] | None:
-    """Compute the only atom (B, k) of matrices f f' for rows f (B, s), None if not flat."""
+    """Compute the only atom (B, k) of matrices f f' for rows f (B, s), None if not flat.
+
+    The atom of f = 0 is NaN.
+    """
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
     if not inner.size:
         return None
     pivot = inner[np.argmax(np.abs(factors[:, inner]), axis=1)]
     rows = np.arange(pivot.size)
-    return factors[rows[:, None], shifted[:, pivot].T] / factors[rows, pivot][:, None]
+    pivots = factors[rows, pivot]
+    pivots = np.where(pivots == 0.0, np.nan, pivots)  # a factor 0 has no atom
+    return factors[rows[:, None], shifted[:, pivot].T] / pivots[:, None]
 
 
 def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ import copy
 import hashlib
 import numbers
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
@@ -24,6 +24,12 @@ from sparsepop_py.algebra.matrix_constraints import Matrices, SymbolicCone
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial, total
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.errors import ProblemError
+from sparsepop_py.problem.rounding import (
+    OBJECTIVE,
+    Rounding,
+    rounded_constraints,
+    rounding_of,
+)
 from sparsepop_py.verified.arithmetic.sum_of_squares import Weighted, constant_above, expanded
 
 __all__ = ["Problem", "encoding", "fingerprint_v1"]
@@ -60,6 +66,11 @@ class Problem:
     ProblemError
         If dimensions, names or bounds do not fit; the message names the field.
 
+    Notes
+    -----
+    Coefficients that are no doubles as they were written, such as those of ``(x - 0.1)**2``,
+    are rounded here, once. ``rounding`` says which, and by how much.
+
     Examples
     --------
     >>> import sparsepop_py as sp
@@ -76,6 +87,7 @@ class Problem:
     names: tuple[str, ...]
     squares: tuple[Weighted, ...]
     sense: Sense
+    rounding: tuple[Rounding, ...] = field(init=False)
 
     def __init__(
         self,
@@ -108,14 +120,17 @@ class Problem:
                 f"lower, upper: found [{low[v]}, {high[v]}] for variable {v + 1}, "
                 "expected lower <= upper"
             )
+        stated, changed = _rounded(objective, low, high)
+        stated_rows, more = rounded_constraints(rows, low, high)
         fields = {
-            "objective": objective,
-            "constraints": tuple(rows),
+            "objective": stated,
+            "constraints": tuple(stated_rows),
             "lower": low,
             "upper": high,
             "names": _names(names, objective),
-            "squares": _squares(squares, objective),
+            "squares": _squares(squares, stated),
             "sense": sense,
+            "rounding": (*changed, *more),
         }
         for key, value in fields.items():
             object.__setattr__(self, key, value)
@@ -236,7 +251,10 @@ class Problem:
         other = copy.copy(self)
         other.__dict__.clear()
         kept = {name: value for name, value in self.__dict__.items() if name in _OF_THE_SET}
-        fields = {"objective": objective, "squares": (), "sense": "min"}
+        stated, changed = _rounded(objective, self.lower, self.upper)
+        of_set = [record for record in self.rounding if record.place != OBJECTIVE]
+        fields: dict[str, Any] = {"objective": stated, "squares": (), "sense": "min"}
+        fields["rounding"] = (*changed, *of_set)
         other.__dict__.update(kept | fields)
         return other
 
@@ -251,6 +269,7 @@ class Problem:
         for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
             if np.isfinite(low) or np.isfinite(high):
                 lines.append(f"  {low:g} <= {name} <= {high:g}")
+        lines += [f"  {record}" for record in self.rounding]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -342,6 +361,14 @@ def fingerprint_v1(problem: Problem) -> str:
     return digest.hexdigest()
 
 
+def _rounded(
+    objective: Polynomial, lower: NDArray[np.float64], upper: NDArray[np.float64]
+) -> tuple[Polynomial, list[Rounding]]:
+    """Take an objective by its doubles, with a record if that changed one."""
+    record = rounding_of(OBJECTIVE, [objective], lower, upper)
+    return objective.as_rounded(), [] if record is None else [record]
+
+
 def _as_objective(objective: Any, rows: list[Any]) -> Polynomial:
     if isinstance(objective, Polynomial):
         return objective
@@ -401,7 +428,7 @@ def _squares(squares: Iterable[Any] | None, objective: Polynomial) -> tuple[Weig
             raise ProblemError("squares: expected polynomials in the objective's variables")
         if not float(weight) >= 0:
             raise ProblemError(f"squares: found weight {weight}, expected one >= 0")
-        pairs.append((float(weight), polynomial))
+        pairs.append((float(weight), polynomial.as_rounded()))
     if pairs:
         rest = objective - expanded(pairs, objective.dimension)
         rest = rest - rest.constant_term

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -28,6 +28,13 @@ from sparsepop_py.algebra.rational import AnyConstraint, Rational, RationalConst
 from sparsepop_py.algebra.sympy_ import convert_ratios
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem, Sense, encoding
+from sparsepop_py.problem.rounding import (
+    OBJECTIVE,
+    Rounding,
+    place_of,
+    rounded_constraint,
+    rounding_of,
+)
 from sparsepop_py.verified.arithmetic.interval import Interval
 
 __all__ = ["Range", "RationalProblem"]
@@ -114,6 +121,7 @@ class RationalProblem:
     upper: NDArray[np.float64]
     names: tuple[str, ...]
     sense: Sense
+    rounding: tuple[Rounding, ...] = field(init=False)
     base: Problem  # the polynomial constraints and bounds, with the objective 0
 
     def __init__(
@@ -131,6 +139,8 @@ class RationalProblem:
         )
         rows = tuple(listed)
         function = _as_rational(objective, rows)
+        rows, rounding = _rounded_rows(rows, _changed(OBJECTIVE, function))
+        function = function.as_rounded()
         polynomial = [row for row in rows if not isinstance(row, RationalConstraint)]
         zero = Polynomial.from_words(
             np.zeros((0, 1), np.int32), np.zeros(0), function.dimension, function.names
@@ -150,6 +160,7 @@ class RationalProblem:
             "upper": base.upper,
             "names": base.names,
             "sense": sense,
+            "rounding": rounding,
             "base": base,
         }
         for key, value in fields.items():
@@ -362,6 +373,7 @@ class RationalProblem:
         for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
             if np.isfinite(low) or np.isfinite(high):
                 lines.append(f"  {low:g} <= {name} <= {high:g}")
+        lines += [f"  {record}" for record in self.rounding]
         return "\n".join(lines)
 
     def __repr__(self) -> str:
@@ -383,6 +395,31 @@ def _as_rational(objective: Any, rows: tuple[Any, ...]) -> Rational:
             f"objective: found {type(objective).__name__}, expected a Rational or a Polynomial"
         )
     return Rational(objective, ())
+
+
+def _changed(place: str, expression: Rational) -> tuple[Rounding, ...]:
+    """Record what rounding changes in numerators, denominators and the polynomial part."""
+    anywhere = np.full(expression.dimension, np.inf)
+    record = rounding_of(place, expression.parts, -anywhere, anywhere)
+    return () if record is None else (replace(record, shift=np.inf),)
+
+
+def _rounded_rows(
+    rows: tuple[Any, ...], before: tuple[Rounding, ...]
+) -> tuple[tuple[Any, ...], tuple[Rounding, ...]]:
+    """Take rows by their doubles, with records of those that were rounded."""
+    kept: list[Any] = []
+    for number, row in enumerate(rows):
+        place = place_of(number, row)
+        if isinstance(row, RationalConstraint):
+            before += _changed(place, row.expression)
+            row = replace(row, expression=row.expression.as_rounded())
+        elif isinstance(row, Constraint):
+            anywhere = np.full(row.polynomial.dimension, np.inf)
+            row, records = rounded_constraint(place, row, -anywhere, anywhere)
+            before += tuple(records)
+        kept.append(row)
+    return tuple(kept), before
 
 
 def _with_new(names: tuple[str, ...], wanted: list[str]) -> tuple[str, ...]:

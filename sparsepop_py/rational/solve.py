@@ -19,6 +19,7 @@ from sparsepop_py.errors import ProblemError, SparsePOPError
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.problem.rational_problem import Range, RationalProblem
+from sparsepop_py.problem.rounding import note as rounding_note
 from sparsepop_py.rational.denominators import prove_ranges, sharpened
 from sparsepop_py.rational.descent import descended, sampled
 from sparsepop_py.rational.result import RationalResult, attained_value
@@ -249,7 +250,16 @@ class _RationalSearch:
             )
         status = _status(proof, upper, found, options)
         return RationalResult(
-            problem, options, status, proof.bound, upper, x, proof, attained, found, notes
+            problem,
+            options,
+            status,
+            proof.bound,
+            upper,
+            x,
+            proof,
+            attained,
+            found,
+            (*rounding_note(problem.rounding), *notes),
         )
 
 

@@ -8,7 +8,7 @@ that it met stay.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,19 +21,26 @@ from sparsepop_py.bounding.relaxation_bound import (
     certified_bound,
     lower_bound,
 )
-from sparsepop_py.branch_and_bound.linear_tree import LinearTree, suits_linear_tree
+from sparsepop_py.branch_and_bound.linear_tree import (
+    LinearTree,
+    convex_minimiser,
+    suits_linear_tree,
+)
+from sparsepop_py.branch_and_bound.product_model import ProductModel
 from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.presolve.initial_box import finite
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
-from sparsepop_py.verified.certificate.steps import BoxProof, tighten
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, tighten
 
-__all__ = ["LinearTreeResult", "bound_by_box", "by_linear_tree"]
+__all__ = ["LinearTreeResult", "bound_by_box", "by_linear_tree", "from_convex_minimiser"]
 
 # who leaves out one of these compares other ways to a bound
 _PARTS = frozenset({"linear_tree", "linear", "branch", "cutoff", "obbt_lp"})
@@ -97,10 +104,12 @@ def by_linear_tree(
         return by_box
     seen = list(candidates)
 
-    def search(now: SolveContext, starts: list[NDArray[Any]]) -> SolveContext:
-        now, more = update_incumbent(now, starts, tree.bound)
+    def search(now: SolveContext, starts: list[NDArray[Any]], proof: bool) -> SolveContext:
+        alone = proof and now.options.refine != "none"
+        options = replace(now.options, refine="prove") if alone else now.options
+        found, more = update_incumbent(replace(now, options=options), starts, tree.bound)
         seen.extend(more)
-        return now
+        return replace(now, best=found.best)
 
     branch_on = context.options.branch_on
     variables = None if branch_on is None else np.unique(np.array(branch_on, np.int64))
@@ -144,6 +153,41 @@ def _wanted(context: SolveContext) -> bool:
     return (
         _PARTS.isdisjoint(options.skip) and options.node_limit is None and options.executor is None
     )
+
+
+def from_convex_minimiser(context: SolveContext) -> SolveContext:
+    """Prove the minimiser of a convex quadratic objective over linear rows in a finite box.
+
+    A local search would reach it by many steps.
+
+    Parameters
+    ----------
+    context : SolveContext
+
+    Returns
+    -------
+    SolveContext
+        With the point as its incumbent, where one is found and proved.
+    """
+    problem = context.problem
+    linear = all(c.polynomial.degree <= 1 for c in problem.constraints)
+    if not linear or context.best is not None or problem.objective.degree != 2:
+        return context
+    if context.options.refine != "scipy" or not _wanted(context):
+        return context
+    if not suits_linear_tree(problem):
+        return context
+    with context.stages.stage("presolve"):
+        bounds = Interval(problem.lower, problem.upper)
+        box, _ = tighten(Replay(problem, None), bounds, LINEAR_TREE.first_sweeps)
+        if not finite(box) or is_empty(box):
+            return context
+        model = ProductModel.of(problem)
+        found = convex_minimiser(model, model.on_box(Scaling.of_box(box)))
+    if found is None:
+        return context
+    point = Scaling.of_box(box).point(np.clip(found[: problem.dimension], -1.0, 1.0))
+    return replace(context, best=prove_feasible(problem, point))
 
 
 def bound_by_box(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sparsepop_py as sp
-from benchmarks.auto_beside_plain import Beside, auto_beside_plain, beside_table
+from benchmarks.tables.auto_beside_plain import Beside, auto_beside_plain, beside_table
 
 
 def test_a_bound_below_the_plain_one_is_not_reached() -> None:

@@ -175,9 +175,7 @@ def fitted(
     return Fitted(gamma, reach, bounded, empty)
 
 
-def _column(
-    found: Enclosed, rows: NDArray[np.int64], lag: int, power: int
-) -> tuple[Reals, Reals]:
+def _column(found: Enclosed, rows: NDArray[np.int64], lag: int, power: int) -> tuple[Reals, Reals]:
     """Powers of z some samples ago, at rest before the first, and their radii."""
     before, rest = rows - lag, rows < lag
     z = np.where(rest, 0.0, found.centre[:, before])

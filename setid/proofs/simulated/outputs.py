@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
-from setid.models.equations import Equation, Lagged, Term, channel_of
+from setid.models.equations import Equation, Term
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.supports import Cover, cover
 
-__all__ = ["Simulated", "half_spaces", "simulated"]
+__all__ = ["Recursion", "half_spaces", "recursion_of"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
-    """What a simulation of a structure needs.
+class Recursion:
+    """The equations of a structure in the order in which they give its signals.
 
     Parameters
     ----------
@@ -42,7 +42,11 @@ class Simulated:
     outputs: tuple[str, ...]
 
     def run(self, region: Region) -> dict[str, Form]:
-        """Every signal as a form over a region."""
+        """Every signal as a form over a region; what overflows is no number there."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._run(region)
+
+    def _run(self, region: Region) -> dict[str, Form]:
         d, signals = len(self.parameters), dict[str, Form]()
         for name, values in self.known.items():
             signals[name] = constant(values, d)
@@ -93,8 +97,8 @@ def _broadcast(form: Form, samples: int) -> Form:
     return Form(ones * form.value, ones[:, None] * form.slope, ones * form.rest)
 
 
-def simulated(formulation: Formulation) -> Simulated | None:
-    """State a structure as a simulation of exact inputs from rest.
+def recursion_of(formulation: Formulation) -> Recursion | None:
+    """State a structure as a recursion that exact inputs drive from rest.
 
     None where inputs are noisy or missing, equations have errors, the past is unknown, records are
     several, or a signal is fed back through a map.
@@ -119,7 +123,7 @@ def simulated(formulation: Formulation) -> Simulated | None:
         ordered.add(equation.defines)
     if not set(outputs) <= ordered:
         return None
-    return Simulated(tuple(equations), known, formulation.parameters, dict(model.fixed), outputs)
+    return Recursion(tuple(equations), known, formulation.parameters, dict(model.fixed), outputs)
 
 
 def _solvable(equation: Equation, known: set[str]) -> bool:
@@ -133,13 +137,13 @@ def _solvable(equation: Equation, known: set[str]) -> bool:
     return True
 
 
-def half_spaces(formulation: Formulation, parts: Simulated, region: Region) -> Cover:
+def half_spaces(formulation: Formulation, parts: Recursion, region: Region) -> Cover:
     """Rows that every consistent theta in a region obeys.
 
     Parameters
     ----------
     formulation : Formulation
-    parts : Simulated
+    parts : Recursion
         Of this formulation.
     region : Region
 

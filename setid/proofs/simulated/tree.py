@@ -16,11 +16,20 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import Region
-from setid.proofs.simulated.outputs import Simulated, half_spaces, simulated
+from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
 from setid.proofs.supports import Cover, box_ranges, safe_maxima
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 
-__all__ = ["SimulatedBox", "Step", "TreeNode", "asked", "first_region", "parted", "tightened", "widened"]
+__all__ = [
+    "SimulatedBox",
+    "Step",
+    "TreeNode",
+    "asked",
+    "first_region",
+    "parted",
+    "tightened",
+    "widened",
+]
 
 Reals = NDArray[np.float64]
 _WIDER = 1e-12  # of the ends: what a claim leaves to sums in another order
@@ -41,6 +50,10 @@ class Step:
     rows: NDArray[np.int64]
     weights: Reals
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rows", frozen(np.array(self.rows, np.int64)))
+        object.__setattr__(self, "weights", frozen(np.array(self.weights, np.float64)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TreeNode:
@@ -52,14 +65,14 @@ class TreeNode:
     split : int
         Number of the parameter or direction at which it is parted; -1 for a leaf.
     at : float
-    children : tuple of TreeNode
-        Below and above.
+    children : tuple of int
+        Numbers of the nodes below and above, larger than its own; none for a leaf.
     """
 
     steps: tuple[Step, ...] = ()
     split: int = -1
     at: float = 0.0
-    children: tuple[TreeNode, ...] = ()
+    children: tuple[int, ...] = ()
 
 
 def asked(directions: Reals) -> Reals:
@@ -71,9 +84,7 @@ def asked(directions: Reals) -> Reals:
 def first_region(
     formulation: Formulation, lower: Reals, upper: Reals, directions: Reals
 ) -> Region | None:
-    """The region of a box; None where an end is infinite or the box is empty."""
-    if not (np.all(np.isfinite([lower, upper])) and np.all(np.isfinite(directions))):
-        return None
+    """The region of a finite box; None where it is empty."""
     nothing = np.zeros((0, lower.size))
     box = Cover(formulation.parameters, lower, upper, nothing, np.zeros(0), False)
     ranges = box_ranges(box, directions)
@@ -140,14 +151,15 @@ class SimulatedBox(Bounds):
         A box to begin with, where the priors give no finite one.
     directions : (q, p) float
         Along which regions are bounded besides the parameters.
-    tree : TreeNode
+    nodes : tuple of TreeNode
+        The first is the root.
     complete : bool
         Whether time sufficed; says nothing that is trusted.
     """
 
     first: CellBox | None
     directions: Reals
-    tree: TreeNode
+    nodes: tuple[TreeNode, ...]
     complete: bool = True
 
     @property
@@ -163,16 +175,11 @@ class SimulatedBox(Bounds):
     @property
     def leaves(self) -> int:
         """Number of leaves, empty ones included."""
-        found, waiting = 0, [self.tree]
-        while waiting:
-            node = waiting.pop()
-            waiting += node.children
-            found += not node.children
-        return found
+        return sum(not node.children for node in self.nodes)
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
-        """Simulate every region again and apply its multipliers; there is no solver in it."""
-        parts = simulated(formulation)
+        """Run every recursion again and apply its multipliers; there is no solver in it."""
+        parts = recursion_of(formulation)
         low, high = start
         if self.first is not None:
             if not self.first.verify(formulation, start):
@@ -181,34 +188,43 @@ class SimulatedBox(Bounds):
         shape = self.directions.shape
         if parts is None or len(shape) != 2 or shape[1] != low.size:
             return False
-        region = first_region(formulation, low, high, self.directions)
-        hull = np.array([np.full(low.size, np.inf), np.full(low.size, -np.inf)])
-        waiting = [(region, self.tree)] if np.all(np.isfinite([low, high])) else None
-        if waiting is None:
+        if not np.all(np.isfinite([low, high])) or not np.all(np.isfinite(self.directions)):
             return False
+        hull = self._hull(formulation, parts, first_region(formulation, low, high, self.directions))
+        if hull is None:
+            return False
+        # where every leaf is empty, whatever is claimed holds
+        return bool(np.all(hull[0] >= self.lower) and np.all(hull[1] <= self.upper))
+
+    def _hull(
+        self, formulation: Formulation, parts: Recursion, root: Region | None
+    ) -> tuple[Reals, Reals] | None:
+        """Ends of all leaves that are not empty; None where the tree is none."""
+        p = len(formulation.parameters)
+        low, high = np.full(p, np.inf), np.full(p, -np.inf)
+        waiting = [(root, 0)]
         while waiting:
-            region, node = waiting.pop()
+            region, number = waiting.pop()
+            if not 0 <= number < len(self.nodes):
+                return None
+            node = self.nodes[number]
             region = _narrowed(formulation, parts, region, node)
             if region is None:
                 continue
             if not node.children:
-                ends = np.minimum(hull[0], region.lower), np.maximum(hull[1], region.upper)
-                hull = np.array(ends)
+                low, high = np.minimum(low, region.lower), np.maximum(high, region.upper)
                 continue
-            if len(node.children) != 2:
-                return False
-            halves = parted(region, node.split, node.at)
-            waiting += list(zip(halves, node.children, strict=True))
-        if np.all(hull[0] > hull[1]):
-            return True  # nothing is consistent: whatever is claimed holds
-        return bool(np.all(hull[0] >= self.lower) and np.all(hull[1] <= self.upper))
+            if len(node.children) != 2 or min(node.children) <= number:
+                return None
+            waiting += zip(parted(region, node.split, node.at), node.children, strict=True)
+        return low, high
 
     def _text(self) -> str:
         return f"{self.leaves} cells, {Bounds._text(self)}"
 
 
 def _narrowed(
-    formulation: Formulation, parts: Simulated, region: Region | None, node: TreeNode
+    formulation: Formulation, parts: Recursion, region: Region | None, node: TreeNode
 ) -> Region | None:
     for step in node.steps:
         if region is None:

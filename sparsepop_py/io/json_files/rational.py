@@ -29,6 +29,7 @@ from sparsepop_py.io.json_files.values import (
     PROVED_POINT,
     STATUS,
     check_bounds,
+    with_rounding,
 )
 from sparsepop_py.problem.rational_problem import RationalProblem
 from sparsepop_py.rational.result import RationalResult, attained_value
@@ -96,7 +97,7 @@ def _result(**parts: Any) -> RationalResult:
 
 RATIONAL = record(Rational, whole=POLYNOMIAL, ratios=sequence(Codec(_write_ratio, _read_ratio)))
 RATIONAL_CONSTRAINT = record(RationalConstraint, expression=RATIONAL, kind=KIND, name=text)
-RATIONAL_PROBLEM = Codec(_write_problem, _read_problem)
+RATIONAL_PROBLEM = with_rounding(Codec(_write_problem, _read_problem))
 RANGE = record(RangeProof, sign=whole, below=CERTIFICATE, above=optional(CERTIFICATE))
 RATIONAL_CERTIFICATE = record(
     RationalCertificate,

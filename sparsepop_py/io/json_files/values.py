@@ -24,6 +24,7 @@ from sparsepop_py.io.json_files.codecs import (
 )
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.problem.rounding import Rounding
 from sparsepop_py.result import HistoryEntry, Point, Result, Status
 from sparsepop_py.verified.points.feasible_point import ProvedPoint
 from sparsepop_py.verified.points.unbounded_ray import falling_ray
@@ -38,6 +39,7 @@ __all__ = [
     "RESULT",
     "STATUS",
     "check_bounds",
+    "with_rounding",
 ]
 
 _DIGITS = 1e-12  # of a point's value, which is bounded anew where its proof is repeated
@@ -86,7 +88,31 @@ def _pair(found: Any, place: str) -> tuple[float, Polynomial]:
     return number.read(found[0], place), POLYNOMIAL.read(found[1], place)
 
 
-PROBLEM = record(
+_ROUNDINGS = sequence(
+    record(Rounding, place=text, coefficients=whole, largest=number, shift=number)
+)
+
+
+def with_rounding(codec: Codec) -> Codec:
+    """Add what was rounded, where anything was: files before had no such field."""
+
+    def write(problem: Any) -> Any:
+        found = codec.write(problem)
+        return found | (
+            {"rounding": _ROUNDINGS.write(problem.rounding)} if problem.rounding else {}
+        )
+
+    def read(found: Any, place: str) -> Any:
+        problem = codec.read(found, place)
+        if "rounding" in found:
+            kept = _ROUNDINGS.read(found["rounding"], f"{place}.rounding")
+            object.__setattr__(problem, "rounding", kept)
+        return problem
+
+    return Codec(write, read)
+
+
+_PROBLEM = record(
     _problem,
     objective=POLYNOMIAL,
     constraints=sequence(CONSTRAINT),
@@ -96,6 +122,7 @@ PROBLEM = record(
     squares=sequence(_WEIGHTED),
     sense=text,
 )
+PROBLEM = with_rounding(_PROBLEM)
 
 
 # ---- results ------------------------------------------------------------------------------

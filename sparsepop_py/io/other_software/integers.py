@@ -101,5 +101,4 @@ def _binary(variable: int, n: int, labels: Sequence[str], name: str) -> Constrai
 
 def _wider(polynomial: Polynomial, labels: Sequence[str]) -> Polynomial:
     """Take more variables; monomials and coefficients stay."""
-    words, values = polynomial.words, polynomial.coefficients
-    return Polynomial.from_words(words, values, len(labels), labels)
+    return polynomial._within(len(labels), tuple(labels))

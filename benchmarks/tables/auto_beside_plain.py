@@ -13,7 +13,7 @@ from pathlib import Path
 
 import sparsepop_py as sp
 
-from .tables.text import number, table
+from .text import number, table
 
 __all__ = ["Beside", "auto_beside_plain", "beside_table"]
 

@@ -1,0 +1,200 @@
+"""Coefficients kept as exact rationals while expressions are multiplied out.
+
+Sums and products of doubles are doubles in most problems, and a :data:`Grid` shows it at the
+cost of a few operations: where all coefficients are multiples of 2^step and their sizes add up
+to less than 2^(step + 52), no sum and no product of them was rounded. Elsewhere terms are kept
+as integers over one denominator, so that each coefficient is rounded once, at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
+
+__all__ = ["LARGEST_BITS", "ExactTerms", "Grid", "grid_of", "grid_of_number", "held"]
+
+Grid = tuple[int, float]  # step, and at least the sum of |c|: each c is a multiple of 2^step
+
+LARGEST_BITS = 4096  # of an integer: beyond, coefficients are rounded on the way
+_NOTHING: Grid = (0, 0.0)
+_ANY_STEP = 1100  # of zeros and of whole numbers
+
+
+def grid_of_number(value: float) -> Grid:
+    """Find the grid of a finite double."""
+    denominator = value.as_integer_ratio()[1]
+    return 1 - denominator.bit_length(), abs(value)
+
+
+def grid_of(values: NDArray[np.float64]) -> Grid:
+    """Find the grid of finite doubles, its step as large as it can be."""
+    if not values.size:
+        return _NOTHING
+    mantissa, exponent = np.frexp(values)
+    whole = np.ldexp(mantissa, 53).astype(np.int64)
+    lowest = np.frexp((whole & -whole).astype(float))[1]  # 1 + the place of the last bit
+    steps = np.where(whole != 0, exponent + lowest - 54, _ANY_STEP)
+    with np.errstate(over="ignore"):
+        return int(steps.min()), float(np.abs(values).sum())
+
+
+def held(step: int, size: float) -> bool:
+    """Tell whether all sums of numbers on a grid are doubles.
+
+    They are where ``size`` < 2^(step + 52): one bit less than doubles have, since ``size``
+    itself was added up in doubles.
+    """
+    return step >= -1074 and size < math.ldexp(1.0, min(step + 52, 1000))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ExactTerms:
+    """Terms of a polynomial with rational coefficients.
+
+    Parameters
+    ----------
+    words : (T, D) int32
+        Distinct monomials in graded order.
+    numerators : (T,) object
+        Integers, none of them zero.
+    denominator : int
+        Positive, of all terms.
+    followed : bool
+        False where numbers grew beyond ``LARGEST_BITS`` and were rounded on the way.
+    """
+
+    words: Words
+    numerators: NDArray[Any]
+    denominator: int
+    followed: bool = True
+
+    @staticmethod
+    def of_doubles(words: Words, values: NDArray[np.float64]) -> ExactTerms:
+        """Take over terms whose coefficients are doubles."""
+        numerators, denominator = _over_one([v.as_integer_ratio() for v in values.tolist()])
+        return ExactTerms(words, numerators, denominator)
+
+    @staticmethod
+    def of_fractions(words: Words, values: Sequence[Fraction], dimension: int) -> ExactTerms:
+        """Merge terms, equal monomials among them."""
+        numerators, denominator = _over_one([v.as_integer_ratio() for v in values])
+        return _merged(words, numerators, denominator, dimension, True)
+
+    @property
+    def fractions(self) -> list[Fraction]:
+        """The coefficients."""
+        return [Fraction(number, self.denominator) for number in self.numerators.tolist()]
+
+    def times(self, other: ExactTerms, dimension: int) -> ExactTerms:
+        """Multiply two polynomials."""
+        words = monomials.multiply(self.words[:, None, :], other.words[None, :, :])
+        products = np.multiply.outer(self.numerators, other.numerators).ravel()
+        return _merged(
+            words.reshape(products.size, words.shape[-1]),
+            products,
+            self.denominator * other.denominator,
+            dimension,
+            self.followed and other.followed,
+        )
+
+    def scaled(self, factor: Fraction) -> ExactTerms:
+        """Multiply by a number other than zero."""
+        up, down = factor.as_integer_ratio()
+        return _within_bits(
+            ExactTerms(self.words, self.numerators * up, self.denominator * down, self.followed)
+        )
+
+    def differentiated(
+        self, rows: NDArray[np.int64], power: NDArray[np.int64], words: Words, dimension: int
+    ) -> ExactTerms:
+        """Multiply the coefficients of some terms by powers and give them other monomials."""
+        numbers = self.numerators[rows] * power.astype(object)
+        return _merged(words, numbers, self.denominator, dimension, self.followed)
+
+    @staticmethod
+    def added(parts: Sequence[ExactTerms], dimension: int) -> ExactTerms:
+        """Add polynomials."""
+        common = math.lcm(*{part.denominator for part in parts})
+        width = max(part.words.shape[1] for part in parts)
+        return _merged(
+            np.concatenate([monomials.widen(part.words, width) for part in parts]),
+            np.concatenate([part.numerators * (common // part.denominator) for part in parts]),
+            common,
+            dimension,
+            all(part.followed for part in parts),
+        )
+
+    def rounded(self) -> NDArray[np.float64]:
+        """Round each coefficient to the nearest double; 0 where it is too small for one.
+
+        Raises
+        ------
+        OverflowError
+            If one is too large for a double.
+        """
+        below = self.denominator
+        return np.array([number / below for number in self.numerators.tolist()], float)
+
+    def are_doubles(self, values: NDArray[np.float64]) -> bool:
+        """Tell whether these doubles, as :meth:`rounded` gives them, are the coefficients."""
+        below = self.denominator
+        for number, value in zip(self.numerators.tolist(), values.tolist(), strict=True):
+            up, down = value.as_integer_ratio()
+            if number * down != up * below:
+                return False
+        return self.followed
+
+
+def _over_one(ratios: list[tuple[int, int]]) -> tuple[NDArray[Any], int]:
+    common = math.lcm(*{down for _, down in ratios})
+    numerators = np.empty(len(ratios), object)
+    numerators[:] = [up * (common // down) for up, down in ratios]
+    return numerators, common
+
+
+def _merged(
+    words: Words, numerators: NDArray[Any], denominator: int, dimension: int, followed: bool
+) -> ExactTerms:
+    words = monomials.trim(words)
+    unique, where = monomials.collect(words, dimension)
+    if unique.shape[0] < words.shape[0]:
+        order = np.argsort(where, kind="stable")
+        starts = np.searchsorted(where[order], np.arange(unique.shape[0]))
+        sums = np.add.reduceat(numerators[order], starts)
+    else:
+        sums = np.empty_like(numerators)
+        sums[where] = numerators
+    keep = sums.astype(bool)
+    terms = ExactTerms(monomials.trim(unique[keep]), sums[keep], denominator, followed)
+    return _within_bits(terms)
+
+
+def _within_bits(terms: ExactTerms) -> ExactTerms:
+    """Round to doubles where integers have grown too long, after a try to shorten them."""
+    numbers, below = terms.numerators.tolist(), terms.denominator
+    if _longest(numbers, below) <= LARGEST_BITS:
+        return terms
+    common = math.gcd(below, *numbers)
+    numbers, below = [number // common for number in numbers], below // common
+    shorter = np.empty(len(numbers), object)
+    shorter[:] = numbers
+    terms = ExactTerms(terms.words, shorter, below, terms.followed)
+    if _longest(numbers, below) <= LARGEST_BITS:
+        return terms
+    values = terms.rounded()
+    keep = values != 0.0
+    near = ExactTerms.of_doubles(monomials.trim(terms.words[keep]), values[keep])
+    return ExactTerms(near.words, near.numerators, near.denominator, False)
+
+
+def _longest(numbers: list[int], below: int) -> int:
+    return max([below.bit_length(), *(number.bit_length() for number in numbers)])
