@@ -11,20 +11,22 @@ from pathlib import Path
 import sparsepop_py as sp
 
 from .errors import BenchmarkError
-from .families import REGISTRY
-from .limits import CASES, limits_table, measure_limits
-from .measure import Setting
-from .orders import compare, order_table
-from .pictures import draw_orders, draw_report
-from .published import published_tables
-from .records import Row, read_rows, write_row
-from .registry import Selection
-from .report import report
+from .measuring.measure import Setting
+from .measuring.records import Row, read_rows, write_row
+from .measuring.registry import Selection
+from .measuring.settings import parsed, switches
+from .peers.environments import PEERS, make
+from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
-from .settings import parsed, switches
-from .sizes import compare_sizes, read_reference, sizes_table
-from .tables import number, table
-from .walks import walks
+from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of
+from .tables.limits import CASES, limits_table, measure_limits
+from .tables.orders import compare, order_table
+from .tables.pictures import draw_orders, draw_report
+from .tables.published import published_tables
+from .tables.report import report
+from .tables.sizes import compare_sizes, read_reference, sizes_table
+from .tables.text import number, table
+from .tables.walks import walks
 
 __all__ = ["main"]
 
@@ -56,7 +58,9 @@ def _list(chosen: argparse.Namespace) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     families = [REGISTRY[name] for name in chosen.families]
-    _keep(run(families, _selection(chosen), _setting(chosen)), chosen.output)
+    resume = chosen.resume and chosen.output.exists()
+    stored = list(read_rows([chosen.output])) if resume else []
+    _keep(run(families, _selection(chosen), _setting(chosen), stored), chosen.output, bool(stored))
 
 
 def _ablation(chosen: argparse.Namespace) -> None:
@@ -66,7 +70,7 @@ def _ablation(chosen: argparse.Namespace) -> None:
     _keep(rows, chosen.output)
 
 
-def _keep(rows: Iterable[Row], path: Path) -> None:
+def _keep(rows: Iterable[Row], path: Path, resumed: bool = False) -> None:
     """Write rows as they come, and show each in a line."""
     count = 0
     for row in rows:
@@ -77,6 +81,9 @@ def _keep(rows: Iterable[Row], path: Path) -> None:
         print(table(_short(row), []).splitlines()[0], flush=True)
         for note in row.notes if row.valid is False else ():
             print(f"    {note}", flush=True)
+    if not count and resumed:
+        print(f"nothing is left to measure for {path}")
+        return
     if not count:
         raise BenchmarkError("--names: nothing is selected, expected part of a problem's name")
     print(f"\n{count} rows were added to {path}")
@@ -89,6 +96,11 @@ def _short(row: Row) -> list[str]:
     seconds = "" if math.isnan(row.cpu_seconds) else f"{row.cpu_seconds:.3f}"
     done = f"{row.closed}/{row.objectives}"
     return [row.problem + size, str(row.seed), by, row.status, done, gap, seconds]
+
+
+def _environments(chosen: argparse.Namespace) -> None:
+    for line in make(chosen.names or list(PEERS)):
+        print(line, flush=True)
 
 
 def _report(chosen: argparse.Namespace) -> None:
@@ -143,6 +155,15 @@ def _limits(chosen: argparse.Namespace) -> None:
     print(f"\n{limits_table(found)}")
 
 
+def _auto(chosen: argparse.Namespace) -> None:
+    files = [f for each in chosen.files for f in (_gms(each) if each.is_dir() else [each])]
+    found = []
+    for each in auto_beside_plain(files_of(files), chosen.orders, chosen.limit):
+        print(f"{each.name} order {each.order}: {'reached' if each.reached else 'NOT reached'}")
+        found.append(each)
+    print(f"\n{beside_table(found)}")
+
+
 def _walks(chosen: argparse.Namespace) -> None:
     print(walks())
 
@@ -161,6 +182,9 @@ def _parser() -> argparse.ArgumentParser:
     listing.set_defaults(act=_list)
     _run_parser(commands.add_parser("run", help="measure families, beside SCIP"))
     _ablation_parser(commands.add_parser("ablation", help="measure with one switch off in turn"))
+    making = commands.add_parser("environments", help="make the environments of peers")
+    making.add_argument("names", nargs="*", metavar="PEER", help="all when left out")
+    making.set_defaults(act=_environments)
     _report_parser(commands.add_parser("report", help="tables and pictures of JSON lines"))
     _orders_parser(commands.add_parser("orders", help="compare relaxation orders on .gms files"))
     _sizes_parser(
@@ -172,6 +196,7 @@ def _parser() -> argparse.ArgumentParser:
         commands.add_parser("sparsepop_times", help="times beside those SparsePOP published")
     )
     _limits_parser(commands.add_parser("limits", help="wall time over time limits, under load"))
+    _auto_parser(commands.add_parser("auto", help="effort auto beside plain orders"))
     walking = commands.add_parser("walks", help="folders, imports, traces and words of the code")
     walking.set_defaults(act=_walks)
     return parser
@@ -186,6 +211,20 @@ def _times_parser(parser: argparse.ArgumentParser) -> None:
         "--repeat", type=int, default=2, help="the least of them, default %(default)s"
     )
     parser.set_defaults(act=_times)
+
+
+def _auto_parser(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.gms or FOLDER")
+    parser.add_argument(
+        "--orders", nargs="+", type=int, default=[1, 2, 3], help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--limit",
+        type=float,
+        default=60.0,
+        help="CPU seconds a plain order, default %(default)s",
+    )
+    parser.set_defaults(act=_auto)
 
 
 def _limits_parser(parser: argparse.ArgumentParser) -> None:
@@ -207,9 +246,19 @@ def _sizes_parser(parser: argparse.ArgumentParser) -> None:
 def _run_parser(parser: argparse.ArgumentParser) -> None:
     _add_selection(parser, "run.jsonl")
     parser.add_argument(
-        "--solvers", nargs="+", default=list(SOLVERS), metavar="NAME", help="of: %(default)s"
+        "--solvers", nargs="+", default=list(SOLVERS), metavar="NAME", help=_solvers_help()
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="leave out what the output file holds already"
+    )
+    parser.add_argument(
+        "--workers", nargs="+", type=int, default=[], help="also with so many worker processes"
     )
     parser.set_defaults(act=_run)
+
+
+def _solvers_help() -> str:
+    return f"default %(default)s; others are {', '.join(name for name in PEERS if name != 'scip')}"
 
 
 def _ablation_parser(parser: argparse.ArgumentParser) -> None:
@@ -314,7 +363,11 @@ def _setting(chosen: argparse.Namespace) -> Setting:
     }
     options = {name: value for name, value in given.items() if value is not None}
     return Setting(
-        tuple(chosen.solvers), chosen.repeat, options | parsed(chosen.set), chosen.peer_limit
+        tuple(chosen.solvers),
+        chosen.repeat,
+        options | parsed(chosen.set),
+        chosen.peer_limit,
+        workers=tuple(getattr(chosen, "workers", ())),
     )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.solvers import cliquetree, solve_conic
 
-from .relaxations import NAMED, ORIGINS, Case, cases
+from .problems.relaxations import NAMED, ORIGINS, Case, cases
 
 __all__ = ["Agreement", "compare", "safe_value"]
 

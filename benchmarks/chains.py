@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 import sparsepop_py as sp
 
 from .errors import BenchmarkError
-from .tables import table
+from .tables.text import table
 
 __all__ = ["PROBLEMS", "main"]
 

@@ -3,6 +3,9 @@
     python -m benchmarks.control_study --plants 200 --output study.csv
     python -m benchmarks.control_study --summary study.csv
 
+A plant's rows are written together. A run goes on where the file ends: plants that it holds are not
+computed again, and rows of a plant that was interrupted are dropped.
+
 Plants of order 2 to 4, minimum and non-minimum phase, with and without an integrator, each at three
 signal-to-noise ratios. The reference model has the zeros outside the circle that the plant
 has, and the controller class is that of the ideal controller. The true plant is consistent with
@@ -14,6 +17,7 @@ from __future__ import annotations
 import argparse
 import csv
 import time
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +153,23 @@ def described(label: str, rows: list[dict[str, str]]) -> str:
     return "; ".join(parts)
 
 
+def begun(path: Path) -> set[int]:
+    """Plants that a file holds at all noise levels; rows of others are taken out of it."""
+    rows = []
+    if path.exists():
+        with path.open(newline="") as file:
+            rows = [r for r in csv.DictReader(file) if None not in r.values() and None not in r]
+    counts = Counter(row["plant"] for row in rows)
+    whole = {plant for plant, count in counts.items() if count == len(LEVELS)}
+    part = path.with_name(f"{path.name}.part")
+    with part.open("w", newline="") as file:
+        writer = csv.DictWriter(file, FIELDS)
+        writer.writeheader()
+        writer.writerows(row for row in rows if row["plant"] in whole)
+    part.replace(path)
+    return {int(plant) for plant in whole}
+
+
 def main() -> None:
     """Run or summarise."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -158,12 +179,13 @@ def main() -> None:
     parser.add_argument("--summary", type=Path, help="summarise a file instead")
     given = parser.parse_args()
     if given.summary is None:
-        with given.output.open("w", newline="") as file:
+        done = begun(given.output)
+        with given.output.open("a", newline="") as file:
             writer = csv.DictWriter(file, FIELDS)
-            writer.writeheader()
             for number in range(given.first, given.first + given.plants):
-                writer.writerows(cases(number))
-                file.flush()
+                if number not in done:
+                    writer.writerows(cases(number))
+                    file.flush()
     print(summary(given.summary or given.output))
 
 

@@ -19,7 +19,7 @@ import pyomo.environ as pyo
 
 import sparsepop_py as sp
 
-from .tables import table
+from .tables.text import table
 
 SECONDS = 60.0
 _HEAD = [

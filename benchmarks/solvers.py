@@ -28,8 +28,8 @@ from sparsepop_py.conic.program import ConicProgram, ConicSolution
 from sparsepop_py.solvers import cliquetree, preferred, solve_conic
 
 from .agreement import safe_value
-from .conic_peers import PEERS, Ended
-from .relaxations import on_the_box, path, record, star, tree
+from .peers.conic import PEERS, Ended
+from .problems.relaxations import on_the_box, path, record, star, tree
 
 Case = tuple[str, int, Callable[[], ConicProgram]]
 _SHORT = 2.0  # seconds of a solver up to which it runs three times

@@ -30,6 +30,14 @@ from setid.data.checks import FrozenMapping, frozen
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import SetidError, SetidWarning
+from setid.feasible_points.cascades import (
+    CascadeEnds,
+    attained_result,
+    cascade_ends,
+    cascade_of,
+    narrowed_cascade,
+    point_of,
+)
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point, repair
@@ -48,7 +56,8 @@ from setid.priors import Box
 from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
-from setid.proofs.parameter_box import objectives, problem_on_box
+from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
+from setid.proofs.simulated.outputs import Recursion
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import unidentifiable
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -74,6 +83,9 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
+_FITS = 0.25  # of the time left, for fits of a cascade
+_MORE = 1.5  # times what the proof of one point took: what is kept for each
+_OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
@@ -362,6 +374,10 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
         return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
         notes = (*notes, _NO_BOX)
+    if (cascade := cascade_of(formulation)) is not None:
+        settled = _by_simulation(formulation, task, cascade, box, notes)
+        if settled is not None:
+            return settled
     problem = problem_on_box(formulation, box)
     outcome = Outcome(problem=problem, box=box, notes=notes)
     p = len(formulation.parameters)
@@ -409,6 +425,61 @@ def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
         if sum(Fraction(float(c)) * bound.ray[letter - 1] for letter, c in pairs if letter):
             return False
     return True
+
+
+# ---- cascades ---------------------------------------------------------------------------
+
+
+def _by_simulation(
+    formulation: Formulation,
+    task: _Task,
+    parts: Recursion,
+    box: ProvedBox | None,
+    notes: tuple[str, ...],
+) -> Identification | None:
+    """Settle all ends by simulations over regions; None where no box to begin with is finite."""
+    found = task.kept(
+        "start", lambda: cascade_ends(formulation, parts, box, task.deadline.part(_FITS)), None
+    )
+    if found is None:
+        return None
+    begin, number = time.monotonic(), 2 * len(formulation.parameters)
+    task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
+    last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
+    share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
+    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(share))
+    narrowed = task.kept("cells", narrow, None)
+    if narrowed is not None and narrowed.empty:
+        return task.empty(formulation, Outcome(box=narrowed, notes=notes))
+    if narrowed is None or narrowed.cut_short:
+        notes = (*notes, _OPEN)
+    box = box if narrowed is None else narrowed
+    problem = problem_on_box(formulation, box)
+    every = range(number)
+    results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
+    items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
+    return task.result(
+        formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
+    )
+
+
+def _left(task: _Task) -> float:
+    return task.until - time.monotonic()
+
+
+def _attained_ends(
+    formulation: Formulation, box: ProvedBox | None, found: CascadeEnds, ends: Iterable[int]
+) -> tuple[sp.Result, ...]:
+    """Prove the points at which simulations reach ends; nothing else is claimed of them."""
+    scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
+    made = []
+    for number in ends:
+        about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
+        if found.ends:
+            x = point_of(formulation, found.fitting, found.ends[number])
+            point = proved_point(formulation, about, x / scaled.units)
+        made.append(attained_result(about, point))
+    return tuple(made)
 
 
 # ---- the engine -------------------------------------------------------------------------

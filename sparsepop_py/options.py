@@ -34,6 +34,7 @@ SKIPPED = (
     "quote",
     "cutoff",
     "branch",
+    "linear_tree",
 )
 
 _OLD_SKIPPED = {"narrow": "obbt_lp", "squeeze": "obbt_sdp"}  # accepted until the version after next
@@ -123,7 +124,8 @@ class Options:
         ``"inverse"`` (first bounds from linear rows), ``"obbt_lp"`` (bound tightening by
         linear programs), ``"obbt_sdp"`` (... by semidefinite relaxations, in branch and
         bound), ``"quote"`` (bounds of one objective used for others), ``"cutoff"``,
-        ``"branch"``.
+        ``"branch"``, ``"linear_tree"`` (branch and bound by linear programs alone, which
+        small problems of degree 2 begin with).
     time_limit : float, optional
         Seconds of wall time. Each solver call gets what is left; the best proved state so
         far is returned, with status LIMIT where the gap is open. A proof under way and the last

@@ -45,6 +45,7 @@ from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
+from sparsepop_py.strategy.linear_tree import from_convex_minimiser
 from sparsepop_py.strategy.multi_objective import (
     MultiObjectiveSearch,
     first_starts,
@@ -149,7 +150,8 @@ def solve(
     stages = Stages(options.progress, on_progress)
     context = SolveContext(problem, options, stages, _deadline(options))
     try:
-        return _result(_solve_one(context, _start_vectors(problem, start), None), {})
+        state = _solve_one(context, _start_vectors(problem, start), None)
+        return _result(state, state.known)
     finally:
         stages.close()
 
@@ -421,7 +423,9 @@ def _solve_one(
                 box = shared.box if shared else Interval(problem.lower, problem.upper)
                 first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
                 context = _at_the_origin(context)
-                if not _falls(context):
+                if context.options.effort == "auto":
+                    context = from_convex_minimiser(context)
+                if context.best is None:
                     context, candidates = first_incumbent(context, first)
             context.report(-np.inf)
             if not _falls(context):

@@ -14,7 +14,7 @@ import pytest
 from random_cases import on_grid, some_polynomial
 
 import sparsepop_py as sp
-from benchmarks.soundness import damaged
+from benchmarks.problems.soundness import damaged
 from sparsepop_py.errors import ParameterWarning
 
 KINDS = ("box", "ball", "equality", "binary", "empty", "unbounded", "complementary", "mixed")

@@ -17,8 +17,11 @@ from setid.options import Options
 from setid.priors.base import Prior
 from setid.priors.coefficients import Box, parameters
 from setid.priors.transfer import Stable
+from setid.proofs.evidence import Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.result.identification import Identification
+from setid.result.json_ import from_json, to_json
+from setid.result.json_parts import read, write
 from sparsepop_py.plots import new_axes
 
 __all__ = [
@@ -37,8 +40,10 @@ __all__ = [
     "SetidError",
     "Stable",
     "TransferFunction",
+    "Verification",
     "consistent",
     "formulate",
+    "from_json",
     "frozen",
     "identify",
     "least_noise",
@@ -47,8 +52,11 @@ __all__ = [
     "number",
     "parameters",
     "python_control",
+    "read",
     "real_array",
     "switch",
+    "to_json",
+    "write",
 ]
 
 

@@ -173,7 +173,7 @@ def _synthesis() -> ModuleType:
     except ImportError as error:
         raise sp.SolverNotFound(
             "reference_model_from: slycot is missing, which python-control needs for H-infinity "
-            "synthesis; install it with: pip install slycot"
+            "synthesis; install it with: pip install 'sparsepop-py[slycot]'"
         ) from error
     return module
 

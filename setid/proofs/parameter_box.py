@@ -13,6 +13,7 @@ from setid.formulation.formulation import Formulation
 from setid.formulation.regression import Regression
 from setid.formulation.units import coupled_rows
 from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.verified.uncertain_rows.directions import DirectionBox
 from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox, lifted_rows
 from sparsepop_py.verified.uncertain_rows.products import ProductRows
@@ -29,13 +30,15 @@ __all__ = [
     "start_of",
 ]
 
-ProvedBox = ParameterBox | DirectionBox | LiftedBox | CellBox  # of parameters, from the data
+ProvedBox = (
+    ParameterBox | DirectionBox | LiftedBox | CellBox | SimulatedBox
+)  # of parameters, from the data
 
 
 def box_follows(box: ProvedBox, formulation: Formulation) -> bool:
     """Check a box against data and priors, without any solver."""
     start = start_of(formulation)
-    if isinstance(box, CellBox):
+    if isinstance(box, CellBox | SimulatedBox):
         return box.verify(formulation, start)
     if isinstance(box, LiftedBox):
         products = product_rows(formulation)
@@ -100,10 +103,11 @@ def problem_on_box(formulation: Formulation, box: ProvedBox | None) -> sp.Proble
     p = len(formulation.parameters)
     if box is not None:
         lower[:p], upper[:p] = np.maximum(lower[:p], box.lower), np.minimum(upper[:p], box.upper)
-    if isinstance(box, CellBox):
-        samples = box.unknowns
-        lower[samples] = np.maximum(lower[samples], box.low)
-        upper[samples] = np.minimum(upper[samples], box.high)
+    cells = box.first if isinstance(box, SimulatedBox) else box
+    if isinstance(cells, CellBox):
+        samples = cells.unknowns
+        lower[samples] = np.maximum(lower[samples], cells.low)
+        upper[samples] = np.minimum(upper[samples], cells.high)
     silent = np.array([i for i in range(p) if not _occurs(problem, i)], int)
     free = silent[(lower[silent] <= 0) & (upper[silent] >= 0)]
     lower[free] = upper[free] = 0.0

@@ -28,6 +28,7 @@ from setid.models.lti import TransferFunction
 from setid.models.narx import PolynomialNARX
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.intervals import IntervalStatus
+from setid.proofs.simulated.tree import SimulatedBox, Step, TreeNode
 from setid.proofs.uniqueness.unbounded import Unbounded
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.codecs import array
@@ -49,6 +50,9 @@ _OTHERS: tuple[type, ...] = (
     DirectionBox,
     LiftedBox,
     CellBox,
+    SimulatedBox,
+    TreeNode,
+    Step,
     Unbounded,
     LeftInverse,
     SignTree,

@@ -176,7 +176,7 @@ def bound_box(
             if share:
                 minimised = minimised - margin(relaxation) * share
             program, small = _programs(relaxation, scaled, minimised, switches)
-        for solver in solvers_for(context.options, relaxation, boxed):
+        for solver in solvers_for(context, relaxation, boxed):
             with context.stages.stage("solve"):
                 solution = _solution(context, program, small, solver, size)
             if not _begun(context, relaxation, solution):
@@ -347,14 +347,15 @@ def stronger(old: BoxBound, new: BoxBound) -> BoxBound:
     return replace(new, proved=old.proved, node=old.node)
 
 
-def solvers_for(options: Options, relaxation: Relaxation, boxed: bool) -> tuple[str, ...]:
+def solvers_for(context: SolveContext, relaxation: Relaxation, boxed: bool) -> tuple[str, ...]:
     """Select solvers: the chosen one, by default those that suit the relaxation, in order."""
+    options = context.options
     if options.solver != "auto":
         return (options.solver,)
     if options.effort == "plain":
         return ("clarabel",)
     largest = max(relaxation.block_sizes, default=0)
-    return preferred(largest, relaxation.moments.shape[0], boxed)
+    return preferred(largest, relaxation.moments.shape[0], boxed, context.objectives)
 
 
 # ---- one round on one order -----------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["BRANCHING", "BranchSettings"]
+__all__ = ["BRANCHING", "LINEAR_TREE", "BranchSettings", "LinearTreeSettings"]
 
 
 @dataclass(frozen=True)
@@ -52,3 +52,105 @@ class BranchSettings:
 
 
 BRANCHING = BranchSettings()
+
+
+@dataclass(frozen=True)
+class LinearTreeSettings:
+    """Settings of trees of linear programs: numbers of experience.
+
+    They decide how long such a tree is tried, never whether a bound is valid. Chosen on small
+    problems of GLOBALLib.
+
+    Parameters
+    ----------
+    most_variables, most_constraints : int
+        Sizes up to which such a tree is tried.
+    most_nodes, most_columns : int
+        Nodes after which it is given up, and columns of all their programs.
+    patience : int
+        Nodes before the tree has to be fathomed, or the gap closed, in proportion to the nodes.
+    pace : float
+        Share of that proportion.
+    margin : float
+        Share of the allowed gap by which leaves exceed the cutoff: rounding of their proofs.
+    node_work : float
+        Units of work of a node beside its programs, see :mod:`sparsepop_py.budget`.
+    root_rounds, rounds : int
+        Rounds of propagation, program and tightening of the root, and of other nodes.
+    first_sweeps : int
+        Sweeps of propagation before the tree.
+    root_sweeps, sweeps : int
+        Sweeps of propagation a round, of the root and of other nodes.
+    worth : float
+        Share of a width: propagation that leaves more of every width is not kept.
+    infeasible : float
+        Least value that a ray of infeasibility proves of 0, with multipliers up to 1.
+    search_share : float
+        Share of the work that local searches may have taken before another one.
+    searched : tuple of int
+        Numbers of the nodes with a local search, from 1.
+    worth_a_search : float
+        Share of the allowed gap that a nearly feasible solution must gain for a local search.
+    feasible : float
+        Violation up to which a solution is nearly feasible.
+    cut_rounds, most_cuts : int
+        Rounds of cuts of convex rows at the root, and cuts in all.
+    quadratic_work : float
+        Units of work of a convex quadratic program.
+    gained, again : float
+        Share of a width: reduced costs that leave less are kept, or ask for another round.
+    most_tightened : int
+        Variables up to which linear programs tighten the bounds of the root.
+    obbt_rounds : int
+        Rounds of these.
+    touched, least_gain : float
+        Shares of half a width: a bound this near to a solution is left out, and so is a gain
+        below.
+    obbt_again : float
+        Share of a width: another round follows where one left less.
+    slack : float
+        Share of half a width that claims leave for the rounding of their proofs.
+    others : float
+        Preference of variables that are not needed to cover all products, in branching.
+    middle : float
+        Weight of the middle of the interval in the branching point.
+    edge : float
+        Share of the width that a branching point keeps from both ends.
+    """
+
+    most_variables: int = 60
+    most_constraints: int = 120
+    most_nodes: int = 60
+    most_columns: int = 3000
+    patience: int = 12
+    pace: float = 0.9
+    margin: float = 0.03
+    node_work: float = 1e-3
+    root_rounds: int = 16
+    rounds: int = 2
+    first_sweeps: int = 4
+    root_sweeps: int = 3
+    sweeps: int = 2
+    worth: float = 0.9
+    infeasible: float = 1e-7
+    search_share: float = 0.4
+    searched: tuple[int, ...] = (1, 4, 16, 64)
+    worth_a_search: float = 0.5
+    feasible: float = 1e-5
+    cut_rounds: int = 8
+    most_cuts: int = 30
+    quadratic_work: float = 5e-3
+    gained: float = 0.9
+    again: float = 0.6
+    most_tightened: int = 24
+    obbt_rounds: int = 8
+    touched: float = 0.1
+    least_gain: float = 0.02
+    obbt_again: float = 0.8
+    slack: float = 1e-6
+    others: float = 0.3
+    middle: float = 0.4
+    edge: float = 0.2
+
+
+LINEAR_TREE = LinearTreeSettings()

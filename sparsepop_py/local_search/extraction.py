@@ -15,7 +15,7 @@ R. E. Curto, L. A. Fialkow, Trans. Amer. Math. Soc. 352 (2000) 2825-2855 (flat e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from sparsepop_py.relaxation.moment import Relaxation
 
 __all__ = ["candidates", "combine", "extract_clique", "means"]
 
+_RANK = 1e-4  # of the largest eigenvalue: smaller ones count as zero
 _SEED = 20050  # any fixed number: extraction is deterministic
 Points = list[NDArray[np.float64]]
 
@@ -52,18 +53,22 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
     moments = np.append(1.0, y)
     found: list[tuple[int, NDArray[np.int64], Points]] = []
     for group in relaxation.groups:
-        if group.free:
+        chosen = np.flatnonzero(group.generator == 0)
+        if group.free or not chosen.size:
             continue
-        for block in np.flatnonzero(group.generator == 0):
-            basis, members = _readable(group.basis[block])
-            if not members.size:
-                continue
-            i, j = np.triu_indices(basis.shape[0])
-            number = relaxation.moment_numbers(monomials.multiply(basis[i], basis[j]))
-            matrix = np.zeros((basis.shape[0],) * 2)
-            matrix[i, j] = matrix[j, i] = moments[number]
-            points = extract_clique(matrix, basis, members)
-            found.append((int(group.clique[block]), members, points))
+        matrices = _matrices(relaxation, group.basis[chosen], moments)
+        alike: dict[bytes, list[_Block]] = {}  # blocks that differ by names of variables only
+        for block, matrix in zip(chosen.tolist(), matrices, strict=True):
+            inside, members = _readable(group.basis[block])
+            if members.size:
+                local = _renamed(group.basis[block][inside], members)
+                key = b"%d " % local.shape[1] + local.tobytes()
+                own = _Block(int(group.clique[block]), members, local, matrix[inside][:, inside])
+                alike.setdefault(key, []).append(own)
+        for blocks in alike.values():
+            stack = np.stack([own.matrix for own in blocks])
+            extracted = _extract(stack, blocks[0].words, _RANK)
+            found += [(b.clique, b.members, p) for b, p in zip(blocks, extracted, strict=True)]
     found.sort(key=lambda entry: entry[0])
     dimension = relaxation.problem.dimension
     return combine([p for *_, p in found], [m.tolist() for _, m, _ in found], dimension)
@@ -76,21 +81,49 @@ def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]
     return np.where(number > 0, np.append(1.0, y)[np.maximum(number, 0)], 0.0)
 
 
-def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
+class _Block(NamedTuple):
+    """A moment block in letters 1..k for its k members."""
+
+    clique: int
+    members: NDArray[np.int64]
+    words: Words
+    matrix: NDArray[np.float64]
+
+
+def _matrices(
+    relaxation: Relaxation, bases: Words, moments: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Moment matrices (K, s, s) of bases (K, s, D)."""
+    count, size, _ = bases.shape
+    i, j = np.triu_indices(size)
+    products = monomials.multiply(bases[:, i], bases[:, j])
+    number = relaxation.moment_numbers(products.reshape(-1, products.shape[2]))
+    matrices = np.zeros((count, size, size))
+    matrices[:, i, j] = matrices[:, j, i] = moments[number].reshape(count, -1)
+    return matrices
+
+
+def _readable(basis: Words) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """Select the words of a moment block in the variables that it determines."""
     degree = monomials.degrees(basis)
     letters = np.unique(basis[degree == 1][:, -1])
     if not np.any(degree == 0):
         letters = letters[:0]
-    inside = np.isin(basis, np.append(letters, 0)).all(axis=1)
-    return basis[inside], letters.astype(np.int64) - 1
+    inside: NDArray[np.bool_] = np.all(np.isin(basis, np.append(letters, 0)), axis=1)
+    return inside, letters.astype(np.int64) - 1
+
+
+def _renamed(basis: Words, members: NDArray[np.int64]) -> Words:
+    """Words in letters 1..k instead of those of k members, ascending."""
+    local = np.searchsorted(members + 1, basis) + 1
+    return np.where(basis > 0, local, 0).astype(np.int32)
 
 
 def extract_clique(
     matrix: NDArray[Any],
     basis: Words,
     members: Sequence[int] | NDArray[Any],
-    tolerance: float = 1e-4,
+    tolerance: float = _RANK,
 ) -> Points:
     """Extract the atoms of the measure behind the moment matrix of one clique.
 
@@ -140,15 +173,7 @@ def extract_clique(
         raise ProblemError(f"matrix: found shape {matrix.shape}, expected ({size}, {size})")
     if size == 0 or basis[0].any():
         raise ProblemError("basis: expected the constant as its first row")
-    if not np.all(np.isfinite(matrix)) or matrix[0, 0] <= 0:
-        return [np.full(members.size, np.nan)]
-    matrix = (matrix + matrix.T) / (2 * matrix[0, 0])
-    shifted = _shifts(basis, members)
-    found = _atoms(matrix, shifted, tolerance)
-    if found is not None:
-        return _by_weight(found, matrix[0], basis, members)
-    first = shifted[:, 0]  # the row of 1 * x_v
-    return [np.where(first >= 0, matrix[0, first], np.nan)]
+    return _extract(matrix[None], _renamed(basis, members), tolerance, members.size)[0]
 
 
 def combine(
@@ -216,7 +241,54 @@ def combine(
     return list(np.nan_to_num(partial, nan=0.0))
 
 
-# ---- one clique -------------------------------------------------------------------------
+# ---- cliques of one pattern -------------------------------------------------------------
+
+
+def _extract(
+    matrices: NDArray[np.float64], words: Words, tolerance: float, members: int | None = None
+) -> list[Points]:
+    """Extract the atoms behind each of several moment matrices (B, s, s) of the same words.
+
+    Letters are those of :func:`_renamed`; ``members`` is the largest of them unless given.
+    """
+    letters = np.arange(members or int(words.max(initial=0)))
+    sound = np.all(np.isfinite(matrices), axis=(1, 2)) & (matrices[:, 0, 0] > 0)
+    points = [[np.full(letters.size, np.nan)] for _ in matrices]
+    good = matrices[sound]
+    good = (good + good.transpose(0, 2, 1)) / (2 * good[:, :1, :1])
+    shifted = _shifts(words, letters)
+    values, vectors = np.linalg.eigh(good)
+    rank = np.sum(values > tolerance * values[:, -1:], axis=1)
+    single = _single_atoms(vectors[:, :, -1], shifted)
+    for k, place in enumerate(np.flatnonzero(sound).tolist()):
+        if rank[k] == 1 and single is not None:
+            points[place] = [single[k]]
+            continue
+        factor = vectors[k][:, -rank[k] :] * np.sqrt(values[k][-rank[k] :])
+        found = _atoms(factor, shifted, tolerance)  # matrix = factor factor'
+        if found is not None:
+            points[place] = _by_weight(found, good[k][0], words)
+        else:
+            first = shifted[:, 0]  # the row of 1 * x_v
+            points[place] = [np.where(first >= 0, good[k][0, first], np.nan)]
+    return points
+
+
+def _single_atoms(
+    factors: NDArray[np.float64], shifted: NDArray[np.int64]
+) -> NDArray[np.float64] | None:
+    """Compute the only atom (B, k) of matrices f f' for rows f (B, s), None if not flat.
+
+    The atom of f = 0 is NaN.
+    """
+    inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
+    if not inner.size:
+        return None
+    pivot = inner[np.argmax(np.abs(factors[:, inner]), axis=1)]
+    rows = np.arange(pivot.size)
+    pivots = factors[rows, pivot]
+    pivots = np.where(pivots == 0.0, np.nan, pivots)  # a factor 0 has no atom
+    return factors[rows[:, None], shifted[:, pivot].T] / pivots[:, None]
 
 
 def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:
@@ -233,11 +305,8 @@ def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:
     return np.where(keys[row] == wanted, row, -1).reshape(members.size, -1)
 
 
-def _atoms(matrix: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDArray[Any] | None:
-    """Compute the atoms (rank, k), or None if the matrix is not flat."""
-    values, vectors = np.linalg.eigh(matrix)
-    kept = values > tolerance * values[-1]
-    factor = vectors[:, kept] * np.sqrt(values[kept])  # matrix = factor factor'
+def _atoms(factor: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDArray[Any] | None:
+    """Compute the atoms (rank, k) of the matrix factor factor', or None if it is not flat."""
     rank = factor.shape[1]
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
     if inner.size < rank:
@@ -264,12 +333,8 @@ def _joint_eigenvalues(multiplications: NDArray[Any]) -> NDArray[np.float64]:
     return np.einsum("rj,vrs,sj->jv", schur, multiplications, schur)
 
 
-def _by_weight(
-    points: NDArray[Any], moments: NDArray[Any], basis: Words, members: NDArray[Any]
-) -> Points:
-    """Sort points by falling weight in the measure, from the moments of the basis words."""
-    local = (np.searchsorted(members + 1, basis) + 1).astype(np.int32)
-    words = np.where(basis > 0, local, 0).astype(np.int32)
+def _by_weight(points: NDArray[Any], moments: NDArray[Any], words: Words) -> Points:
+    """Sort points by falling weight in the measure, from the moments of the words."""
     weights = np.linalg.lstsq(monomials.evaluate(words, points).T, moments, rcond=None)[0]
     return [points[j] for j in np.argsort(-weights, kind="stable")]
 

@@ -22,7 +22,7 @@ from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.plugins.registry import Registry
 from sparsepop_py.problem.problem import Problem
-from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
+from sparsepop_py.relaxation.moment import Relaxation, least_order, relax, shape_sizes
 from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.relaxation.term_sparsity import Terms
 from sparsepop_py.sparsity.correlative import Cliques, Joined, Method, find_cliques
@@ -73,6 +73,8 @@ class HierarchySettings:
         Usual share of the time with blocks from chordal terms.
     small_problem : int
         Variables up to which whole cliques are tried where stars would do.
+    family : int
+        Objectives from which stars alone are tried: their analysis is shared.
     more_orders : int
         Orders beyond the least.
     """
@@ -86,6 +88,7 @@ class HierarchySettings:
     worth_splitting: int = 30
     chordal_time: float = 0.1
     small_problem: int = 60
+    family: int = 4
     more_orders: int = 3
 
 
@@ -154,8 +157,10 @@ class RelaxationSpec:
             rows = sum(s * (s + 1) / 2 * k for s, k in sizes.items())
             factor = HIERARCHY.chordal_time if self.terms == "chordal" else 1.0
             return factor * self._expected(sizes, rows)
-        relaxation = self.build(scaled, cliques)
-        return self._expected(dict(relaxation.block_sizes), relaxation.rows)
+        sizes, rows = shape_sizes(
+            scaled.problem, self.shape, cliques[self.joined], scaled.objectives, self.products
+        )
+        return self._expected(sizes, rows)
 
     def _expected(self, sizes: dict[int, float], rows: float) -> float:
         return expected_seconds(sizes, rows, self.memory)
@@ -291,7 +296,8 @@ def _below_orders(
     if products.has_star:
         specs.append(RelaxationSpec("star", 0.85, "star", products=True))
         specs.append(RelaxationSpec("split", 0.9, "split", products=True))
-    if not products.has_star or problem.dimension <= HIERARCHY.small_problem:
+    single = len(objectives) < HIERARCHY.family
+    if not products.has_star or (single and problem.dimension <= HIERARCHY.small_problem):
         specs.append(RelaxationSpec("mixed", 0.8, "mixed", products=True))
         if _differ(cliques["partners"], cliques["constraints"]):
             name = "mixed, partner cliques"

@@ -51,7 +51,15 @@ from sparsepop_py.relaxation.term_sparsity import Terms, term_sparse
 from sparsepop_py.sparsity.correlative import Cliques, find_cliques
 from sparsepop_py.verified.arithmetic.array_checks import read_only
 
-__all__ = ["BlockGroup", "Relaxation", "conic_rows", "least_order", "on_groups", "relax"]
+__all__ = [
+    "BlockGroup",
+    "Relaxation",
+    "conic_rows",
+    "least_order",
+    "on_groups",
+    "relax",
+    "shape_sizes",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,11 +291,7 @@ def relax(
     if order is not None and order < least:
         notes = (f"order {order} raised to {least}, the least for these degrees",)
     order = max(order or least, least)
-    pairs = np.zeros((0, 2), np.int64)
-    if shape == "linear":
-        pairs = generators.bound_products(problem, cliques.members, cliques.home, objectives)
-    elif products:
-        pairs = generators.useful_products(problem, cliques.members, cliques.home, objectives)
+    pairs = _products(problem, cliques, objectives, shape, products)
     system = generators.stacked(problem, pairs)
     if shape == "full":
         groups = block_groups(problem, cliques, order, system, objectives, reduce, lean)
@@ -300,6 +304,62 @@ def relax(
         groups = term_sparse(groups, system, support, problem.dimension, terms)
     moments, entries = conic_rows(groups, system, asked, problem.dimension)
     return Relaxation(problem, cliques, order, groups, moments, entries, pairs, notes)
+
+
+def shape_sizes(
+    problem: Problem,
+    shape: str,
+    cliques: Cliques,
+    objectives: Sequence[Polynomial] = (),
+    products: bool = True,
+) -> tuple[dict[int, float], int]:
+    """Count blocks by size and conic rows of a shape, without its moments.
+
+    Parameters
+    ----------
+    problem, shape, cliques, objectives, products
+        As of :func:`relax`; any registered shape.
+
+    Returns
+    -------
+    sizes : dict
+        Number of positive semidefinite blocks of each size (1: linear rows).
+    rows : int
+
+    Examples
+    --------
+    >>> import sparsepop_py as sp
+    >>> x, y = sp.variables(2)
+    >>> problem = sp.Problem(x * y, [x + y <= 1], lower=-1, upper=1)
+    >>> cliques = sp.find_cliques(problem)
+    >>> sizes, rows = shape_sizes(problem, "mixed", cliques)
+    >>> relaxation = sp.relax(problem, cliques=cliques, products=True, shape="mixed")
+    >>> sizes == dict(relaxation.block_sizes), rows == relaxation.rows
+    (True, True)
+    """
+    pairs = _products(problem, cliques, objectives, shape, products)
+    system = generators.stacked(problem, pairs)
+    sizes, rows = Counter[int](), 0
+    for block in shaped_blocks(shape, problem, cliques, system, objectives):
+        rows += block.count * block.rows_each
+        if not block.free:
+            sizes[block.size] += block.count
+    return dict(sizes), rows
+
+
+def _products(
+    problem: Problem,
+    cliques: Cliques,
+    objectives: Sequence[Polynomial],
+    shape: str,
+    products: bool,
+) -> NDArray[np.int64]:
+    """Pairs of generators that a relaxation multiplies, shape (P, 2)."""
+    if shape == "linear":
+        return generators.bound_products(problem, cliques.members, cliques.home, objectives)
+    if products:
+        return generators.useful_products(problem, cliques.members, cliques.home, objectives)
+    return np.zeros((0, 2), np.int64)
 
 
 def on_groups(relaxation: Relaxation, groups: tuple[BlockGroup, ...]) -> Relaxation:

@@ -24,6 +24,8 @@ __all__ = ["NOT_BEGUN", "SOLVERS", "preferred", "require_solver", "solve_conic",
 # Rows of the largest block from which on, with at least so many moments, the clique-tree method
 # was measured to be faster, with numpy alone and more so with compiled kernels.
 _DOMAIN = ((20, 100), (9, 200), (6, 1200), (2, 5000))
+# The same where so many programs share their pattern, and with it the analysis.
+_SHARED_DOMAIN, _SHARED = ((6, 100), *_DOMAIN), 4
 
 # Operations a second of Clarabel in factorizations (measured with blocks of 45 to 78 rows), and
 # iterations, the analysis counted in, without which its output proves nothing.
@@ -44,13 +46,14 @@ SOLVERS: Registry[ConicSolver] = Registry(
 _FAMILIES = {"cvxpy": "sparsepop_py.solvers.cvxpy_:solver_of"}
 
 
-def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
+def preferred(largest: int, moments: int, compact: bool, solves: int = 1) -> tuple[str, ...]:
     """Choose the solvers to try, in order, by sizes of the program.
 
     The clique-tree method wants moments in [-1, 1] (``compact``) and blocks large or
     numerous enough to pay for its analysis: its domain, as ``docs/cliquetree.md`` measures it,
-    is 20 rows and 100 moments, 9 rows and 200, 6 rows and 1200, 2 rows and 5000. Whatever it
-    does not solve goes to Clarabel, whose sum-of-squares form is more accurate and whose
+    is 20 rows and 100 moments, 9 rows and 200, 6 rows and 1200, 2 rows and 5000, and 6 rows and
+    100 moments for four programs of one pattern, which share the analysis. Whatever it does not
+    solve goes to Clarabel, whose sum-of-squares form is more accurate and whose
     moment form ends in other cases.
 
     Parameters
@@ -60,9 +63,17 @@ def preferred(largest: int, moments: int, compact: bool) -> tuple[str, ...]:
     moments : int
     compact : bool
         Whether every moment lies in [-1, 1].
+    solves : int
+        How many programs of this pattern are to be solved.
+
+    Examples
+    --------
+    >>> preferred(8, 900, True)[0], preferred(8, 900, True, solves=10)[0]
+    ('clarabel', 'cliquetree')
     """
     clarabel = ("clarabel", "clarabel-moment")
-    large = any(largest >= block and moments >= many for block, many in _DOMAIN)
+    domain = _SHARED_DOMAIN if solves >= _SHARED else _DOMAIN
+    large = any(largest >= block and moments >= many for block, many in domain)
     return ("cliquetree", *clarabel) if compact and large else clarabel
 
 

@@ -14,7 +14,7 @@ from sparsepop_py.solvers.clarabel_ import STATUS, run_clarabel
 from sparsepop_py.solvers.interface import SolverSettings
 from sparsepop_py.verified.certificate.polyhedron import Polyhedron
 
-__all__ = ["QuadraticSolution", "solve_convex_qp"]
+__all__ = ["QuadraticSolution", "minimise_on_box", "solve_convex_qp"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,3 +80,38 @@ def solve_convex_qp(
     slack[rows] = np.array(result.s) / scale
     status = STATUS.get(str(result.status), "failed")
     return QuadraticSolution(status, np.array(result.x), multipliers, slack)
+
+
+def minimise_on_box(
+    hessian: sps.csc_array,
+    cost: NDArray[np.float64],
+    rows: tuple[sps.csr_array, NDArray[np.float64], NDArray[np.bool_]],
+    bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.float64] | None:
+    """Minimise cost'z + z' hessian z / 2 on a box with rows A z >= b.
+
+    Parameters
+    ----------
+    hessian : (N, N) csc
+        Positive semidefinite.
+    cost : (N,) float
+    rows : (A, b, equality)
+        Rows marked in ``equality`` hold with equality; those with b = -inf are left out.
+    bounds : (lower, upper), each (N,)
+
+    Returns
+    -------
+    (N,) float or None
+        None where the solver finds no minimiser.
+    """
+    matrix, right, equality = rows
+    equal = np.flatnonzero(equality)
+    others = np.flatnonzero(~equality & np.isfinite(right))
+    one = sps.eye_array(cost.size, format="csr")
+    stacked = sps.csc_matrix(sps.vstack([-matrix[equal], -matrix[others], -one, one]))
+    sides = np.concatenate([-right[equal], -right[others], -bounds[0], bounds[1]])
+    cones = Cones(equal.size, others.size + 2 * cost.size, ())
+    upper = sps.csc_matrix(sps.triu(hessian))
+    result = run_clarabel(upper, cost, stacked, sides, cones, SolverSettings())
+    solved = STATUS.get(str(result.status), "failed") in ("solved", "almost")
+    return np.array(result.x) if solved else None

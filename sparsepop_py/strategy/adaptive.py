@@ -283,7 +283,7 @@ class AdaptiveSearch:
         start = self.context.deadline.now()
         box_bound = bound_box(self.context, self.model.box, scaled, relaxation)
         spent = self.context.deadline.now() - start
-        if spent > 0.05:
+        if max(spent, expected) > STRATEGY.telling:
             self.shared_state.cost_model.pace = float(np.clip(spent / expected, 0.2, 5.0))
         self.tried.append((spec, box_bound.proved.bound, spent))
         self._accept(box_bound, relaxation)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -42,6 +42,11 @@ from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.linear_tree import (
+    LinearTreeResult,
+    bound_by_box,
+    by_linear_tree,
+)
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.verified.arithmetic.interval import Interval
@@ -70,6 +75,8 @@ class SearchState:
     history : tuple of HistoryEntry
     notes : tuple of str
         Sentences for the user.
+    known : dict
+        What verification of certificates found on the way.
     """
 
     context: SolveContext
@@ -77,6 +84,7 @@ class SearchState:
     candidates: list[NDArray[np.float64]]
     history: tuple[HistoryEntry, ...]
     notes: tuple[str, ...] = ()
+    known: dict[Any, Any] = field(default_factory=dict)
 
 
 def unstarted_state(context: SolveContext, candidates: list[NDArray[Any]]) -> SearchState:
@@ -305,6 +313,10 @@ def _run_orders(
     more_starts: Iterator[NDArray[Any]],
 ) -> SearchState:
     if context.options.effort == "auto":
+        found = by_linear_tree(context, candidates)
+        if found.final:
+            return _of_linear_tree(found)
+        context, candidates = found.context, found.candidates
         with context.stages.stage("presolve"):
             replay = context.replay()
             proof, box = find_box(
@@ -315,6 +327,9 @@ def _run_orders(
                 cutoff=replay.cutoff,
             )
         if finite(box):
+            found = bound_by_box(context, Model(proof, box), candidates)
+            if found.final:
+                return _of_linear_tree(found)
             shared_state = SharedState.of(
                 context.problem, (context.problem.objective,), context.options
             )
@@ -327,6 +342,14 @@ def _run_orders(
             orders = partial(_orders, shared=shared, more_starts=more_starts)
             return _after_unconstrained(context, candidates, iter(()), orders)
     return _orders(context, candidates, shared, more_starts)
+
+
+def _of_linear_tree(found: LinearTreeResult) -> SearchState:
+    """Return the state of a search that ended with a tree of linear programs."""
+    assert found.outcome is not None
+    return SearchState(
+        found.context, found.outcome, found.candidates, found.history, known=found.known
+    )
 
 
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:

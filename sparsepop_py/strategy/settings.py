@@ -66,6 +66,8 @@ class StrategySettings:
         solves each.
     long_problem : int
         Constraints beyond which linear programs take longer than star relaxations do.
+    telling : float
+        Seconds, measured or expected, from which a relaxation tells how fast solvers are.
     """
 
     nodes_per_effort: float = 4.0
@@ -92,6 +94,7 @@ class StrategySettings:
     weak_share: float = 0.3
     few_variables: int = 12
     long_problem: int = 300
+    telling: float = 0.05
 
 
 STRATEGY = StrategySettings()

@@ -158,7 +158,7 @@ def _reached(
     with context.stages.stage("relax"):
         scaled = Scaled.of(about, Scaling.of_box(box, slack=slack), (about.objective,))
         relaxation = spec[0].build(scaled, spec[1])
-    solver = solvers_for(context.options, relaxation, True)[0]
+    solver = solvers_for(context, relaxation, True)[0]
     options = replace(
         context.options,
         effort="presolve",

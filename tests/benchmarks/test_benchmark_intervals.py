@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import setid
-from benchmarks import block_structured, intervals, runner
-from benchmarks.families import REGISTRY
-from benchmarks.intervals import Experiment
-from benchmarks.measure import Setting
-from benchmarks.registry import Selection
-from benchmarks.report import report
+from benchmarks import runner
+from benchmarks.measuring.measure import Setting
+from benchmarks.measuring.registry import Selection
+from benchmarks.problems import block_structured, intervals
+from benchmarks.problems.families import REGISTRY
+from benchmarks.problems.intervals import Experiment
+from benchmarks.tables.report import report
 
 
 @pytest.mark.parametrize("kind", ["oe", "eiv"])

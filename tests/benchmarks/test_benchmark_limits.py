@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.limits import CASES, LimitedRun, dense, limits_table, measure_limits
+from benchmarks.tables.limits import CASES, LimitedRun, dense, limits_table, measure_limits
 
 
 def test_a_limit_is_kept_up_to_half_as_long() -> None:

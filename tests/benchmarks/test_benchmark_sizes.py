@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import main
-from benchmarks.published import published
+from benchmarks.tables.published import published
 
 GMS = """Variables x1,x2,objvar; Equations e1,e2;
 e1.. objvar + 2*x1*x2 =E= 0; e2.. 4*x1*x2 + 2*x1 + 2*x2 =L= 3;

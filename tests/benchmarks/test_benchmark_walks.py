@@ -10,7 +10,7 @@ from types import FrameType
 import networkx as nx
 import pytest
 
-from benchmarks import walks
+from benchmarks.tables import walks
 
 FILES = {
     "__init__.py": "from .top import ask",

@@ -13,15 +13,17 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from benchmarks import identification, peers, random_problems, runner, soundness
+from benchmarks import runner
 from benchmarks.__main__ import main
 from benchmarks.errors import BenchmarkError
-from benchmarks.families import REGISTRY
-from benchmarks.measure import Setting, method
-from benchmarks.records import PHASES, Row, read_rows
-from benchmarks.registry import Case, Family, Registry, Selection, Task
-from benchmarks.report import exponent, groups_of, report
-from benchmarks.settings import options_from, switches, variants
+from benchmarks.measuring.measure import Setting, method
+from benchmarks.measuring.records import PHASES, Row, read_rows
+from benchmarks.measuring.registry import Case, Family, Registry, Selection, Task
+from benchmarks.measuring.settings import options_from, switches, variants
+from benchmarks.peers import scip as peers
+from benchmarks.problems import identification, random_problems, soundness
+from benchmarks.problems.families import REGISTRY
+from benchmarks.tables.report import exponent, groups_of, report
 
 PROBLEMS = Path(__file__).resolve().parents[2] / "examples" / "problems"
 

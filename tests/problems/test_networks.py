@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from benchmarks import networks
+from benchmarks.problems import networks
 
 
 def test_the_pooling_problem_is_the_one_of_the_handbook():

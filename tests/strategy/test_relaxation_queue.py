@@ -9,8 +9,8 @@ import pytest
 from solved import check
 
 import sparsepop_py as sp
-from benchmarks.identification import THETA
-from benchmarks.identification import task as identification_context
+from benchmarks.problems.identification import THETA
+from benchmarks.problems.identification import task as identification_context
 from sparsepop_py import Options, Problem
 from sparsepop_py.bounding.relaxation_bound import Model
 from sparsepop_py.budget import Deadline

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 import numpy as np
@@ -69,7 +70,7 @@ class Outcome:
     cells: int
 
 
-def prove_over_cells(found: ParameterSet, claim: Claim, until: float) -> Outcome:
+def prove_over_cells(found: ParameterSet, claim: Claim, until: float, most: float = inf) -> Outcome:
     """Prove a claim on every cell of a set.
 
     Parameters
@@ -78,6 +79,8 @@ def prove_over_cells(found: ParameterSet, claim: Claim, until: float) -> Outcome
     claim : Claim
     until : float
         Reading of ``time.monotonic`` after which no cell is cut.
+    most : float
+        Cells after which none is cut.
     """
     todo: list[tuple[ParameterSet, Sequence[float]]] = [(found, ())]
     arcs, count = list[tuple[float, float, float]](), 0
@@ -92,7 +95,7 @@ def prove_over_cells(found: ParameterSet, claim: Claim, until: float) -> Outcome
         first = first or attempt
         if claim.excluded(cell):
             continue
-        if time.monotonic() > until:
+        if time.monotonic() > until or count >= most:
             return Outcome(False, tuple(first.arcs), tuple(first.failing), count)
         seen = list(attempt.failing)[:_HINTS]
         todo += [(half, seen) for half in cell.halves(_axis(cell, attempt))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,6 +17,7 @@ from setid.control.certificates.characteristic import Characteristic
 from setid.control.certificates.refutation import unstable_plant
 from setid.control.certificates.small_gain import SmallGain
 from setid.control.engine import (
+    Identification,
     IOData,
     ModelError,
     Noise,
@@ -24,6 +25,7 @@ from setid.control.engine import (
     Options,
     SetidError,
     TransferFunction,
+    Verification,
     natural,
     number,
 )
@@ -39,11 +41,13 @@ from setid.control.transfer import Transfer, as_transfer, is_schur
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Condition", "StabilityCertificate", "plant_model", "stability_certificate"]
+__all__ = ["Condition", "Question", "StabilityCertificate", "plant_model", "stability_certificate"]
 
 Reals = NDArray[np.float64]
 Method = Literal["small_gain", "characteristic"]
 _SNAP = 1e-6  # largest residual of a pole that is taken to be at z = 1, relative
+_PROOF = 0.75  # of the time for the proof; the rest looks for a plant that refutes it
+_ROOM = 1.0 + 1e-9  # on bounds, so that a proof that is drawn again elsewhere stays below them
 _WITHOUT_MARGIN = "unbounded without a margin"
 
 
@@ -101,6 +105,11 @@ class StabilityCertificate:
         What would help where the verdict is open.
     cells : int
     seconds : float
+    data : IOData
+        The experiment.
+    noise : Noise
+    identification : Identification or None
+        What the engine proved of the parameters, where the proof rests on it.
     """
 
     verdict: Literal["certified", "refuted", "open"]
@@ -120,6 +129,9 @@ class StabilityCertificate:
     help: tuple[str, ...]
     cells: int
     seconds: float
+    data: IOData
+    noise: Noise
+    identification: Identification | None = None
 
     def __bool__(self) -> bool:
         return self.verdict == "certified"
@@ -131,6 +143,34 @@ class StabilityCertificate:
         lines += [f"  assumed: {text}" for text in self.assumptions]
         lines += [f"  would help: {text}" for text in self.help]
         return "\n".join(lines)
+
+    def verify(self) -> Verification:
+        """Draw every conclusion again from the record, without a clock.
+
+        Linear programs propose multipliers as before; what follows from them is proved again.
+        """
+        from setid.control.certificates.stored import verify
+
+        return verify(self)
+
+    def to_json(self) -> str:
+        """Write the certificate with its record as JSON text."""
+        from setid.control.certificates.stored import to_json
+
+        return to_json(self)
+
+    @staticmethod
+    def from_json(text: str) -> StabilityCertificate:
+        """Read a certificate and verify it; text that does not verify is refused.
+
+        Parameters
+        ----------
+        text : str
+            As :meth:`to_json` makes it.
+        """
+        from setid.control.certificates.stored import from_json
+
+        return from_json(text)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the bound of abs(Delta) over frequency (needs matplotlib)."""
@@ -178,7 +218,8 @@ def stability_certificate(
     integrators : int
         Plant poles at exactly z = 1, 0 or 1.
     time_limit : float
-        Seconds, roughly; linear programs that have begun are ended.
+        Seconds. An arc's linear programs that have begun are ended, so that large records may
+        take a little longer.
     snap : float
         Largest value of a denominator at z = 1, relative to its coefficients, that is taken
         to be a pole at exactly 1; what was moved is listed among the assumptions.
@@ -221,8 +262,8 @@ def stability_certificate(
     poles = natural(integrators, "integrators", SetidError)
     if poles > min(model.na[0][0], 1):
         raise SetidError(f"integrators: found {poles}, expected 0 or 1, at most the plant's order")
-    task = _Task(data, noise, model, controller, reference, margin, poles, method, begin)
-    return task.run(begin + number(time_limit, "time_limit", SetidError), moved)
+    task = Question(data, noise, model, controller, reference, margin, poles, method)
+    return task.run(begin, number(time_limit, "time_limit", SetidError), moved)
 
 
 def plant_model(order: int | TransferFunction, delay: int = 0) -> TransferFunction:
@@ -260,8 +301,14 @@ def _known(K: Any, M: Any, Ts: float, snap: float) -> tuple[Transfer, Transfer, 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """The parts of one question, and the stages of its answer."""
+class Question:
+    """The parts of one question, and the stages of its answer.
+
+    Parameters
+    ----------
+    data, noise, model, controller, reference, margin, integrators, method
+        As :class:`StabilityCertificate` has them.
+    """
 
     data: IOData
     noise: Noise
@@ -271,10 +318,10 @@ class _Task:
     margin: float | None
     integrators: int
     method: Method
-    begin: float
 
-    def run(self, until: float, moved: tuple[str, ...]) -> StabilityCertificate:
-        conditions, factor = self._exact_conditions()
+    def run(self, begin: float, limit: float, moved: tuple[str, ...]) -> StabilityCertificate:
+        """Prove, refute or leave open within a time limit in seconds."""
+        conditions, factor = self.exact_conditions()
         assumptions = (*self._assumptions(), *moved)
         if any(c.holds is False for c in conditions):
             failed = next(c for c in conditions if c.holds is False)
@@ -282,8 +329,8 @@ class _Task:
             return self._answer(
                 None, blank, f"{failed.name} fails: {failed.text}", conditions, assumptions, None
             )
-        claim = self._claim(factor)
-        found, outcome = self._prove(claim, until)
+        claim = self.claim(factor)
+        found, outcome, result = self._prove(claim, begin + _PROOF * limit)
         plant = None
         if not outcome.proved and not (found is not None and found.empty):
             plant = unstable_plant(
@@ -294,49 +341,60 @@ class _Task:
                 found,
                 self.integrators,
                 self.margin,
-                until + 5.0,
+                begin + limit,
             )
         reason = self._reason(found, outcome, plant)
-        return self._answer(
+        answer = self._answer(
             found, outcome, reason, self._judged(conditions, outcome), assumptions, plant
         )
+        return replace(answer, identification=result, seconds=time.monotonic() - begin)
 
-    def _claim(self, factor: Transfer | None) -> Claim:
+    def claim(self, factor: Transfer | None) -> Claim:
+        """What is proved cell by cell, F being the factor of small gain."""
         if self.method == "characteristic":
             return Characteristic(self.model, self.controller)
         assert factor is not None
         return SmallGain(self.model, factor, self.reference, self.integrators, self.margin)
 
-    def _prove(self, claim: Claim, until: float) -> tuple[ParameterSet | None, Outcome]:
+    def _prove(
+        self, claim: Claim, until: float
+    ) -> tuple[ParameterSet | None, Outcome, Identification | None]:
         """Sums of rows alone, then with the engine's intervals, then cell by cell."""
-        blank = Outcome(False, (), (), 0)
-        found = consistent_set(self.data, self.model, self.noise, self.integrators, self.margin)
-        if found is None:
-            return None, blank
-        if found.empty:
-            return found, blank
-        outcome = prove_over_cells(found, claim, -inf)
-        if outcome.proved or time.monotonic() > until:
-            return found, outcome
+        found = self.known(until)
+        if found is None or found.empty:
+            return found, Outcome(False, (), (), 0), None
         now = time.monotonic()
-        outcome = prove_over_cells(found, claim, now + 0.2 * (until - now))
-        if outcome.proved or time.monotonic() > until:
-            return found, outcome
+        for part in (0.0, 0.2):  # of the time that is left, before the engine is asked
+            outcome = prove_over_cells(found, claim, now + part * (until - now))
+            if outcome.proved or time.monotonic() > until:
+                return found, outcome, None
         share = Options(time_limit=max(0.5 * (until - time.monotonic()), 0.1), progress=False)
         result = identified(
             self.data, self.model, self.noise, found, self.integrators, share, self.margin
         )
         if result.empty:
-            return found.part(found.polytope.within(found.polytope.upper, found.polytope.lower)), (
-                blank
-            )
-        found = tightened(found, result)
-        return found, prove_over_cells(found, claim, until)
+            return self.narrowed(found, result), Outcome(False, (), (), 0), result
+        found = self.narrowed(found, result, until)
+        return found, prove_over_cells(found, claim, until), result
+
+    def known(self, until: float = inf) -> ParameterSet | None:
+        """The polytope of all consistent plants by sums of rows."""
+        return consistent_set(
+            self.data, self.model, self.noise, self.integrators, self.margin, until=until
+        )
+
+    def narrowed(
+        self, found: ParameterSet, result: Identification, until: float = inf
+    ) -> ParameterSet:
+        """The part of a set that an identification leaves."""
+        if result.empty:
+            return found.part(found.polytope.within(found.polytope.upper, found.polytope.lower))
+        return tightened(found, result, until)
 
     # ---- conditions ---------------------------------------------------------------------
 
-    def _exact_conditions(self) -> tuple[tuple[Condition, ...], Transfer | None]:
-        """Decide in rationals; F = K (1 - M) takes the plant's integrator."""
+    def exact_conditions(self) -> tuple[tuple[Condition, ...], Transfer | None]:
+        """Decide conditions in rationals; F = K (1 - M) takes the plant's integrator."""
         if self.method == "characteristic":
             return (), None
         factor = (self.controller * (1 - self.reference)).reduced()
@@ -447,7 +505,8 @@ class _Task:
             verdict = "certified"
         elif plant is not None:
             verdict = "refuted"
-        bound = max((b for *_, b in outcome.arcs), default=inf)
+        arcs = tuple(sorted((low, high, b * _ROOM) for low, high, b in outcome.arcs))
+        bound = max((b for *_, b in arcs), default=inf)
         if self.method == "characteristic":
             bound = float("nan")
         advice = () if verdict != "open" else self._advice(found)
@@ -457,7 +516,7 @@ class _Task:
             self.method,
             tuple(conditions),
             bound,
-            tuple(sorted(outcome.arcs)),
+            arcs,
             self.controller,
             self.reference,
             self.model,
@@ -468,7 +527,9 @@ class _Task:
             assumptions,
             advice,
             outcome.cells,
-            time.monotonic() - self.begin,
+            0.0,
+            self.data,
+            self.noise,
         )
 
     def _advice(self, found: ParameterSet | None) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from setid.control.parameters.rows import noisy_rows
 from setid.control.parameters.sums import Frame, best_fit, least_noise_fit
 from setid.control.transfer import Transfer, is_schur
 
-__all__ = ["unstable_plant"]
+__all__ = ["proves_instability", "unstable_plant"]
 
 Reals = NDArray[np.float64]
 _OUTSIDE = Fraction(1000000001, 1000000000)  # a root is proved to lie beyond this radius
@@ -61,6 +61,8 @@ def unstable_plant(
         Consistent with the record, with a root of the closed loop outside the unit disc: both
         proved. None where none was found.
     """
+    if time.monotonic() > until:
+        return None
     rows = noisy_rows(data, model, noise, integrators)
     frame = best_fit(rows) if found is None else found.frame
     formulation = formulate(data, model, noise)
@@ -73,10 +75,10 @@ def unstable_plant(
         if time.monotonic() > until:
             return None
         direction = _direction(frame, rows.offset, rows.basis, controller, model, turn, generator)
-        theta = _farthest(formulation, rows.offset, rows.basis, frame.origin, direction)
+        theta = _farthest(formulation, rows.offset, rows.basis, frame.origin, direction, until)
         if _radius(controller, model, theta) <= 1.0:
             continue
-        if _proved(formulation, controller, model, theta, integrators, margin):
+        if proves_instability(formulation, controller, model, theta, integrators, margin):
             below, top = polynomials_of(model, theta)
             return Transfer(top, below, data.Ts)
     return None
@@ -122,24 +124,35 @@ def _direction(
 
 
 def _farthest(
-    formulation: Formulation, offset: Reals, basis: Reals, x: Reals, direction: Reals
+    formulation: Formulation,
+    offset: Reals,
+    basis: Reals,
+    x: Reals,
+    direction: Reals,
+    until: float,
 ) -> Reals:
     """The last consistent parameters along a ray, by bisection (computed)."""
     low, high = 0.0, 1.0
     for _ in range(12):
-        if _level(formulation, _theta(offset, basis, x + high * direction)) > 1.0:
+        if (
+            time.monotonic() > until
+            or _level(formulation, _theta(offset, basis, x + high * direction)) > 1.0
+        ):
             break
         low, high = high, 2.0 * high
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        if _level(formulation, _theta(offset, basis, x + middle * direction)) > 1.0:
+        if (
+            time.monotonic() > until
+            or _level(formulation, _theta(offset, basis, x + middle * direction)) > 1.0
+        ):
             high = middle
         else:
             low = middle
     return _theta(offset, basis, x + low * direction)
 
 
-def _proved(
+def proves_instability(
     formulation: Formulation,
     controller: Transfer,
     model: TransferFunction,
@@ -147,7 +160,16 @@ def _proved(
     integrators: int,
     margin: float | None,
 ) -> bool:
-    """Prove that the loop is unstable and that the plant is consistent and as assumed."""
+    """Prove that a loop is unstable and that its plant is consistent and as assumed.
+
+    Parameters
+    ----------
+    formulation, controller, model
+    theta : (p,) float
+        Of the plant.
+    integrators, margin
+        What is assumed of the plant.
+    """
     if integrators and sum(polynomials_of(model, theta)[0]) != 0:
         return False
     if is_schur(closed_loop_polynomial(controller, model, theta), _OUTSIDE):

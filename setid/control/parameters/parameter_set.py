@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb
+from math import comb, inf
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ __all__ = ["ParameterSet", "consistent_set"]
 
 Reals = NDArray[np.float64]
 _EPS = 2.0**-52
+_WINDOW = 300  # samples of a box from rows one by one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,12 +107,12 @@ class ParameterSet:
         p = len(self.names)
         return self.ranges(np.zeros(p), np.eye(p))
 
-    def within(self, matrix: Reals, right: Reals) -> ParameterSet:
-        """The part in which matrix theta <= right holds, shrunk again."""
+    def within(self, matrix: Reals, right: Reals, until: float = inf) -> ParameterSet:
+        """The part in which matrix theta <= right holds, shrunk again until a deadline."""
         constant, directions, loss = self.in_frame(np.zeros(len(right)), matrix)
         size = np.abs(right) + np.abs(constant)
         smaller = self.polytope.with_rows(directions, right - constant + loss + 4 * _EPS * size)
-        return ParameterSet(self.rows, self.frame, cover_by_sums(self.rows, smaller, self.frame))
+        return self.part(cover_by_sums(self.rows, smaller, self.frame, until=until))
 
     def halves(self, axis: int) -> list[ParameterSet]:
         """The two parts below and above the middle of a coordinate z, empty ones left out."""
@@ -138,6 +139,7 @@ def consistent_set(
     integrators: int = 0,
     margin: float | None = None,
     box: tuple[Reals, Reals] | None = None,
+    until: float = inf,
 ) -> ParameterSet | None:
     """Prove a polytope around all consistent parameters, by linear programs alone.
 
@@ -153,6 +155,8 @@ def consistent_set(
         Assumption: the other poles have abs(z) <= 1 - margin.
     box : (lower, upper), each (p,), optional
         Proved ends of all parameters, to start from where sums of rows give none.
+    until : float
+        Reading of ``time.monotonic`` after which nothing is shrunk any more.
 
     Returns
     -------
@@ -175,7 +179,7 @@ def consistent_set(
     if rows.target.size < rows.basis.shape[1]:
         return None
     frame = best_fit(rows)
-    start = first_box(rows, frame)
+    start = first_box(rows, frame, until)
     prior = _stable_rows(model, integrators, margin)
     if start is None:
         start = _start(data, model, noise, margin, rows, frame, box)
@@ -183,8 +187,8 @@ def consistent_set(
             return None
     found = ParameterSet(rows, frame, start)
     if prior is not None:
-        return found.within(*prior)
-    return found.part(cover_by_sums(rows, start, frame))
+        return found.within(*prior, until)
+    return found.part(cover_by_sums(rows, start, frame, until=until))
 
 
 def _start(
@@ -201,6 +205,9 @@ def _start(
     kept = np.flatnonzero(free)  # the others follow from an integrator
     if known is not None:
         return frame.box_around(known[0][kept], known[1][kept])
+    if data.records == 1 and data.samples > _WINDOW:  # rows left out only enlarge the box
+        output, input_, equation = (bound[:_WINDOW] for bound in noise.bounds(data))
+        data, noise = data.split(_WINDOW)[0], Noise(output, input_, equation)
     formulation: Formulation = setid.formulate(data, model, noise)
     p = len(model.parameters)
     begin = np.array([np.full(p, -np.inf), np.full(p, np.inf)])
@@ -264,9 +271,29 @@ def identified(
     margin : float, optional
     priors : tuple of priors
     """
-    found = list(priors)
+    known_priors = priors_of(model, known, integrators, margin)
+    return identify(data, model, noise, [*priors, *known_priors], options)
+
+
+def priors_of(
+    model: TransferFunction,
+    known: ParameterSet | None,
+    integrators: int = 0,
+    margin: float | None = None,
+) -> list[Any]:
+    """What is proved or assumed of the parameters, as priors.
+
+    Parameters
+    ----------
+    model, known, integrators, margin
+        As for :func:`identified`. The box of ``known`` is widened a little, so that one that is
+        computed again elsewhere lies within it.
+    """
+    found: list[Any] = []
     if known is not None and not known.empty:
         low, high = known.box
+        room = 1e-9 * (high - low)
+        low, high = low - room, high + room
         pairs = zip(known.names, low.tolist(), high.tolist(), strict=True)
         found.append(Box({name: (a, b) for name, a, b in pairs}))
     if integrators:
@@ -275,10 +302,10 @@ def identified(
         found.append(total + 1 == 0)
     elif margin is not None and model.na[0][0]:
         found.append(Stable(margin=margin))
-    return identify(data, model, noise, found, options)
+    return found
 
 
-def tightened(known: ParameterSet, result: Identification) -> ParameterSet:
+def tightened(known: ParameterSet, result: Identification, until: float = inf) -> ParameterSet:
     """A parameter set within the outer intervals of an identification.
 
     Parameters
@@ -286,9 +313,11 @@ def tightened(known: ParameterSet, result: Identification) -> ParameterSet:
     known : ParameterSet
     result : Identification
         Of the same record, structure and noise.
+    until : float
+        Reading of ``time.monotonic`` after which nothing is shrunk any more.
     """
     ends = np.array([result.intervals[name].outer for name in known.names])
     eye, finite = np.eye(len(known.names)), np.isfinite(ends)
     matrix = np.concatenate([eye[finite[:, 1]], -eye[finite[:, 0]]])
     right = np.concatenate([ends[finite[:, 1], 1], -ends[finite[:, 0], 0]])
-    return known.within(frozen(matrix), frozen(right))
+    return known.within(frozen(matrix), frozen(right), until)

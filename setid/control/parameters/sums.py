@@ -10,7 +10,9 @@ rows that hold: nothing proved rests on how they were found.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 import scipy.linalg as sla
@@ -28,6 +30,7 @@ __all__ = [
     "cover_by_sums",
     "first_box",
     "least_noise_fit",
+    "return_factor",
     "rows_on_box",
     "sums_of",
 ]
@@ -213,7 +216,7 @@ def _axes(rows: NoisyRows, x: Reals) -> Reals:
 def _residual_noise(rows: NoisyRows, x: Reals) -> Reals:
     """Noise (M,) of least squares that explains the rows at x."""
     residual = rows.target + rows.regressors @ x
-    dual = sla.cho_solve((_whitening(rows, x), True), residual)
+    dual = sla.cho_solve_banded((_whitening(rows, x), True), residual)
     return np.asarray(rows.bound**2 * (rows.shape_of_noise(x).T @ dual), np.float64)
 
 
@@ -221,36 +224,59 @@ def _newton(rows: NoisyRows, x: Reals) -> tuple[float, Reals, Reals]:
     """Cost, step, and the transposed cleaned regressors in the metric of the noise."""
     factor = _whitening(rows, x)
     residual = rows.target + rows.regressors @ x
-    white = sla.solve_triangular(factor, residual, lower=True)
+    white = _below(factor, residual)
     shape = rows.shape_of_noise(x)
-    dual = sla.solve_triangular(factor, white, lower=True, trans="T")
+    dual = _above(factor, white)
     noise = rows.bound**2 * (shape.T @ dual)
     moved = [slope @ noise for slope in rows.slopes]
     clean = rows.regressors - np.stack(moved, axis=1) if moved else rows.regressors
-    inside = sla.solve_triangular(factor, clean, lower=True)
+    inside = _below(factor, clean)
     step = np.linalg.lstsq(inside, -white, rcond=1e-13)[0]
-    metric = sla.solve_triangular(factor, inside, lower=True, trans="T").T
+    metric = _above(factor, inside).T
     return float(white @ white), np.asarray(step, np.float64), metric
 
 
 def _whitening(rows: NoisyRows, x: Reals) -> Reals:
-    """Cholesky factor (R, R) of the noise's covariance at x, a little lifted."""
-    shape = np.asarray((rows.shape_of_noise(x) * rows.bound[None, :]).todense())
-    covariance = shape @ shape.T
-    covariance[np.diag_indices_from(covariance)] += 1e-10 * np.trace(covariance) / len(shape)
-    return np.asarray(np.linalg.cholesky(covariance), np.float64)
+    """Cholesky factor of the noise's covariance at x, a little lifted, by diagonals (b + 1, R).
+
+    Noise samples occur in neighbouring rows only, so that the covariance has few diagonals.
+    """
+    shape = rows.shape_of_noise(x) * rows.bound[None, :]
+    covariance = sps.coo_array(shape @ shape.T)
+    lower = covariance.row - covariance.col
+    kept = lower >= 0
+    bands = np.zeros((int(lower.max(initial=0)) + 1, covariance.shape[0]))
+    bands[lower[kept], covariance.col[kept]] = covariance.data[kept]
+    bands[0] += 1e-10 * bands[0].mean()
+    return np.asarray(sla.cholesky_banded(bands, lower=True), np.float64)
+
+
+def _below(factor: Reals, right: Reals) -> Reals:
+    """Solve L z = right for a factor L that is given by its diagonals."""
+    return np.asarray(sla.solve_banded((len(factor) - 1, 0), factor, right), np.float64)
+
+
+def _above(factor: Reals, right: Reals) -> Reals:
+    """Solve L' z = right for a factor L that is given by its diagonals."""
+    size = factor.shape[1]
+    upper = np.zeros_like(factor)
+    for lag, diagonal in enumerate(factor):
+        upper[len(factor) - 1 - lag, lag:] = diagonal[: size - lag]
+    return np.asarray(sla.solve_banded((0, len(factor) - 1), upper, right), np.float64)
 
 
 # ---- boxes ------------------------------------------------------------------------------
 
 
-def first_box(rows: NoisyRows, frame: Frame) -> Polytope | None:
+def first_box(rows: NoisyRows, frame: Frame, until: float = inf) -> Polytope | None:
     """A box from a left inverse: abs(z - z0) <= d + G abs(z - z0), with the noise summed first.
 
     Parameters
     ----------
     rows : NoisyRows
     frame : Frame
+    until : float
+        Reading of ``time.monotonic`` after which linear programs are given up.
 
     Returns
     -------
@@ -260,10 +286,10 @@ def first_box(rows: NoisyRows, frame: Frame) -> Polytope | None:
     metric = frame.axes.T @ _newton(rows, frame.origin)[2]
     inverse = np.linalg.pinv(metric @ rows.regressors @ frame.axes) @ metric
     found = _contraction(rows, frame, inverse)
-    return found or _contraction(rows, frame, _least_noise_inverse(rows, frame))
+    return found or _contraction(rows, frame, _least_noise_inverse(rows, frame, until))
 
 
-def _least_noise_inverse(rows: NoisyRows, frame: Frame) -> Reals | None:
+def _least_noise_inverse(rows: NoisyRows, frame: Frame, until: float) -> Reals | None:
     """Left inverse (q, R) whose rows sum the least noise, by linear programs.
 
     The duals of max z_i subject to regressors z = noise: the least sum_m D_m abs(c_m).
@@ -277,11 +303,36 @@ def _least_noise_inverse(rows: NoisyRows, frame: Frame) -> Reals | None:
     for i in range(x.size):
         cost = np.zeros(x.size + count)
         cost[i] = 1.0
-        result = linprog(cost, A_eq=matrix, b_eq=zero, bounds=bounds, method="highs")
+        if time.monotonic() > until:
+            return None
+        result = linprog(
+            cost, A_eq=matrix, b_eq=zero, bounds=bounds, method="highs", options=_left(until)
+        )
         if result.status != 0:
             return None
         found.append(np.asarray(result.eqlin.marginals, float))
     return np.array(found)
+
+
+def return_factor(rows: NoisyRows, frame: Frame) -> float:
+    """Spectral radius of G in abs(z - z0) <= d + G abs(z - z0); a box follows where it is below 1.
+
+    Parameters
+    ----------
+    rows : NoisyRows
+    frame : Frame
+    """
+    metric = frame.axes.T @ _newton(rows, frame.origin)[2]
+    inverse = np.linalg.pinv(metric @ rows.regressors @ frame.axes) @ metric
+    coupling = _coupling(sums_of(rows, inverse, frame))
+    return float(np.abs(np.linalg.eigvals(coupling)).max())
+
+
+def _coupling(sums: Sums) -> Reals:
+    """By how much sums of rows let the parameters depend on each other, (q, q)."""
+    loose = np.abs(sums.slopes) @ sums.bound + sums.slope_loss
+    rest = np.abs(np.eye(len(loose)) - sums.regressors) + sums.regressor_loss + 8 * _EPS
+    return np.asarray((rest + loose.T) * (1.0 + 1e-12), np.float64)
 
 
 def _contraction(rows: NoisyRows, frame: Frame, inverse: Reals | None) -> Polytope | None:
@@ -298,9 +349,7 @@ def _contraction(rows: NoisyRows, frame: Frame, inverse: Reals | None) -> Polyto
     shape = np.abs(sums.noise + np.tensordot(z0, sums.slopes, axes=1)) @ sums.bound
     loss = sums.noise_loss + np.abs(z0) @ sums.slope_loss
     drive = (away + shape + loss) * (1.0 + 1e-12)
-    loose = np.abs(sums.slopes) @ sums.bound + sums.slope_loss
-    rest = np.abs(np.eye(q) - sums.regressors) + sums.regressor_loss + 8 * _EPS
-    coupling = (rest + loose.T) * (1.0 + 1e-12)
+    coupling = _coupling(sums)
     if not np.all(np.isfinite(coupling)) or np.abs(np.linalg.eigvals(coupling)).max() > 0.999:
         return None
     radius = np.linalg.solve(np.eye(q) - coupling, drive) * 1.001 + 1e-300
@@ -316,6 +365,7 @@ def cover_by_sums(
     frame: Frame,
     fit: Reals | None = None,
     rounds: int = _ROUNDS,
+    until: float = inf,
 ) -> Polytope:
     """Shrink a box by linear programs over sums of rows.
 
@@ -330,6 +380,8 @@ def cover_by_sums(
         What the weights are made for; the origin of the frame when left out.
     rounds : int
         At most.
+    until : float
+        Reading of ``time.monotonic`` after which no round begins.
 
     Returns
     -------
@@ -337,7 +389,7 @@ def cover_by_sums(
         Contains every consistent x as well. Its box may be crossed: then none is consistent.
     """
     around = frame if fit is None else Frame(fit, frame.axes)
-    sums = sums_of(rows, _weights(rows, around, fit is None), frame)
+    sums = sums_of(rows, _weights(rows, around, fit is None, until), frame)
     eye = np.eye(frame.origin.size)
     for _ in range(rounds):
         cover = box.with_rows(*rows_on_box(sums, box))
@@ -349,7 +401,7 @@ def cover_by_sums(
             return smaller
         shrunk = np.any(smaller.upper - smaller.lower < _GAIN * (box.upper - box.lower))
         box = smaller
-        if not shrunk:
+        if not shrunk or time.monotonic() > until:
             break
     return _cutting(box.with_rows(*rows_on_box(sums, box)))
 
@@ -400,22 +452,23 @@ def rows_on_box(sums: Sums, box: Polytope) -> tuple[Reals, Reals]:
 # ---- weights ----------------------------------------------------------------------------
 
 
-def _weights(rows: NoisyRows, frame: Frame, best: bool) -> Reals:
+def _weights(rows: NoisyRows, frame: Frame, best: bool, until: float) -> Reals:
     """Rows as they are, whitened rows, a left inverse, and the best ones for each end."""
     factor = _whitening(rows, frame.origin)
-    count = len(factor)
-    white = sla.solve_triangular(factor, np.eye(count), lower=True)
+    count = factor.shape[1]
     kept = np.unique(np.linspace(0, count - 1, min(count, _MOST_WHITE)).astype(int))
+    plain = np.zeros((kept.size, count))
+    plain[np.arange(kept.size), kept] = 1.0
     metric = frame.axes.T @ _newton(rows, frame.origin)[2]
-    parts = [np.eye(count)[kept], white[kept], metric]
-    parts += [_best(rows, frame)] if best else []
+    parts = [plain, _above(factor, plain.T).T, metric]
+    parts += [_best(rows, frame, until)] if best else []
     found = np.concatenate(parts)
     size = np.abs(found).max(axis=1, keepdims=True)
     found = found / np.where(size > 0, size, 1.0)
     return np.asarray(found[np.all(np.isfinite(found), axis=1)], np.float64)
 
 
-def _best(rows: NoisyRows, frame: Frame) -> Reals:
+def _best(rows: NoisyRows, frame: Frame, until: float) -> Reals:
     """Duals of max +-x_i and +-z_i subject to the rows linearised at the origin."""
     x = frame.origin
     residual = rows.target + rows.regressors @ x
@@ -427,10 +480,18 @@ def _best(rows: NoisyRows, frame: Frame) -> Reals:
     matrix = sps.hstack([sps.csr_array(clean), -scaled]).tocsr()
     bounds = [(None, None)] * q + [(-1.0, 1.0)] * count
     found = []
-    for goal in np.concatenate([np.eye(q), frame.axes]):
-        for sign in (1.0, -1.0):
-            cost = np.concatenate([sign * goal / np.abs(goal).max(), np.zeros(count)])
-            result = linprog(cost, A_eq=matrix, b_eq=-residual, bounds=bounds, method="highs")
-            if result.status == 0:
-                found.append(np.asarray(result.eqlin.marginals, float))
+    for goal in np.concatenate([np.eye(q), -np.eye(q), frame.axes, -frame.axes]):
+        if time.monotonic() > until:
+            break
+        cost = np.concatenate([goal / np.abs(goal).max(), np.zeros(count)])
+        result = linprog(
+            cost, A_eq=matrix, b_eq=-residual, bounds=bounds, method="highs", options=_left(until)
+        )
+        if result.status == 0:
+            found.append(np.asarray(result.eqlin.marginals, float))
     return np.reshape(found, (-1, rows.target.size))
+
+
+def _left(until: float) -> dict[str, float]:
+    """Options of a linear program that ends with a deadline."""
+    return {} if until == inf else {"time_limit": max(until - time.monotonic(), 0.05)}

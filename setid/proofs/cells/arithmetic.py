@@ -34,7 +34,7 @@ class Enclosed(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """Coefficients of the map in each of C cells."""
+    """Coefficients of the rows in each of C cells: denominators behind the map, then the map's."""
 
     gamma: Reals  # (C, M)
     radius: Reals  # (C, M)
@@ -128,29 +128,30 @@ def _filtered(size: Reals, values: Reals) -> Reals:
 
 
 def fitted(
-    found: Enclosed, rows: NDArray[np.int64], powers: tuple[int, ...], y: Reals, noise: Reals
+    found: Enclosed,
+    rows: NDArray[np.int64],
+    columns: tuple[tuple[int, int], ...],
+    past: tuple[Reals, Reals],
+    y: Reals,
+    noise: Reals,
 ) -> Fitted:
-    """Bound gamma in each cell by the rows y~_k = sum gamma_m z_k^m + eta_k.
+    """Bound gamma in each cell by the rows y~_k = past_k a + sum gamma_m z_(k-lag)^power + eta_k.
 
     Parameters
     ----------
     found : Enclosed
     rows : (R,) int
         Samples.
-    powers : tuple of int
+    columns : tuple of (lag, power)
+    past : two of (R, n) float
+        Columns of measured samples, and how far noise may move them.
     y, noise : (R,) float
     """
-    z, radius = found.centre[:, rows], found.radius[:, rows]
     with np.errstate(over="ignore", invalid="ignore"):
-        matrix = np.stack([z**power for power in powers], axis=2)
-        wide = np.stack(
-            [
-                power * radius * (np.abs(z) + radius) ** max(power - 1, 0) * _MORE
-                + 16 * power * _UNIT * np.abs(z) ** power
-                for power in powers
-            ],
-            axis=2,
-        )
+        pairs = [_column(found, rows, lag, power) for lag, power in columns]
+    every = np.ones((found.centre.shape[0], 1, 1))
+    matrix = np.concatenate([every * past[0], np.stack([p[0] for p in pairs], axis=2)], axis=2)
+    wide = np.concatenate([every * past[1], np.stack([p[1] for p in pairs], axis=2)], axis=2)
     usable = np.all(np.isfinite(matrix) & np.isfinite(wide) & (wide < 1e100), axis=2)
     matrix = np.where(usable[:, :, None], matrix, 0.0)
     wide = np.where(usable[:, :, None], wide, 0.0)
@@ -163,7 +164,7 @@ def fitted(
     inverse = np.where(usable[:, None, :], inverse, 0.0)
     reach, bounded = _radius(inverse, matrix, wide, gamma, y, noise)
     most = np.where(bounded[:, None], np.abs(gamma) + reach, np.inf)
-    empty, weight, fit = np.zeros(len(z), bool), trust, gamma
+    empty, weight, fit = np.zeros(len(matrix), bool), trust, gamma
     for _ in range(4):  # residuals near their largest count most
         rest = (y - np.einsum("ckm,cm->ck", matrix, fit)) / size
         normal = _orthogonal(matrix, usable * weight * size * rest)
@@ -172,6 +173,15 @@ def fitted(
         weight = weight * (np.abs(rest) / top + 3e-2) ** 2
         fit = _least_squares(matrix, weight, y)[0]
     return Fitted(gamma, reach, bounded, empty)
+
+
+def _column(found: Enclosed, rows: NDArray[np.int64], lag: int, power: int) -> tuple[Reals, Reals]:
+    """Powers of z some samples ago, at rest before the first, and their radii."""
+    before, rest = rows - lag, rows < lag
+    z = np.where(rest, 0.0, found.centre[:, before])
+    radius = np.where(rest, 0.0, found.radius[:, before])
+    wide = power * radius * (np.abs(z) + radius) ** max(power - 1, 0) * _MORE
+    return z**power, wide + 16 * power * _UNIT * np.abs(z) ** power
 
 
 def _least_squares(matrix: Reals, weight: Reals, y: Reals) -> tuple[Reals, Reals]:

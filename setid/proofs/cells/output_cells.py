@@ -1,9 +1,12 @@
-"""Boxes for systems with a nonlinear output, by cells of the linear block.
+"""Boxes for systems with a map behind a linear block, by cells of that block.
 
 No row in measured signals bounds these parameters. But in a small cell of the coefficients
 of G the signal z is known up to a small radius, so that y~_k = sum_m gamma_m z_k^m + eta_k
 are rows in gamma alone: cells in which they contradict each other are cut off, in the
-others they bound gamma.
+others they bound gamma. With a linear block behind the map the rows are linear in its
+denominator and in products of its numerator with gamma, and hold noise of several samples:
+
+    y~_k - eta_k = -sum_i a_i (y~_(k-i) - eta_(k-i)) + sum_jm b_j gamma_m z_(k-j)^m.
 
 The numerator (and unknown initial values of z) are only known up to a factor that gamma
 takes up. All ratios are covered by the faces of a cube: one coordinate is 1, the others lie
@@ -36,17 +39,27 @@ __all__ = ["CellBox", "Parts", "cell_box", "parts_of"]
 Reals = NDArray[np.float64]
 
 
+class Column(NamedTuple):
+    """A sample z(k - lag)^power, and the product of parameters that multiplies it."""
+
+    lag: int
+    power: int
+    word: tuple[str, ...]
+
+
 class Parts(NamedTuple):
-    """Parts of a structure z = G r, y1 = N(z) that the method uses."""
+    """Parts of a structure z = G r, y1 = N(z) or y1 = H N(z) that the method uses."""
 
     signal: str
+    label: str  # of G
     poles: tuple[str, ...]
     words: tuple[tuple[str, ...], ...]  # products of parameters, one a coordinate
     constants: Reals  # and what else multiplies them
     drives: Reals  # (q, N)
     drive_noise: Reals  # (q, N)
-    weights: tuple[str, ...]
-    powers: tuple[int, ...]
+    past: tuple[str, ...]  # denominator of H
+    numerator: tuple[str, ...]  # of H where its static gain is 1, else empty
+    columns: tuple[Column, ...]
     initial: int  # unknown first samples of z
 
 
@@ -55,29 +68,69 @@ def parts_of(formulation: Formulation) -> Parts | None:
     model, data = formulation.model, formulation.data
     if not isinstance(model, BlockStructured) or model.outputs != 1 or data.records != 1:
         return None
-    maps = dict(model.maps)
-    if "y1" not in maps or not maps["y1"].polynomial or len(maps["y1"].arguments) != 1:
-        return None
-    signal = maps["y1"].arguments[0]
-    blocks = [b for b in model.blocks if b.target == signal]
     bare = model.changed(fixed=(), unit_gain=())
+    behind = _behind(bare)
+    if behind is None:
+        return None
+    signal, past, numerator, columns = behind
+    label = [b.label for b in model.blocks if b.target == "y1"]
+    numerator = numerator if set(label) & set(model.unit_gain) else ()
+    blocks = [b for b in model.blocks if b.target == signal]
     equations = {e.defines: e for e in bare.equations(())}
     if len(blocks) != 1 or channel_of(signal) is not None or signal not in equations:
         return None
     equation = equations[signal]
     poles = bare.wiring.transfer(blocks[0]).denominator
     fixed = {name for name, _ in model.fixed}
-    if fixed & set(poles) or any(len(t.signals) != 1 for t in equation.terms[: len(poles) + 1]):
+    if fixed & {*poles, *past} or any(
+        len(t.signals) != 1 for t in equation.terms[: len(poles) + 1]
+    ):
         return None
     drives = _drives(equation, len(poles), signal, formulation)
     if drives is None:
         return None
     words, values, spread, constants = drives
-    powers = tuple(p[0] for p in maps["y1"].basis if not callable(p))
     initial = 0 if model.initial == "zero" else equation.lag
     return Parts(
-        signal, poles, words, constants, values, spread, bare.wiring.weights("y1"), powers, initial
+        signal,
+        blocks[0].label,
+        poles,
+        words,
+        constants,
+        values,
+        spread,
+        past,
+        numerator,
+        columns,
+        initial,
     )
+
+
+Behind = tuple[str, tuple[str, ...], tuple[str, ...], tuple[Column, ...]]
+
+
+def _behind(bare: BlockStructured) -> Behind | None:
+    """The signal z before the map, H, and the columns of rows that the map and H make of z."""
+    maps, wiring = dict(bare.maps), bare.wiring
+    before = [b for b in bare.blocks if b.target == "y1"]
+    name, past, numerator, delay = "y1", tuple[str, ...](), tuple[str, ...](), 0
+    if before:
+        if len(before) > 1 or len(before[0].source) > 1 or before[0].source[0][1] != 1.0:
+            return None
+        name, transfer = before[0].source[0][0], wiring.transfer(before[0])
+        past, numerator, delay = transfer.denominator, transfer.numerator, transfer.delay
+    if name not in maps or not maps[name].polynomial or len(maps[name].arguments) != 1:
+        return None
+    powers = [p[0] for p in maps[name].basis if not callable(p)]
+    own = list(zip(wiring.weights(name), powers, strict=True))
+    if not before:
+        return maps[name].arguments[0], (), (), tuple(Column(0, p, (w,)) for w, p in own)
+    found = [
+        Column(delay + j, power, (b, weight))
+        for j, b in enumerate(numerator)
+        for weight, power in own
+    ]
+    return maps[name].arguments[0], past, numerator, tuple(found)
 
 
 def _drives(
@@ -206,6 +259,8 @@ def cell_box(
     data = formulation.data
     noise = formulation.noise.bounds(data)[0][:, 0]
     known = ~np.isnan(data.y[:, 0])
+    for lag in range(1, len(parts.past) + 1):
+        known[lag:] &= ~np.isnan(data.y[:-lag, 0])
     if not np.any(np.abs(data.y[known, 0]) > noise[known]):
         return None  # nothing but noise: z may be zero
     cells = _first_cells(parts, poles)
@@ -238,8 +293,12 @@ def _measured(
         parts.drive_noise[:, :upto],
         parts.initial,
     )
-    noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
-    return found, fitted(found, rows, parts.powers, formulation.data.y[rows, 0], noise)
+    y, noise = formulation.data.y[:, 0], formulation.noise.bounds(formulation.data)[0][:, 0]
+    lags = np.arange(1, len(parts.past) + 1)
+    before = rows[:, None] - lags
+    past = -np.where(before < 0, 0.0, y[before]), np.where(before < 0, 0.0, noise[before])
+    columns = tuple((column.lag, column.power) for column in parts.columns)
+    return found, fitted(found, rows, columns, past, y[rows], noise[rows])
 
 
 def _pruned(
@@ -286,8 +345,10 @@ def _halved(
             break
         found, fit = _measured(parts, formulation, cells, rows)
         alive = ~fit.empty
-        effect = _effects(found, np.abs(fit.gamma), parts.powers, rows, noise)
-        worst = _effects(found, np.abs(fit.gamma) + fit.radius, parts.powers, rows, noise)
+        own = slice(len(parts.past), None)
+        size, radius = np.abs(fit.gamma[:, own]), fit.radius[:, own]
+        effect = _effects(found, size, parts.columns, rows, noise)
+        worst = _effects(found, size + radius, parts.columns, rows, noise)
         fine = alive & fit.bounded & (worst.max(axis=1) <= _FINE)
         done.append(cells[fine])
         rest = np.flatnonzero(alive & ~fine)
@@ -300,13 +361,15 @@ def _halved(
 
 
 def _effects(
-    found: Enclosed, gamma: Reals, powers: tuple[int, ...], rows: NDArray[Any], noise: Reals
+    found: Enclosed, gamma: Reals, columns: tuple[Column, ...], rows: NDArray[Any], noise: Reals
 ) -> Reals:
     """Effect of each coordinate of a cell on outputs, in noise bounds, shape (C, d)."""
     z = np.abs(found.centre[:, rows]) + 1e-300
-    slope = sum(
-        gamma[:, m, None] * power * z ** max(power - 1, 0) for m, power in enumerate(powers)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        slope = sum(
+            gamma[:, m, None] * column.power * z ** max(column.power - 1, 0)
+            for m, column in enumerate(columns)
+        )
     scale = slope / np.maximum(noise, 1e-300)
     effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
     width = found.radii > 0
@@ -401,13 +464,15 @@ def _factor(parts: Parts, model: BlockStructured, cells: Reals, fit: Fitted) -> 
             goal = float(np.prod([fixed[name] for name in word]))
             scale = np.asarray(parts.constants)[place]
             return _divided(np.full((len(cells), 2), goal / scale), cells[:, :, n + place])
-    for m, (name, power) in enumerate(zip(parts.weights, parts.powers, strict=True)):
-        if name in fixed and power == 1 and fixed[name]:
+    for m, column in enumerate(parts.columns, len(parts.past)):
+        goal = float(np.prod([fixed.get(name, 0.0) for name in column.word]))
+        if column.power == 1 and goal:
             ends = np.stack(
                 [fit.gamma[:, m] - fit.radius[:, m], fit.gamma[:, m] + fit.radius[:, m]], axis=1
             )
-            return np.sort(ends / fixed[name], axis=1) * [1.0, 1.0]
-    if model.unit_gain and all(len(word) == 1 for word in parts.words):
+            ends = np.sort(ends / goal, axis=1)
+            return ends + 1e-14 * np.abs(ends) * [-1.0, 1.0]
+    if parts.label in model.unit_gain and all(len(word) == 1 for word in parts.words):
         top = np.ones((len(cells), 2)) + cells[:, :, :n].sum(axis=2)
         below = (cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
         slack = 1e-14 * np.abs(cells[:, :, n : n + len(parts.words)] * parts.constants).sum(axis=2)
@@ -453,17 +518,40 @@ def _one_cell(
             ends[free,] = _spread(
                 [a * b * constant for a in scale for b in cell[:, n + i].tolist()]
             )
-    for m, (name, power) in enumerate(zip(parts.weights, parts.powers, strict=True)):
-        if name in fixed or not fit.bounded[number]:
+    if not fit.bounded[number]:
+        return contracted(box, ends, ())
+    ends |= _row_ends(parts, fixed, fit, number, scale, place)
+    if not parts.numerator or set(parts.numerator) & set(fixed):
+        return contracted(box, ends, ())
+    numerator, past = (
+        tuple(place[name] for name in part) for part in (parts.numerator, parts.past)
+    )
+    return contracted(box, ends, [(numerator, past)])
+
+
+def _row_ends(
+    parts: Parts,
+    fixed: Mapping[str, float],
+    fit: Fitted,
+    number: int,
+    scale: Ends,
+    place: Mapping[str, int],
+) -> dict[Total, Ends]:
+    """Ends of what the rows hold in one cell, in the normalisation of the model."""
+    low, high = fit.gamma[number] - fit.radius[number], fit.gamma[number] + fit.radius[number]
+    ends: dict[Total, Ends] = {}
+    for m, name in enumerate(parts.past):
+        ends[((place[name],),)] = _spread([float(low[m]), float(high[m])])
+    for m, column in enumerate(parts.columns, len(parts.past)):
+        free = tuple(sorted(place[name] for name in column.word if name not in fixed))
+        known = float(np.prod([fixed[name] for name in column.word if name in fixed]))
+        divisor = _power(scale, column.power)
+        if not free or not known or not np.all(np.isfinite(divisor)):
             continue
-        middle, radius = float(fit.gamma[number, m]), float(fit.radius[number, m])
-        divisor = _power(scale, power)
-        if power and (not np.all(np.isfinite(scale)) or divisor[0] <= 0.0 <= divisor[1]):
+        if column.power and divisor[0] <= 0.0 <= divisor[1]:
             continue
-        ends[((place[name],),)] = _spread(
-            [a / b for a in (middle - radius, middle + radius) for b in divisor]
-        )
-    return contracted(box, ends, ())
+        ends[free,] = _spread([float(a) / b / known for a in (low[m], high[m]) for b in divisor])
+    return ends
 
 
 def _power(ends: Ends, power: int) -> Ends:

@@ -240,6 +240,9 @@ def exact_values(
 ) -> list[Fraction]:
     """Exact values of stacked polynomials at a rational point.
 
+    Terms are integers over powers of two and odd denominators, so that only sums of terms with
+    different odd denominators need fractions: few, since doubles have none.
+
     Parameters
     ----------
     words : (T, D) int32
@@ -250,15 +253,24 @@ def exact_values(
         Number of polynomials.
     x : sequence of Fraction, length n
     """
-    values = [Fraction(0)] * size
+    places = [(v.denominator & -v.denominator).bit_length() - 1 for v in x]
+    parts = [
+        (v.numerator, place, v.denominator >> place) for v, place in zip(x, places, strict=True)
+    ]
+    sums: dict[tuple[int, int], tuple[int, int]] = {}  # by polynomial and odd denominator
     for letters, coefficient, number in zip(
         words.tolist(), coefficients.tolist(), row.tolist(), strict=True
     ):
-        term = Fraction(coefficient)
+        top, bottom = coefficient.as_integer_ratio()
+        place, odd = bottom.bit_length() - 1, 1  # the term is top / (odd 2^place)
         for letter in letters:
             if letter:
-                term *= x[letter - 1]
-                if not term:
-                    break
-        values[number] += term
+                factor, more, part = parts[letter - 1]
+                top, place, odd = top * factor, place + more, odd * part
+        before, at = sums.get((number, odd), (0, 0))
+        common = max(place, at)
+        sums[number, odd] = (before << common - at) + (top << common - place), common
+    values = [Fraction(0)] * size
+    for (number, odd), (top, place) in sums.items():
+        values[number] += Fraction(top, odd << place)
     return values

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.budget import check
 from sparsepop_py.problem.problem import Problem
@@ -50,7 +51,8 @@ def falling_ray(
     origin = exact_coordinates(problem, start.x, start.rows, start.solved)
     if origin is None:
         return None
-    for direction in _directions(problem, start.x) if known is None else (known,):
+    tried = np.array([known]) if known is not None else np.array([*_directions(problem, start.x)])
+    for direction in tried[_recede(problem, tried)]:
         check()
         if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
             return direction
@@ -67,6 +69,23 @@ def _directions(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float6
         for signs in range(3**problem.dimension if problem.dimension <= 5 else 0):
             digits = [(signs // 3**k) % 3 - 1 for k in range(problem.dimension)]
             yield np.array(digits, float)
+
+
+def _recede(problem: Problem, directions: NDArray[Any]) -> NDArray[np.bool_]:
+    """Mark directions (K, n) that bounds and linear constraints may allow without end."""
+    down, up = np.isfinite(problem.lower), np.isfinite(problem.upper)
+    holds = ~np.any((directions < 0) & down | (directions > 0) & up, axis=1)
+    system = problem.rows
+    degree = monomials.degrees(system.words)
+    linear = np.bincount(system.row, degree > 1, minlength=system.size) == 0
+    slopes = np.zeros((system.size, problem.dimension))
+    terms = np.flatnonzero((degree == 1) & linear[system.row])
+    slopes[system.row[terms], system.words[terms, -1] - 1] = system.coefficients[terms]
+    with np.errstate(all="ignore"):
+        step = directions @ slopes.T
+        rounding = 1e-9 * (np.abs(directions) @ np.abs(slopes).T)
+        falls = (step < -rounding) | ((step > rounding) & problem.equality)
+    return holds & ~np.any(falls, axis=1)
 
 
 def _promises(problem: Problem, x: NDArray[Any], direction: NDArray[Any]) -> bool:

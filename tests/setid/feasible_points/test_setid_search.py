@@ -9,8 +9,8 @@ import pytest
 
 import setid
 import sparsepop_py as sp
-from benchmarks import peers
-from benchmarks.block_structured import KINDS, record
+from benchmarks.peers import scip as peers
+from benchmarks.problems.block_structured import KINDS, record
 from setid.feasible_points.search import coupled, recheck_results, search_ends
 from setid.feasible_points.start import first_point
 from setid.feasible_set.start import find_box

@@ -11,7 +11,7 @@ import pytest
 
 import setid
 import sparsepop_py as sp
-from benchmarks.block_structured import KINDS, record
+from benchmarks.problems.block_structured import KINDS, record
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.units import coupled_rows

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import setid
-from benchmarks.intervals import PLANTS, Experiment
+from benchmarks.problems.intervals import PLANTS, Experiment
 from setid.identifiability.common_factor import find_unbounded
 
 QUICK = setid.Options(time_limit=60.0, progress=False)

@@ -5,8 +5,8 @@ import shutil
 import pytest
 
 from benchmarks.agreement import compare
-from benchmarks.conic_peers import csdp
-from benchmarks.relaxations import NAMED, ORIGINS, cases
+from benchmarks.peers.conic import csdp
+from benchmarks.problems.relaxations import NAMED, ORIGINS, cases
 from sparsepop_py.solvers import cliquetree
 
 SLOW = ("dense quartic in", "cut of 7", "cut of 6", "cliques of 7")

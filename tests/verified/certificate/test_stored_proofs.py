@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sparsepop_py as sp
-from benchmarks.identification import task as identification_context
+from benchmarks.problems.identification import task as identification_context
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages

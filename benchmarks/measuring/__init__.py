@@ -1,0 +1,1 @@
+"""One measurement: what is run, watched, judged and written."""

@@ -1,0 +1,109 @@
+"""Bound that effort auto reaches with half as much time again as the plain order takes.
+
+For each file the plain relaxation of an order is solved and proved. Then auto gets 1.5 times that
+CPU time and 0.2 seconds, and its bound is put beside the plain one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import sparsepop_py as sp
+
+from .text import number, table
+
+__all__ = ["Beside", "auto_beside_plain", "beside_table"]
+
+FACTOR, EXTRA = 1.5, 0.2  # CPU seconds
+TOLERANCE = 1e-6  # relative
+
+
+@dataclass(frozen=True)
+class Beside:
+    """One file at one order.
+
+    Parameters
+    ----------
+    name : str
+    order : int
+    plain, auto : float
+        Proved bounds.
+    plain_seconds, auto_seconds : float
+        CPU seconds.
+    status : str
+        Of auto.
+    """
+
+    name: str
+    order: int
+    plain: float
+    auto: float
+    plain_seconds: float
+    auto_seconds: float
+    status: str
+
+    @property
+    def reached(self) -> bool:
+        """True if auto proved as much as the plain order."""
+        return self.auto >= self.plain - TOLERANCE * max(1.0, abs(self.plain))
+
+
+def auto_beside_plain(
+    problems: Sequence[tuple[str, sp.Problem]], orders: Sequence[int], limit: float
+) -> Iterator[Beside]:
+    """Measure each problem at each order that the plain relaxation finishes.
+
+    Parameters
+    ----------
+    problems : sequence of (name, Problem)
+    orders : sequence of int
+        Orders below the least of a problem are left out.
+    limit : float
+        CPU seconds of a plain order; what takes longer is left out.
+    """
+    for name, problem in problems:
+        least = max(1, (problem.degree + 1) // 2)
+        for order in [o for o in orders if o >= least]:
+            settings = sp.Options(effort="plain", order=order, cpu_limit=limit, progress=False)
+            plain, seconds = _timed(problem, settings)
+            if plain.status is sp.Status.LIMIT:
+                continue
+            allowed = FACTOR * seconds + EXTRA
+            auto, used = _timed(
+                problem, sp.Options(effort="auto", cpu_limit=allowed, progress=False)
+            )
+            bounds = plain.lower_bound, auto.lower_bound
+            yield Beside(name, order, *bounds, seconds, used, auto.status.name)
+
+
+def _timed(problem: sp.Problem, options: sp.Options) -> tuple[sp.Result, float]:
+    start = time.process_time()
+    return sp.solve(problem, options), time.process_time() - start
+
+
+def beside_table(rows: Sequence[Beside]) -> str:
+    """Lay out a Markdown table, a last line counts."""
+    head = ["problem", "order", "plain proved", "s", "auto proved", "s", "status", "reached"]
+    lines = [
+        [
+            row.name,
+            str(row.order),
+            number(row.plain),
+            f"{row.plain_seconds:.2f}",
+            number(row.auto),
+            f"{row.auto_seconds:.2f}",
+            row.status,
+            "yes" if row.reached else "**no**",
+        ]
+        for row in rows
+    ]
+    reached = sum(row.reached for row in rows)
+    return f"{table(head, lines)}\n\nreached in {reached} of {len(rows)} rows"
+
+
+def files_of(paths: Sequence[Path]) -> list[tuple[str, sp.Problem]]:
+    """Problems of ``.gms`` files, by their names."""
+    return [(path.stem, sp.read_gms(path)) for path in paths]

@@ -1,0 +1,195 @@
+"""Cascades: attained points from simulations, then a box from a tree of regions.
+
+With an internal signal behind a map behind another block the rows of the polynomial problem say
+little of the parameters until all samples of all signals are known well. A simulation gives them
+from the few parameters, so that the parameters alone are searched and parted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sparsepop_py as sp
+from setid.data.checks import frozen
+from setid.feasible_points.simulations import Fitting, best_fit, reached_ends
+from setid.feasible_set.simulations import principal_directions, simulated_box
+from setid.formulation.formulation import Formulation
+from setid.models.block import BlockStructured
+from setid.models.equations import channel_of
+from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.parameter_box import ProvedBox, start_of
+from setid.proofs.simulated.outputs import Recursion, recursion_of
+from setid.proofs.simulated.tree import SimulatedBox
+from sparsepop_py.budget import Deadline
+
+__all__ = [
+    "CascadeEnds",
+    "attained_result",
+    "cascade_ends",
+    "cascade_of",
+    "narrowed_cascade",
+    "point_of",
+]
+
+Reals = NDArray[np.float64]
+_SHARE = 0.4  # of a tolerance: a region that reaches less far beyond an end is not parted
+_LEAST_WIDTH = 1e-9  # of a parameter's box: what its unit is at least
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CascadeEnds:
+    """Where simulations stay within the noise bounds.
+
+    Parameters
+    ----------
+    fitting : Fitting
+    best : (p,) float
+        With the least noise that was found.
+    level : float
+        That noise, in noise bounds.
+    ends : tuple of (p,) float
+        Consistent, at the least and the largest value of each parameter in turn; () for none.
+    """
+
+    fitting: Fitting
+    best: Reals
+    level: float
+    ends: tuple[Reals, ...]
+
+
+def cascade_of(formulation: Formulation) -> Recursion | None:
+    """State a cascade as a simulation; None for structures of other kinds.
+
+    Parameters
+    ----------
+    formulation : Formulation
+
+    Examples
+    --------
+    >>> import setid
+    >>> shape = setid.TransferFunction(1, 1, 1)
+    >>> blocks, maps = {("z", "u1"): shape, ("y1", "w"): shape}, {"w": setid.StaticMap("z", 2)}
+    >>> names = ["b[z,u1]1", "gamma1"]
+    >>> model = setid.BlockStructured(blocks, maps, normalise=names, initial="zero")
+    >>> data = setid.IOData([1.0, -1.0, 2.0], [0.0, 0.0, 0.8])
+    >>> cascade_of(setid.formulate(data, model, setid.Noise(output=0.1))).outputs
+    ('y1',)
+    """
+    model = formulation.model
+    if not isinstance(model, BlockStructured) or formulation.products is not None:
+        return None
+    maps = dict(model.maps)
+    sources = {name for block in model.blocks for name, _ in block.source} & set(maps)
+    inner = {a for name in sources for a in maps[name].arguments if channel_of(a) is None}
+    return recursion_of(formulation) if inner else None
+
+
+def cascade_ends(
+    formulation: Formulation, parts: Recursion, box: ProvedBox | None, deadline: Deadline
+) -> CascadeEnds | None:
+    """Fit a cascade and go to the ends of its parameters; None without a finite box.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    parts : Simulated
+    box : ProvedBox or None
+    deadline : Deadline
+    """
+    lower, upper = _ends(formulation, box)
+    if not np.all(np.isfinite([lower, upper])):
+        return None
+    fitting = Fitting(formulation, parts, lower, upper)
+    best, level = best_fit(fitting, deadline)
+    ends = tuple(reached_ends(fitting, best, deadline)) if level < 1.0 else ()
+    return CascadeEnds(fitting, frozen(best), level, ends)
+
+
+def narrowed_cascade(
+    found: CascadeEnds, box: ProvedBox | None, tol: float, deadline: Deadline
+) -> SimulatedBox | None:
+    """Prove a box near the ends that are attained.
+
+    Parameters
+    ----------
+    found : CascadeEnds
+    box : ProvedBox or None
+        As of :func:`cascade_ends`.
+    tol : float
+        Of the attained widths.
+    deadline : Deadline
+    """
+    fitting = found.fitting
+    widths, attained = fitting.upper - fitting.lower, None
+    if found.ends:
+        points = np.array(found.ends)
+        attained = points.min(axis=0), points.max(axis=0)
+        widths = np.maximum(attained[1] - attained[0], _LEAST_WIDTH * widths)
+    slopes = fitting.errors(found.best)[1]
+    if not np.all(np.isfinite(slopes)):
+        return None
+    directions = principal_directions(slopes, np.maximum(widths, 1e-300))
+    first = box if isinstance(box, CellBox) else None
+    return simulated_box(
+        fitting.formulation,
+        fitting.parts,
+        (fitting.lower, fitting.upper),
+        first,
+        frozen(directions),
+        attained,
+        _SHARE * tol,
+        deadline,
+    )
+
+
+def point_of(formulation: Formulation, fitting: Fitting, theta: Reals) -> Reals:
+    """All unknowns of a formulation that go with parameters: signals and noise of a simulation.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    fitting : Fitting
+    theta : (p,) float
+    """
+    signals = fitting.simulated(theta)
+    outputs = np.stack([signals[name] for name in fitting.parts.outputs], axis=1)
+    known = np.where(np.isnan(formulation.data.y), 0.0, formulation.data.y - outputs)
+    layout = formulation.layout
+    internal = {name: values for name, values in signals.items() if name in layout.groups}
+    rest = {"y": outputs, **{n: v for n, v in internal.items() if channel_of(n) is None}}
+    return formulation.point(theta, output=known, signals=rest)
+
+
+def attained_result(about: sp.Problem, point: sp.ProvedPoint | None) -> sp.Result:
+    """A result of the engine that claims a point, and no bound.
+
+    Parameters
+    ----------
+    about : sparsepop_py.Problem
+    point : sparsepop_py.ProvedPoint or None
+    """
+    return sp.Result(
+        problem=about,
+        options=sp.Options(),
+        status=sp.Status.UNPROVED,
+        lower_bound=-inf,
+        upper_bound=inf if point is None else point.value,
+        x=None if point is None else point.x,
+        certificate=None,
+        attained=point,
+        points=(),
+        relaxation=None,
+        solution=None,
+        solver_value=nan,
+    )
+
+
+def _ends(formulation: Formulation, box: ProvedBox | None) -> tuple[Reals, Reals]:
+    lower, upper = start_of(formulation)
+    if box is None:
+        return lower, upper
+    return np.maximum(lower, box.lower), np.minimum(upper, box.upper)

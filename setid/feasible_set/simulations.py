@@ -1,0 +1,211 @@
+"""Grow the tree of regions that proves a box of the parameters by simulations."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.feasible_set.proposer import Proposer
+from setid.formulation.formulation import Formulation
+from setid.proofs.cells.output_cells import CellBox
+from setid.proofs.simulated.forms import Region
+from setid.proofs.simulated.outputs import Recursion, half_spaces
+from setid.proofs.simulated.tree import (
+    SimulatedBox,
+    Step,
+    TreeNode,
+    asked,
+    first_region,
+    parted,
+    tightened,
+    widened,
+)
+from sparsepop_py.budget import Deadline
+
+__all__ = ["principal_directions", "simulated_box"]
+
+Reals = NDArray[np.float64]
+_STEPS = 12  # in a row at one region
+_GAIN = 0.8  # of a width: a step that leaves more is the last one
+
+
+@dataclass(slots=True)
+class _Grown:
+    """A region with the node that it is to become."""
+
+    region: Region | None
+    steps: list[Step] = field(default_factory=list)
+    split: int = -1
+    at: float = 0.0
+    children: tuple[_Grown, ...] = ()
+
+
+def principal_directions(slopes: Reals, units: Reals) -> Reals:
+    """Directions (p, p) along which outputs change independently of each other.
+
+    Parameters
+    ----------
+    slopes : (R, p) float
+        Of errors in noise bounds.
+    units : (p,) float
+        Sizes of the parameters.
+    """
+    right = np.linalg.svd(slopes * units, full_matrices=True)[2]
+    return np.asarray(right / units, np.float64)
+
+
+def simulated_box(
+    formulation: Formulation,
+    parts: Recursion,
+    box: tuple[Reals, Reals],
+    first: CellBox | None,
+    directions: Reals,
+    attained: tuple[Reals, Reals] | None,
+    tol: float,
+    deadline: Deadline,
+) -> SimulatedBox | None:
+    """Narrow a finite box by simulations over regions.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    parts : Recursion
+    box : (lower, upper), each (p,) float
+    first : CellBox or None
+        What proved the box, where priors alone do not.
+    directions : (q, p) float
+    attained : (lower, upper), each (p,) float, or None
+        Ends that consistent parameters reach.
+    tol : float
+        Of the attained widths: regions that reach less far beyond are not parted.
+    deadline : Deadline
+    """
+    if not np.all(np.isfinite(box)):
+        return None
+    region = first_region(formulation, *box, directions)
+    root = _Grown(region)
+    grower = _Grower(formulation, parts, attained, tol, deadline)
+    complete = grower.grow(root)
+    leaves = [g.region for g in grower.leaves if g.region is not None]
+    p = box[0].size
+    lower, upper = np.full(p, np.inf), np.full(p, -np.inf)
+    if leaves:
+        lower = np.min([r.lower for r in leaves], axis=0)
+        upper = np.max([r.upper for r in leaves], axis=0)
+        lower, upper = widened(lower, upper)
+    return SimulatedBox(
+        formulation.parameters, lower, upper, first, directions, _numbered(root), complete
+    )
+
+
+def _numbered(root: _Grown) -> tuple[TreeNode, ...]:
+    """All nodes, parents before their children."""
+    every, found = [root], list[TreeNode]()
+    for grown in every:
+        children = tuple(range(len(every), len(every) + len(grown.children)))
+        every += grown.children
+        found.append(TreeNode(tuple(grown.steps), grown.split, grown.at, children))
+    return tuple(found)
+
+
+class _Grower:
+    def __init__(
+        self,
+        formulation: Formulation,
+        parts: Recursion,
+        attained: tuple[Reals, Reals] | None,
+        tol: float,
+        deadline: Deadline,
+    ) -> None:
+        self._formulation, self._parts = formulation, parts
+        self._attained, self._tol, self._deadline = attained, tol, deadline
+        self.leaves: list[_Grown] = []
+
+    def grow(self, root: _Grown) -> bool:
+        """Narrow and part regions, the one that reaches farthest first; whether time sufficed."""
+        self._narrow(root)
+        if root.region is None:
+            return True
+        scale = np.maximum(_widths(root.region), 1e-300)
+        waiting: list[tuple[float, int, _Grown]] = []
+        count = 0
+        self._file(root, waiting, count)
+        while waiting:
+            _, _, grown = heapq.heappop(waiting)
+            if self._deadline.over:
+                self.leaves += [grown, *(g for _, _, g in waiting)]
+                return False
+            assert grown.region is not None
+            grown.split, grown.at = self._cut(grown.region, scale)
+            halves = parted(grown.region, grown.split, grown.at)
+            grown.children = tuple(_Grown(half) for half in halves)
+            for child in grown.children:
+                self._narrow(child)
+                count += 1
+                self._file(child, waiting, count)
+        return True
+
+    def _file(self, grown: _Grown, waiting: list[tuple[float, int, _Grown]], count: int) -> None:
+        beyond = self._beyond(grown.region)
+        if beyond <= self._tol:
+            self.leaves.append(grown)
+        else:
+            heapq.heappush(waiting, (-beyond, count, grown))
+
+    def _beyond(self, region: Region | None) -> float:
+        """How far a region reaches beyond the attained ends, in their widths."""
+        if region is None:
+            return 0.0
+        if self._attained is None:
+            return float(np.max(region.upper - region.lower)) + 1.0
+        low, high = self._attained
+        width = np.maximum(high - low, 1e-12 * np.maximum(np.abs(low), np.abs(high)) + 1e-300)
+        return float(np.max(np.maximum(low - region.lower, region.upper - high) / width))
+
+    def _cut(self, region: Region, scale: Reals) -> tuple[int, float]:
+        """The parameter or direction that is widest against the root's, and its middle."""
+        low = np.append(region.lower, region.low)
+        high = np.append(region.upper, region.high)
+        split = int(np.argmax((high - low) / scale))
+        return split, float(low[split] / 2 + high[split] / 2)
+
+    def _narrow(self, grown: _Grown) -> None:
+        for _ in range(_STEPS):
+            if grown.region is None or self._deadline.over:
+                return
+            before = _widths(grown.region)
+            spaces = half_spaces(self._formulation, self._parts, grown.region)
+            step = _step(spaces, asked(grown.region.directions))
+            if step is None:
+                return
+            grown.region = tightened(grown.region, spaces, step)
+            grown.steps.append(step)
+            if grown.region is None or self._beyond(grown.region) <= self._tol:
+                return
+            if np.all(_widths(grown.region) >= _GAIN * before):
+                return
+
+
+def _widths(region: Region) -> Reals:
+    return np.append(region.upper - region.lower, region.high - region.low)
+
+
+def _step(spaces: object, wanted: Reals) -> Step | None:
+    proposer = Proposer(spaces)  # type: ignore[arg-type]
+    parts = list(proposer.multipliers(wanted[:-1]))
+    if proposer.contradictory:
+        found = proposer.contradiction()
+        if found is None:
+            return None
+        rows = np.flatnonzero(found > 0.0)
+        weights = np.zeros((len(wanted), rows.size))
+        weights[-1] = found[rows]
+        return Step(rows, weights)
+    rows = np.unique(np.concatenate([part.rows for part in parts] or [np.zeros(0, np.int64)]))
+    weights = np.zeros((len(wanted), rows.size))
+    for part in parts:
+        weights[np.ix_(part.places, np.searchsorted(rows, part.rows))] = part.weights
+    return Step(rows, weights)

@@ -1,0 +1,216 @@
+"""A tree of linear programs before the relaxations of effort "auto", for small problems.
+
+Small problems of degree 2 are mostly closed by a few nodes, in less time than a semidefinite
+relaxation takes to be built. A tree that does not close its gap soon is given up; better points
+that it met stay.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.bounding.relaxation_bound import (
+    BoxBound,
+    CertifiedBound,
+    Model,
+    certified_bound,
+    lower_bound,
+)
+from sparsepop_py.branch_and_bound.linear_tree import (
+    LinearTree,
+    convex_minimiser,
+    suits_linear_tree,
+)
+from sparsepop_py.branch_and_bound.product_model import ProductModel
+from sparsepop_py.branch_and_bound.settings import LINEAR_TREE
+from sparsepop_py.budget import EARLY
+from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.feasibility import prove_feasible
+from sparsepop_py.local_search.incumbents import update_incumbent
+from sparsepop_py.presolve.initial_box import finite
+from sparsepop_py.result import HistoryEntry
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.propagation import is_empty
+from sparsepop_py.verified.box.scaling import Scaling
+from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
+from sparsepop_py.verified.certificate.steps import BoxProof, Replay, tighten
+
+__all__ = ["LinearTreeResult", "bound_by_box", "by_linear_tree", "from_convex_minimiser"]
+
+# who leaves out one of these compares other ways to a bound
+_PARTS = frozenset({"linear_tree", "linear", "branch", "cutoff", "obbt_lp"})
+
+
+@dataclass(frozen=True, eq=False)
+class LinearTreeResult:
+    """Result of a tree of linear programs.
+
+    Parameters
+    ----------
+    context : SolveContext
+        With the incumbent.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen.
+    outcome : CertifiedBound or None
+        The bound of a tree that closed its gap or ran out of time, None without one.
+    history : tuple of HistoryEntry
+    known : dict
+        What verification of the certificate found.
+    """
+
+    context: SolveContext
+    candidates: list[NDArray[np.float64]]
+    outcome: CertifiedBound | None = None
+    history: tuple[HistoryEntry, ...] = ()
+    known: dict[Any, Any] = field(default_factory=dict)
+
+    @property
+    def final(self) -> bool:
+        """True if nothing is left to do: the gap is closed or time is over."""
+        return self.outcome is not None
+
+
+def by_linear_tree(
+    context: SolveContext, candidates: list[NDArray[np.float64]]
+) -> LinearTreeResult:
+    """Try to close the gap of a small problem by a tree of linear programs.
+
+    Parameters
+    ----------
+    context : SolveContext
+    candidates : list of (n,) float
+        Nearly feasible vectors seen so far.
+
+    Returns
+    -------
+    LinearTreeResult
+    """
+    start = time.process_time()
+    if not _wanted(context) or not suits_linear_tree(context.problem):
+        return LinearTreeResult(context, candidates)
+    with context.stages.stage("presolve"):
+        bounds = Interval(context.problem.lower, context.problem.upper)
+        box, step = tighten(context.replay(), bounds, LINEAR_TREE.first_sweeps)
+        model = Model(BoxProof((step,)), box)
+    if not finite(box):
+        return LinearTreeResult(context, candidates)
+    by_box = bound_by_box(context, model, candidates)
+    if by_box.final or is_empty(box):
+        return by_box
+    seen = list(candidates)
+
+    def search(now: SolveContext, starts: list[NDArray[Any]], proof: bool) -> SolveContext:
+        alone = proof and now.options.refine != "none"
+        options = replace(now.options, refine="prove") if alone else now.options
+        found, more = update_incumbent(replace(now, options=options), starts, tree.bound)
+        seen.extend(more)
+        return replace(now, best=found.best)
+
+    branch_on = context.options.branch_on
+    variables = None if branch_on is None else np.unique(np.array(branch_on, np.int64))
+    tree = LinearTree(context, model.box, search, variables)
+    known: dict[Any, Any] = {}
+    certificate = None
+    try:
+        with context.stages.stage("branch"):
+            closed = tree.run()
+        if closed or context.deadline.over:
+            certificate = _settled(tree, model, known)
+    except EARLY as cause:
+        context.deadline.ended(cause)
+    context = tree.context
+    proved = lower_bound(certificate)
+    if certificate is None or not (context.closed(proved) or context.deadline.over):
+        return LinearTreeResult(context, seen)
+    entry = HistoryEntry(
+        name="linear tree",
+        order=0,
+        lower_bound=proved,
+        upper_bound=context.upper,
+        seconds=time.process_time() - start,
+        largest_block=0,
+        moments=0,
+        nodes=tree.nodes,
+    )
+    return LinearTreeResult(context, seen, CertifiedBound(model, certificate), (entry,), known)
+
+
+def _settled(tree: LinearTree, model: Model, known: dict[Any, Any]) -> Certificate | None:
+    """Build the certificate of a tree with a claim that verification confirms."""
+    with tree.context.stages.stage("verify"):
+        certificate = tree.certificate(model.proof)
+        return None if certificate is None else certificate.settled(tree.context.problem, known)
+
+
+def _wanted(context: SolveContext) -> bool:
+    """Check that nothing asks for other ways to a bound, a count of nodes, or workers."""
+    options = context.options
+    return (
+        _PARTS.isdisjoint(options.skip) and options.node_limit is None and options.executor is None
+    )
+
+
+def from_convex_minimiser(context: SolveContext) -> SolveContext:
+    """Prove the minimiser of a convex quadratic objective over linear rows in a finite box.
+
+    A local search would reach it by many steps.
+
+    Parameters
+    ----------
+    context : SolveContext
+
+    Returns
+    -------
+    SolveContext
+        With the point as its incumbent, where one is found and proved.
+    """
+    problem = context.problem
+    linear = all(c.polynomial.degree <= 1 for c in problem.constraints)
+    if not linear or context.best is not None or problem.objective.degree != 2:
+        return context
+    if context.options.refine != "scipy" or not _wanted(context):
+        return context
+    if not suits_linear_tree(problem):
+        return context
+    with context.stages.stage("presolve"):
+        bounds = Interval(problem.lower, problem.upper)
+        box, _ = tighten(Replay(problem, None), bounds, LINEAR_TREE.first_sweeps)
+        if not finite(box) or is_empty(box):
+            return context
+        model = ProductModel.of(problem)
+        found = convex_minimiser(model, model.on_box(Scaling.of_box(box)))
+    if found is None:
+        return context
+    point = Scaling.of_box(box).point(np.clip(found[: problem.dimension], -1.0, 1.0))
+    return replace(context, best=prove_feasible(problem, point))
+
+
+def bound_by_box(
+    context: SolveContext, model: Model, candidates: list[NDArray[np.float64]]
+) -> LinearTreeResult:
+    """Bound the objective by its range over a box, which closes the gap where the box is small.
+
+    Parameters
+    ----------
+    context : SolveContext
+    model : Model
+        The box and its proof.
+    candidates : list of (n,) float
+        Nearly feasible vectors seen so far.
+
+    Returns
+    -------
+    LinearTreeResult
+        With an outcome where the gap is closed.
+    """
+    replay = context.replay()
+    proved = prove(replay, model.box, None, False)
+    if not context.closed(proved.bound):
+        return LinearTreeResult(context, candidates)
+    outcome = certified_bound(replay, model, BoxBound(proved, Node()))
+    return LinearTreeResult(context, candidates, outcome)

@@ -1,0 +1,21 @@
+"""The benchmark that puts auto beside plain orders: what it counts and what it leaves out."""
+
+from __future__ import annotations
+
+import sparsepop_py as sp
+from benchmarks.tables.auto_beside_plain import Beside, auto_beside_plain, beside_table
+
+
+def test_a_bound_below_the_plain_one_is_not_reached() -> None:
+    low = Beside("p", 2, 1.0, 0.999, 0.1, 0.2, "LIMIT")
+    near = Beside("p", 2, 1.0, 1.0 - 1e-7, 0.1, 0.2, "OPTIMAL")
+    assert (low.reached, near.reached) == (False, True)
+    assert beside_table([low, near]).endswith("reached in 1 of 2 rows")
+
+
+def test_orders_below_the_least_are_left_out() -> None:
+    """min x^4 - 2 x^2 = -1 at x = 1: its least order is 2."""
+    (x,) = sp.variables(1)
+    problem = sp.Problem(x**4 - 2 * x**2, [], -2.0, 2.0)
+    [row] = auto_beside_plain([("quartic", problem)], [1, 2], 30.0)
+    assert row.order == 2 and row.plain <= -1.0 <= row.plain + 1e-4 and row.auto <= -1.0

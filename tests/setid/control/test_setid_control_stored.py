@@ -1,0 +1,96 @@
+"""Certificates in files: what is read back is proved again, and false claims are refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import setid
+from setid import control
+from setid.control.certificates.certificate import Question
+from setid.control.parameters.parameter_set import identified
+
+PLANT = control.Transfer([0, 1], [1, -0.5])
+M = control.Transfer([0, 0.4], [1, -0.6])
+
+
+def certificate(method: str, gain: float = 1.0) -> control.StabilityCertificate:
+    r = np.random.default_rng(0).uniform(-1, 1, 60)
+    y = PLANT.simulate(r) + np.random.default_rng(1).uniform(-0.01, 0.01, 60)
+    K = gain * control.ideal_controller(PLANT, M)
+    return control.stability_certificate(
+        setid.IOData(r, y), K, M, 1, 0.01, method=method, delay=1, time_limit=5.0
+    )
+
+
+@pytest.mark.parametrize("method", ["small_gain", "characteristic"])
+def test_round_trip(method: str) -> None:
+    answer = certificate(method)
+    assert answer.verdict == "certified" and answer.verify()
+    again = control.StabilityCertificate.from_json(answer.to_json())
+    assert (again.verdict, again.method, again.arcs) == ("certified", method, answer.arcs)
+    assert again.controller.numerator == answer.controller.numerator
+    assert again.to_json() == answer.to_json()
+
+
+def test_a_refutation_goes_round_and_its_plant_is_checked() -> None:
+    # loop of .4 g q^-1 / (1 - q^-1): the pole 1 - .4 g is below -1 from g = 5 on
+    answer = certificate("characteristic", 6.0)
+    assert answer.verdict == "refuted"
+    text = answer.to_json()
+    again = control.StabilityCertificate.from_json(text)
+    assert again.plant.denominator == answer.plant.denominator
+    found = json.loads(text)
+    found["plant"]["coefficients"][0][1] = "1/2"  # not consistent with the record
+    with pytest.raises(setid.SetidError, match="does not hold"):
+        control.StabilityCertificate.from_json(json.dumps(found))
+
+
+def damaged(answer: control.StabilityCertificate, what: str) -> str:
+    found = json.loads(answer.to_json())
+    if what == "bound":
+        found["bound"] = 0.5 * found["bound"]
+    elif what == "arc":
+        found["arcs"][0][2] *= 0.5
+    elif what == "controller":  # loop pole at 1 - .4 * 6
+        numerator = found["controller"]["coefficients"][0]
+        found["controller"]["coefficients"][0] = [str(6 * Fraction(c)) for c in numerator]
+    elif what == "verdict":
+        found["verdict"] = "refuted"
+    return json.dumps(found)
+
+
+@pytest.mark.parametrize("what", ["bound", "arc", "controller", "verdict"])
+def test_false_claims_are_refused(what: str) -> None:
+    with pytest.raises(setid.SetidError, match="does not hold"):
+        control.StabilityCertificate.from_json(damaged(certificate("small_gain"), what))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"format":"setid"}', "1"])
+def test_other_text_is_refused(text: str) -> None:
+    with pytest.raises(setid.SetidError, match="expected"):
+        control.StabilityCertificate.from_json(text)
+
+
+def test_a_proof_that_rests_on_an_identification_brings_it_along() -> None:
+    answer = certificate("characteristic")
+    question = Question(
+        answer.data, answer.noise, answer.model, answer.controller, answer.reference,
+        None, 0, "characteristic",
+    )  # fmt: skip
+    known = question.known()
+    options = setid.Options(time_limit=5.0, progress=False)
+    result = identified(answer.data, answer.model, answer.noise, known, 0, options)
+    assert control.StabilityCertificate.from_json(
+        replace(answer, identification=result).to_json()
+    ).identification
+    # one whose box is only assumed proves nothing here
+    other = setid.identify(
+        answer.data, answer.model, answer.noise,
+        [setid.Box({"a1": (-0.5005, -0.4995), "b1": (0.9995, 1.0005)})], options,
+    )  # fmt: skip
+    assert not replace(answer, identification=other).verify()
