@@ -46,7 +46,7 @@ def main() -> None:
     limits = setid.Options(time_limit=120.0, progress=False)
     result = setid.identify(data, model, setid.Noise(output=given.noise), setid.Stable(), limits)
     print(result.table())
-    print(f"cells: {result.box.leaves}")
+    print(result.box)
     print(f"verified: {bool(result.verify(data))}")
     again = setid.Identification.from_json(result.to_json())
     print(f"verified after storing: {bool(again.verify(data))}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from fractions import Fraction
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import setid
+from setid.proofs.cells.arithmetic import Enclosed, fitted
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
@@ -418,6 +420,29 @@ def test_cells_of_the_first_block_hold_the_truth(normalise, others) -> None:
         assert np.all((box.lower <= theta) & (theta <= box.upper)), (box, theta)
         widths.append(np.max(box.upper - box.lower))
     assert widths[1] < 0.05 * widths[0]
+
+
+def test_rows_with_past_readings_hold_all_noise() -> None:
+    """y_k = -a y_(k-1) + gamma z_k with every pattern of extreme noise on the readings."""
+    a, gamma, width = -0.5, 1.0, 0.02
+    z = np.array([0.3, -0.7, 0.9, 0.2, -0.4, 0.8, -0.9])
+    y = np.zeros(7)
+    for k in range(7):
+        y[k] = (0.5 * y[k - 1] if k else 0.0) + gamma * z[k]
+    known = Enclosed(z[None, :], np.zeros((1, 7)), np.zeros((1, 0, 7)), np.zeros((1, 0)))
+    rows, spread = np.arange(1, 7), np.full(6, width)
+    largest = 0.0
+    for signs in itertools.product([-1.0, 1.0], repeat=7):
+        read = y + width * np.array(signs)
+        past = -read[:-1, None], np.full((6, 1), width)
+        found = fitted(known, rows, ((0, 1),), past, read[1:], spread)
+        assert found.bounded[0] and not found.empty[0]
+        off = np.abs(found.gamma[0] - [a, gamma])
+        assert np.all(off <= found.radius[0])
+        largest = max(largest, float(np.max(off / found.radius[0])))
+        exact = fitted(known, rows, ((0, 1),), (past[0], 0 * past[1]), read[1:], spread)
+        assert np.all(found.radius >= exact.radius + 0.2 * width)
+    assert largest > 0.2
 
 
 def test_missing_readings_are_left_out() -> None:
