@@ -1,7 +1,7 @@
 """Peers by name, their environments and what their licences say of published figures.
 
 ``python -m benchmarks environments`` makes one environment for each peer below
-``benchmarks/.environments``, which git ignores. A peer that cannot be installed is named, and
+``.bench-env``, which git ignores. A peer that cannot be installed is named, and
 the others are made.
 """
 
@@ -18,7 +18,7 @@ from ..errors import BenchmarkError
 
 __all__ = ["FOLDER", "PEERS", "Peer", "interpreter", "make", "may_be_published", "peer"]
 
-FOLDER = Path(__file__).resolve().parents[1] / ".environments"
+FOLDER = Path(__file__).resolve().parents[2] / ".bench-env"
 _SECONDS = 1200.0  # for one installation
 
 
