@@ -580,7 +580,7 @@ def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: floa
         where = f"rounding costs much where bounds are wide, such as those of {widest}"
     largest = float(np.abs(context.problem.objective.coefficients).max(initial=0.0))
     if largest > _CANCELLING * (1.0 + abs(context.upper)) and np.isfinite(context.upper):
-        where = f"coefficients up to {largest:.2g} cancel, and rounding does not"
+        where = f"it is what is left of coefficients up to {largest:.2g}, whose rounding is larger"
     return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
 
 
