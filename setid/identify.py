@@ -35,8 +35,8 @@ from setid.feasible_points.cascades import (
     attained_result,
     cascade_ends,
     cascade_of,
-    tightened_cascade,
     point_of,
+    tightened_cascade,
 )
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends

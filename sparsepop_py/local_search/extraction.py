@@ -247,7 +247,7 @@ def combine(
 def _extract(
     matrices: NDArray[np.float64], words: Words, tolerance: float, members: int | None = None
 ) -> list[Points]:
-    """Extract the atoms behind each of several moment matrices (B, s, s) of the same words.
+    """Extract the atoms behind each of several moment matrices (B, s, s).
 
     Letters are those of :func:`_renamed`; ``members`` is the largest of them unless given.
     """

@@ -148,7 +148,7 @@ def _settled(tree: LinearTree, model: Model, known: dict[Any, Any]) -> Certifica
 
 
 def _wanted(context: SolveContext) -> bool:
-    """Check that nothing asks for other ways to a bound, a count of nodes, or workers."""
+    """Check that options ask for no other bounds, node counts or workers."""
     options = context.options
     return (
         _PARTS.isdisjoint(options.skip) and options.node_limit is None and options.executor is None
