@@ -256,6 +256,19 @@ def test_a_cascade_closes_from_stability_and_a_normalisation(result) -> None:
     assert result.notes == ()
 
 
+def test_progress_tells_proved_and_attained_ends(result) -> None:
+    seen: dict[str, tuple] = {}
+    setid.identify(
+        record(),
+        cascade(),
+        setid.Noise(output=0.01),
+        setid.Stable(),
+        QUICK,
+        on_progress=lambda name, outer, inner: seen.update({name: (outer, inner)}),
+    )
+    assert seen == {name: (i.outer, i.inner) for name, i in result.intervals.items()}
+
+
 def test_attained_ends_simulate_within_the_noise(result) -> None:
     data = result.formulation.data
     for item in result.intervals.values():
@@ -400,6 +413,11 @@ EQUAL = [
         ["dcgain[z,u1]", "gamma1"],
         {"b[z,u1]1": 0.6, "b[y1,w]1": 4 / 3, "gamma2": 0.5},
     ),  # k = l = 3/5
+    ({"b[z,u1]1": 1.0, "gamma1": 2.0}, {"b[y1,w]1": 0.4, "gamma2": 0.6}),  # k = 1, l = 2
+    (  # k = 2/5, l = 4/5
+        {"gamma1": 2.0, "b[y1,w]1": 1.0},
+        {"b[z,u1]1": 0.4, "gamma2": 1.5},
+    ),
     (  # k = 3/5, l = 8/5
         ["dcgain"],
         {"b[z,u1]1": 0.6, "b[y1,w]1": 0.5, "gamma1": 8 / 3, "gamma2": 4 / 3},
