@@ -463,6 +463,24 @@ def test_rows_with_past_readings_hold_all_noise() -> None:
     assert largest > 0.2
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_cells_allow_for_equation_errors(seed: int) -> None:
+    """Errors at their bounds in y = gamma1 z + gamma2 z^2 + e, with hardly any output noise."""
+    random = np.random.default_rng(seed)
+    u, z = random.uniform(-1.0, 1.0, 30), np.zeros(30)
+    for k in range(1, 30):
+        z[k] = 0.4 * z[k - 1] + u[k - 1]
+    basis = np.stack([z, z**2])
+    error = 0.05 * np.sign(np.linalg.pinv(basis.T)[0])  # moves gamma1 as far as it can
+    data = setid.IOData(u, 0.8 * z + 0.3 * z**2 + error)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, normalise="b1", initial="zero")
+    noise = setid.Noise(output=1e-4, equation=0.05)
+    formulation = setid.formulate(data, model, noise, [setid.Stable()])
+    box = cell_box(formulation, start_of(formulation))
+    truth = np.array([-0.4, 0.8, 0.3])
+    assert not box.empty and np.all((box.lower <= truth) & (truth <= box.upper)), box
+
+
 def test_missing_readings_are_left_out() -> None:
     data = record()
     y = data.y[:, 0].copy()
