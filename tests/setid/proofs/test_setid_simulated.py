@@ -463,6 +463,16 @@ def test_rows_with_past_readings_hold_all_noise() -> None:
     assert largest > 0.2
 
 
+def test_the_gain_of_the_last_block_is_not_that_of_the_first() -> None:
+    # k = l = 8/5: b_z = 8/5, b_y = 1/2, gamma2 = (8/5) (3/10) / (8/5)^2 = 3/16
+    data, model = record(), cascade(["dcgain[y1,w]", "gamma1"])
+    formulation = setid.formulate(data, model, setid.Noise(output=0.01), [setid.Stable()])
+    box = cell_box(formulation, start_of(formulation))
+    known = {"a[z,u1]1": -0.4, "a[y1,w]1": -0.5, "b[z,u1]1": 1.6, "b[y1,w]1": 0.5}
+    theta = np.array([(known | {"gamma2": 0.1875})[name] for name in formulation.parameters])
+    assert np.all((box.lower <= theta) & (theta <= box.upper)), box
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_cells_allow_for_equation_errors(seed: int) -> None:
     """Errors at their bounds in y = gamma1 z + gamma2 z^2 + e, with hardly any output noise."""
