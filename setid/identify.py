@@ -5,7 +5,7 @@
 
 Linear problems (equation errors, exact regressors) are settled without rounding. Otherwise
 the box of the parameters comes from the data alone and is part of the proof; the engine
-then narrows all 2 p ends together.
+then tightens all 2 p ends together.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from setid.feasible_points.cascades import (
     attained_result,
     cascade_ends,
     cascade_of,
-    narrowed_cascade,
+    tightened_cascade,
     point_of,
 )
 from setid.feasible_points.inner_ends import inner_ends
@@ -447,13 +447,13 @@ def _by_simulation(
     task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
     last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
-    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(share))
-    narrowed = task.kept("cells", narrow, None)
-    if narrowed is not None and narrowed.empty:
-        return task.empty(formulation, Outcome(box=narrowed, notes=notes))
-    if narrowed is None or narrowed.cut_short:
+    tighten = partial(tightened_cascade, found, box, task.settings.tol, task.deadline.part(share))
+    tightened = task.kept("cells", tighten, None)
+    if tightened is not None and tightened.empty:
+        return task.empty(formulation, Outcome(box=tightened, notes=notes))
+    if tightened is None or tightened.cut_short:
         notes = (*notes, _OPEN)
-    box = box if narrowed is None else narrowed
+    box = box if tightened is None else tightened
     problem = problem_on_box(formulation, box)
     every = range(number)
     results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))

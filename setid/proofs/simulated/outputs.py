@@ -57,7 +57,7 @@ class Recursion:
                 factor = self._factor(item, region)
                 own = _own_lag(item, equation.defines)
                 if own:
-                    poles[own] = plus(poles[own], factor, region) if own in poles else factor
+                    poles[own] = factor
                     continue
                 part = _negated(factor)
                 for signal in item.signals:
@@ -128,10 +128,12 @@ def recursion_of(formulation: Formulation) -> Recursion | None:
 
 def _solvable(equation: Equation, known: set[str]) -> bool:
     """Check that a signal is made of known ones and, linearly, of its own past."""
+    lags: list[int] = []
     for item in equation.terms[1:]:
-        own = [s for s in item.signals if s.signal == equation.defines]
-        if own and (len(item.signals) > 1 or own[0].lag < 1):
+        own = [s.lag for s in item.signals if s.signal == equation.defines]
+        if own and (len(item.signals) > 1 or own[0] < 1 or own[0] in lags):
             return False
+        lags += own
         if not {s.signal for s in item.signals} <= known | {equation.defines}:
             return False
     return True
