@@ -197,7 +197,7 @@ def from_convex_minimiser(
 def bound_by_box(
     context: SolveContext, model: Model, candidates: list[NDArray[np.float64]]
 ) -> LinearTreeResult:
-    """Bound the objective by its range over a box, which closes the gap where the box is small.
+    """Bound the objective by its range over a small box.
 
     Parameters
     ----------
