@@ -306,7 +306,7 @@ def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def _atoms(factor: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDArray[Any] | None:
-    """Compute the atoms (rank, k) of the matrix factor factor', or None if it is not flat."""
+    """Compute the atoms (rank, k) of factor factor', None if not flat."""
     rank = factor.shape[1]
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
     if inner.size < rank:
