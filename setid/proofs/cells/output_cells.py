@@ -302,7 +302,7 @@ def _measured(
 
 
 def _row_noise(formulation: Formulation) -> Reals:
-    """How far output noise of the newest sample and equation errors move each row, shape (N,)."""
+    """Bound what output noise of the newest sample and equation errors change, (N,)."""
     output, _, equation = formulation.noise.bounds(formulation.data)
     return np.asarray((output[:, 0] + equation[:, 0]) * (1 + 1e-15), np.float64)
 
