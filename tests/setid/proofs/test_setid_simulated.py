@@ -491,6 +491,27 @@ def test_cells_allow_for_equation_errors(seed: int) -> None:
     assert not box.empty and np.all((box.lower <= truth) & (truth <= box.upper)), box
 
 
+def test_a_cascade_beside_a_linear_block_closes_on_a_box() -> None:
+    random = np.random.default_rng(0)
+    u, (z, v, x) = random.uniform(-1.0, 1.0, (25, 2)), np.zeros((3, 25))
+    for k in range(1, 25):
+        z[k] = 0.4 * z[k - 1] + u[k - 1, 0]
+        v[k] = 0.5 * v[k - 1] + 0.8 * (z[k - 1] + 0.3 * z[k - 1] ** 2)
+        x[k] = 0.3 * x[k - 1] + 0.6 * u[k - 1, 1]
+    data = setid.IOData(u, v + x + 0.01 * random.uniform(-1.0, 1.0, 25))
+    shape, maps = setid.TransferFunction(1, 1, 1), {"w": setid.StaticMap("z", 2)}
+    blocks = {("z", "u1"): shape, ("y1", "w"): shape, ("y1", "u2"): shape}
+    model = setid.BlockStructured(blocks, maps, inputs=2, normalise=NORMS, initial="zero")
+    truth = {"a[z,u1]1": -0.4, "a[y1,w]1": -0.5, "b[y1,w]1": 0.8, "gamma2": 0.3}
+    truth |= {"a[y1,u2]1": -0.3, "b[y1,u2]1": 0.6}
+    box = setid.Box({n: (t - 0.2 * abs(t), t + 0.2 * abs(t)) for n, t in truth.items()})
+    loose = setid.Options(tol=0.2, time_limit=60.0, progress=False)
+    found = setid.identify(data, model, setid.Noise(output=0.01), [setid.Stable(), box], loose)
+    assert found.verify()
+    for name, item in found.intervals.items():
+        assert truth[name] in item and item.inner is not None and item.gap <= 0.2
+
+
 def test_missing_readings_are_left_out() -> None:
     data = record()
     y = data.y[:, 0].copy()
