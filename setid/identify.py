@@ -35,8 +35,8 @@ from setid.feasible_points.cascades import (
     attained_result,
     cascade_ends,
     cascade_of,
-    tightened_cascade,
     point_of,
+    tightened_cascade,
 )
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
@@ -458,9 +458,25 @@ def _by_simulation(
     every = range(number)
     results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
     items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
+    task.kept("report", lambda: _report(formulation, task, items), None)
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )
+
+
+def _report(formulation: Formulation, task: _Task, items: Sequence[ParameterInterval]) -> None:
+    """Tell who listens of all ends."""
+    settings = task.settings
+    progress = Progress(
+        formulation.parameters, settings.tol, settings.progress, None, task.on_progress
+    )
+    try:
+        for place, item in enumerate(items):
+            low, high = (inf, -inf) if item.inner is None else item.inner
+            progress.report(2 * place, item.outer[0], low)
+            progress.report(2 * place + 1, -item.outer[1], -high)
+    finally:
+        progress.close()
 
 
 def _left(task: _Task) -> float:

@@ -31,14 +31,12 @@ class Recursion:
     known : mapping of str to (N,) float
         Signals that are known exactly.
     parameters : tuple of str
-    fixed : mapping of str to float
     outputs : tuple of str
     """
 
     equations: tuple[Equation, ...]
     known: Mapping[str, Reals]
     parameters: tuple[str, ...]
-    fixed: Mapping[str, float]
     outputs: tuple[str, ...]
 
     def run(self, region: Region) -> dict[str, Form]:
@@ -72,11 +70,8 @@ class Recursion:
         d = len(self.parameters)
         found = constant(np.array(item.coefficient), d)
         for name in item.parameters:
-            if name in self.fixed:
-                other = constant(np.array(self.fixed[name]), d)
-            else:
-                place = self.parameters.index(name)
-                other = Form(region.middle[place], np.eye(d)[place], np.array(0.0))
+            place = self.parameters.index(name)  # fixed ones are in the coefficients
+            other = Form(region.middle[place], np.eye(d)[place], np.array(0.0))
             found = times(found, other, region)
         return found
 
@@ -123,7 +118,7 @@ def recursion_of(formulation: Formulation) -> Recursion | None:
         ordered.add(equation.defines)
     if not set(outputs) <= ordered:
         return None
-    return Recursion(tuple(equations), known, formulation.parameters, dict(model.fixed), outputs)
+    return Recursion(tuple(equations), known, formulation.parameters, outputs)
 
 
 def _solvable(equation: Equation, known: set[str]) -> bool:

@@ -256,6 +256,19 @@ def test_a_cascade_closes_from_stability_and_a_normalisation(result) -> None:
     assert result.notes == ()
 
 
+def test_progress_tells_proved_and_attained_ends(result) -> None:
+    seen: dict[str, tuple] = {}
+    setid.identify(
+        record(),
+        cascade(),
+        setid.Noise(output=0.01),
+        setid.Stable(),
+        QUICK,
+        on_progress=lambda name, outer, inner: seen.update({name: (outer, inner)}),
+    )
+    assert seen == {name: (i.outer, i.inner) for name, i in result.intervals.items()}
+
+
 def test_attained_ends_simulate_within_the_noise(result) -> None:
     data = result.formulation.data
     for item in result.intervals.values():
@@ -400,6 +413,11 @@ EQUAL = [
         ["dcgain[z,u1]", "gamma1"],
         {"b[z,u1]1": 0.6, "b[y1,w]1": 4 / 3, "gamma2": 0.5},
     ),  # k = l = 3/5
+    ({"b[z,u1]1": 1.0, "gamma1": 2.0}, {"b[y1,w]1": 0.4, "gamma2": 0.6}),  # k = 1, l = 2
+    (  # k = 2/5, l = 4/5
+        {"gamma1": 2.0, "b[y1,w]1": 1.0},
+        {"b[z,u1]1": 0.4, "gamma2": 1.5},
+    ),
     (  # k = 3/5, l = 8/5
         ["dcgain"],
         {"b[z,u1]1": 0.6, "b[y1,w]1": 0.5, "gamma1": 8 / 3, "gamma2": 4 / 3},
@@ -443,6 +461,34 @@ def test_rows_with_past_readings_hold_all_noise() -> None:
         exact = fitted(known, rows, ((0, 1),), (past[0], 0 * past[1]), read[1:], spread)
         assert np.all(found.radius >= exact.radius + 0.2 * width)
     assert largest > 0.2
+
+
+def test_the_gain_of_the_last_block_is_not_that_of_the_first() -> None:
+    # k = l = 8/5: b_z = 8/5, b_y = 1/2, gamma2 = (8/5) (3/10) / (8/5)^2 = 3/16
+    data, model = record(), cascade(["dcgain[y1,w]", "gamma1"])
+    formulation = setid.formulate(data, model, setid.Noise(output=0.01), [setid.Stable()])
+    box = cell_box(formulation, start_of(formulation))
+    known = {"a[z,u1]1": -0.4, "a[y1,w]1": -0.5, "b[z,u1]1": 1.6, "b[y1,w]1": 0.5}
+    theta = np.array([(known | {"gamma2": 0.1875})[name] for name in formulation.parameters])
+    assert np.all((box.lower <= theta) & (theta <= box.upper)), box
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_cells_allow_for_equation_errors(seed: int) -> None:
+    """Errors at their bounds in y = gamma1 z + gamma2 z^2 + e, with hardly any output noise."""
+    random = np.random.default_rng(seed)
+    u, z = random.uniform(-1.0, 1.0, 30), np.zeros(30)
+    for k in range(1, 30):
+        z[k] = 0.4 * z[k - 1] + u[k - 1]
+    basis = np.stack([z, z**2])
+    error = 0.05 * np.sign(np.linalg.pinv(basis.T)[0])  # moves gamma1 as far as it can
+    data = setid.IOData(u, 0.8 * z + 0.3 * z**2 + error)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, normalise="b1", initial="zero")
+    noise = setid.Noise(output=1e-4, equation=0.05)
+    formulation = setid.formulate(data, model, noise, [setid.Stable()])
+    box = cell_box(formulation, start_of(formulation))
+    truth = np.array([-0.4, 0.8, 0.3])
+    assert not box.empty and np.all((box.lower <= truth) & (truth <= box.upper)), box
 
 
 def test_missing_readings_are_left_out() -> None:
