@@ -25,8 +25,8 @@ def solve(task, number):
     middle = time.process_time()
     relaxation.Minimize()
     solution = relaxation.Solution
-    value = -INF if solution.Primal is None else solution.Primal
-    return answer(solution.Status, value, begin=begin, middle=middle)
+    found = -INF if solution.Primal is None else solution.Primal
+    return answer(solution.Status, found, begin=begin, middle=middle)
 
 
 run(solve)
