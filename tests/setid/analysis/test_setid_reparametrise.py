@@ -318,3 +318,20 @@ def test_wrong_arguments():
         setid.reparametrise(1, physical)
     with pytest.raises(setid.SetidError, match="physical: found dict"):
         setid.reparametrise(small(), {})
+
+
+@pytest.mark.parametrize("status", ["CERTIFIED", "PARTIAL", "UNBOUNDED", "UNIDENTIFIABLE"])
+def test_an_empty_set_has_empty_intervals_with_their_names(status):
+    contradicts = setid.Physical({"K": (0, 1)}, ["b0 = K*(1 + a1)"])
+    nothing = setid.identify(DATA, MODEL, setid.Noise(equation=0.001))
+    empty = setid.Physical({"T": (0.01, 100)}, ["a1 = -T/(1 + T)"])
+    for identified, physical, name in ((small(), contradicts, "K"), (nothing, empty, "T")):
+        result = setid.reparametrise(identified, physical)
+        known = result.identification.evidence, physical
+        item = result.intervals[name]
+        assert verify_physical(*known, {name: item}, result.ends, DATA).ok
+        for forged in (
+            replace(item, status=setid.IntervalStatus[status]),
+            replace(item, name="S"),
+        ):
+            assert not verify_physical(*known, {name: forged}, result.ends, DATA).ok
