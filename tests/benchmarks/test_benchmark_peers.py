@@ -205,6 +205,7 @@ def test_speed_ups_are_ratios_of_wall_times():
     alone = row("sparsepop_py", 8.0, wall_seconds=8.0)
     two = row("sparsepop_py", 4.0, wall_seconds=5.0, variant="2 workers")
     assert speed_ups(groups_of([alone, two])) == {"p": {2: 1.6}}
+    assert speed_ups(groups_of([alone, replace(two, closed=0)])) == {}
     assert "| p | 1.6 |" in report([alone, two])
 
 
