@@ -5,6 +5,7 @@
 # make test-slow    the tests marked slow
 # make mutants      the fast tests of each room against deliberate faults in the trusted code
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
+# make bench-env    an environment for each peer of the benchmarks, in .bench-env
 # make docs         the documentation site in site/, strictly: no link may lead nowhere
 # make gallery      its pictures again, by examples/gallery
 # All make their own environment in .venv; PYTHON=... chooses the interpreter.
@@ -20,7 +21,7 @@ FAST := tests/algebra tests/verified/arithmetic tests/verified/certificate tests
         tests/problem tests/lp tests/io/test_exchange_files.py tests/io/test_gams.py \
         tests/test_api.py tests/test_solve.py tests/test_cli.py
 
-.PHONY: demo test test-fast test-lowest test-slow mutants test-octave docs gallery clean
+.PHONY: demo test test-fast test-lowest test-slow mutants test-octave bench-env docs gallery clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -46,6 +47,9 @@ mutants: $(VENV)/.with-dev
 
 test-octave: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m 'octave or not slow' tests/compat/test_octave.py tests/compat/test_matlab_server.py
+
+bench-env: $(VENV)/.with-dev
+	$(BIN)/python -m benchmarks environments
 
 docs: $(VENV)/.with-docs
 	$(BIN)/python -m mkdocs build --strict --site-dir site

@@ -15,6 +15,7 @@ from .measuring.measure import Setting
 from .measuring.records import Row, read_rows, write_row
 from .measuring.registry import Selection
 from .measuring.settings import parsed, switches
+from .peers.environments import PEERS, make
 from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
 from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of
@@ -22,7 +23,7 @@ from .tables.limits import CASES, limits_table, measure_limits
 from .tables.orders import compare, order_table
 from .tables.pictures import draw_orders, draw_report
 from .tables.published import published_tables
-from .tables.report import report
+from .tables.report import publishable, report
 from .tables.sizes import compare_sizes, read_reference, sizes_table
 from .tables.text import number, table
 from .tables.walks import walks
@@ -57,7 +58,9 @@ def _list(chosen: argparse.Namespace) -> None:
 
 def _run(chosen: argparse.Namespace) -> None:
     families = [REGISTRY[name] for name in chosen.families]
-    _keep(run(families, _selection(chosen), _setting(chosen)), chosen.output)
+    resume = chosen.resume and chosen.output.exists()
+    stored = list(read_rows([chosen.output])) if resume else []
+    _keep(run(families, _selection(chosen), _setting(chosen), stored), chosen.output, bool(stored))
 
 
 def _ablation(chosen: argparse.Namespace) -> None:
@@ -67,7 +70,7 @@ def _ablation(chosen: argparse.Namespace) -> None:
     _keep(rows, chosen.output)
 
 
-def _keep(rows: Iterable[Row], path: Path) -> None:
+def _keep(rows: Iterable[Row], path: Path, resumed: bool = False) -> None:
     """Write rows as they come, and show each in a line."""
     count = 0
     for row in rows:
@@ -78,6 +81,9 @@ def _keep(rows: Iterable[Row], path: Path) -> None:
         print(table(_short(row), []).splitlines()[0], flush=True)
         for note in row.notes if row.valid is False else ():
             print(f"    {note}", flush=True)
+    if not count and resumed:
+        print(f"nothing is left to measure for {path}")
+        return
     if not count:
         raise BenchmarkError("--names: nothing is selected, expected part of a problem's name")
     print(f"\n{count} rows were added to {path}")
@@ -92,10 +98,18 @@ def _short(row: Row) -> list[str]:
     return [row.problem + size, str(row.seed), by, row.status, done, gap, seconds]
 
 
+def _environments(chosen: argparse.Namespace) -> None:
+    for line in make(chosen.names or list(PEERS)):
+        print(line, flush=True)
+
+
 def _report(chosen: argparse.Namespace) -> None:
     rows = list(read_rows(chosen.files))
     if not rows:
         raise BenchmarkError("FILE: found no rows, expected JSON lines that `run` wrote")
+    rows, left_out = (rows, []) if chosen.unpublished else publishable(rows)
+    if left_out:
+        print(f"left out, since their licences forbid it: {', '.join(left_out)}\n")
     pictures = [] if chosen.no_plots else draw_report(rows, chosen.output)
     text = report(rows, [path.name for path in pictures])
     chosen.output.mkdir(parents=True, exist_ok=True)
@@ -171,6 +185,9 @@ def _parser() -> argparse.ArgumentParser:
     listing.set_defaults(act=_list)
     _run_parser(commands.add_parser("run", help="measure families, beside SCIP"))
     _ablation_parser(commands.add_parser("ablation", help="measure with one switch off in turn"))
+    making = commands.add_parser("environments", help="make the environments of peers")
+    making.add_argument("names", nargs="*", metavar="PEER", help="all when left out")
+    making.set_defaults(act=_environments)
     _report_parser(commands.add_parser("report", help="tables and pictures of JSON lines"))
     _orders_parser(commands.add_parser("orders", help="compare relaxation orders on .gms files"))
     _sizes_parser(
@@ -232,9 +249,19 @@ def _sizes_parser(parser: argparse.ArgumentParser) -> None:
 def _run_parser(parser: argparse.ArgumentParser) -> None:
     _add_selection(parser, "run.jsonl")
     parser.add_argument(
-        "--solvers", nargs="+", default=list(SOLVERS), metavar="NAME", help="of: %(default)s"
+        "--solvers", nargs="+", default=list(SOLVERS), metavar="NAME", help=_solvers_help()
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="leave out what the output file holds already"
+    )
+    parser.add_argument(
+        "--workers", nargs="+", type=int, default=[], help="also with so many worker processes"
     )
     parser.set_defaults(act=_run)
+
+
+def _solvers_help() -> str:
+    return f"default %(default)s; others are {', '.join(name for name in PEERS if name != 'scip')}"
 
 
 def _ablation_parser(parser: argparse.ArgumentParser) -> None:
@@ -255,6 +282,11 @@ def _ablation_parser(parser: argparse.ArgumentParser) -> None:
 def _report_parser(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="JSON lines of `run`")
     parser.add_argument("--no-plots", action="store_true", help="tables alone")
+    parser.add_argument(
+        "--unpublished",
+        action="store_true",
+        help="also figures of programs whose licences forbid to publish them: for yourself",
+    )
     _add_folder(parser)
     parser.set_defaults(act=_report)
 
@@ -339,7 +371,11 @@ def _setting(chosen: argparse.Namespace) -> Setting:
     }
     options = {name: value for name, value in given.items() if value is not None}
     return Setting(
-        tuple(chosen.solvers), chosen.repeat, options | parsed(chosen.set), chosen.peer_limit
+        tuple(chosen.solvers),
+        chosen.repeat,
+        options | parsed(chosen.set),
+        chosen.peer_limit,
+        workers=tuple(getattr(chosen, "workers", ())),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -11,21 +12,43 @@ import sparsepop_py as sp
 
 from .errors import BenchmarkError
 from .measuring.isolation import Crash, isolated
-from .measuring.measure import Method, Setting, build_row, method, own_rows, peer_rows, settings_of
+from .measuring.measure import (
+    Key,
+    Method,
+    Setting,
+    build_row,
+    key_of,
+    method,
+    own_rows,
+    peer_rows,
+    peers_of,
+    settings_of,
+)
 from .measuring.records import Row
 from .measuring.registry import Case, Family, Selection
 from .measuring.settings import options_from, variants
+from .peers import environments
 from .peers import scip as peers
 from .problems import intervals, soundness
 from .problems.random_problems import random_problem
 
 __all__ = ["SOLVERS", "ablation", "measure", "rows_of_methods", "run"]
 
-SOLVERS = ("sparsepop_py", "scip")
+SOLVERS = ("sparsepop_py", "scip")  # those that run unless others are named
 
 
-def run(families: Iterable[Family], selection: Selection, setting: Setting) -> Iterator[Row]:
+def run(
+    families: Iterable[Family], selection: Selection, setting: Setting, stored: Iterable[Row] = ()
+) -> Iterator[Row]:
     """Rows of all cases of some families, as soon as they are measured.
+
+    Parameters
+    ----------
+    families : iterable of Family
+    selection : Selection
+    setting : Setting
+    stored : iterable of Row
+        Of an earlier run: what they hold is not measured again.
 
     Raises
     ------
@@ -36,16 +59,39 @@ def run(families: Iterable[Family], selection: Selection, setting: Setting) -> I
     chosen = list(families)
     for family in chosen:
         options_from({**family.options, **setting.options})
+    done, known = _stored(stored)
     _warm_up()
     for family in chosen:
         for case in family.chosen(selection):
-            yield from _apart(family, case, partial(measure, family, case, setting))
+            key = key_of(family, case)
+            left = tuple(name for name in setting.solvers if (key, _title(name)) not in done)
+            if left:
+                own = replace(setting, solvers=left, known=known)
+                yield from _apart(family, case, partial(measure, family, case, own))
+
+
+def _title(name: str) -> str:
+    return environments.PEERS[name].title if name in environments.PEERS else name
+
+
+def _stored(rows: Iterable[Row]) -> tuple[set[tuple[Key, str]], dict[Key, Row]]:
+    """What is measured already, by case and program, and our own rows by case."""
+    done: set[tuple[Key, str]] = set()
+    known: dict[Key, Row] = {}
+    for row in rows:
+        key = row.family, row.problem, row.size, row.seed
+        if row.status != "missing":
+            done.add((key, row.solver))
+        if row.solver == "sparsepop_py" and row.variant == "default":
+            known[key] = row
+    return done, known
 
 
 def _check(setting: Setting) -> None:
+    known = ("sparsepop_py", *environments.PEERS)
     for name in setting.solvers:
-        if name not in SOLVERS:
-            raise BenchmarkError(f"--solvers: found {name!r}, expected one of {', '.join(SOLVERS)}")
+        if name not in known:
+            raise BenchmarkError(f"--solvers: found {name!r}, expected one of {', '.join(known)}")
     if setting.repeats < 1:
         raise BenchmarkError(f"--repeat: found {setting.repeats}, expected at least 1")
     if setting.peer_limit is not None and not setting.peer_limit > 0:
@@ -77,8 +123,22 @@ def measure(family: Family, case: Case, setting: Setting) -> Iterator[Row]:
             solve = method(settings)
             for own in own_rows(family, case, "default", solve, tolerance, setting.repeats):
                 yield own
-        if "scip" in setting.solvers:
-            yield from peer_rows(family, case, own, tolerance, setting)
+            yield from _by_workers(family, case, settings, setting)
+        own = own or setting.known.get(key_of(family, case))
+        for name in peers_of(setting):
+            yield from peer_rows(family, case, own, tolerance, setting, name)
+
+
+def _by_workers(
+    family: Family, case: Case, settings: Mapping[str, Any], setting: Setting
+) -> Iterator[Row]:
+    """The same with worker processes for nodes, which start before it is timed."""
+    for count in setting.workers:
+        with ProcessPoolExecutor(count) as executor:
+            list(executor.map(abs, range(count)))
+            solve = method({**settings, "executor": executor})
+            name = f"{count} workers"
+            yield from own_rows(family, case, name, solve, _tolerance(settings), setting.repeats)
 
 
 def _tolerance(settings: Mapping[str, Any]) -> float:

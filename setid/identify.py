@@ -5,7 +5,7 @@
 
 Linear problems (equation errors, exact regressors) are settled without rounding. Otherwise
 the box of the parameters comes from the data alone and is part of the proof; the engine
-then narrows all 2 p ends together.
+then tightens all 2 p ends together.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from setid.feasible_points.cascades import (
     attained_result,
     cascade_ends,
     cascade_of,
-    narrowed_cascade,
     point_of,
+    tightened_cascade,
 )
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
@@ -57,7 +57,7 @@ from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
-from setid.proofs.simulated.outputs import Simulated
+from setid.proofs.simulated.outputs import Recursion
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import unidentifiable
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -83,7 +83,8 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_FITS, _PROOFS = 0.25, 0.9  # of the time left, for points and for cells of a cascade
+_FITS = 0.25  # of the time left, for fits of a cascade
+_MORE = 1.5  # times what the proof of one point took: what is kept for each
 _OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
 _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contradict each other
@@ -432,7 +433,7 @@ def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
 def _by_simulation(
     formulation: Formulation,
     task: _Task,
-    parts: Simulated,
+    parts: Recursion,
     box: ProvedBox | None,
     notes: tuple[str, ...],
 ) -> Identification | None:
@@ -442,30 +443,54 @@ def _by_simulation(
     )
     if found is None:
         return None
-    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(_PROOFS))
-    narrowed = task.kept("cells", narrow, None)
-    if narrowed is not None and narrowed.empty:
-        return task.empty(formulation, Outcome(box=narrowed, notes=notes))
-    if narrowed is None or narrowed.cut_short:
+    begin, number = time.monotonic(), 2 * len(formulation.parameters)
+    task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
+    last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
+    share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
+    tighten = partial(tightened_cascade, found, box, task.settings.tol, task.deadline.part(share))
+    tightened = task.kept("cells", tighten, None)
+    if tightened is not None and tightened.empty:
+        return task.empty(formulation, Outcome(box=tightened, notes=notes))
+    if tightened is None or tightened.cut_short:
         notes = (*notes, _OPEN)
-    box = box if narrowed is None else narrowed
+    box = box if tightened is None else tightened
     problem = problem_on_box(formulation, box)
-    scaled = in_units(problem, formulation)
-    attain = partial(_attained_ends, formulation, scaled, found)
-    results = task.timed("points", attain)
-    items = _intervals(formulation, scaled, results, task.settings.tol)
+    every = range(number)
+    results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
+    items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
+    task.kept("report", lambda: _report(formulation, task, items), None)
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )
 
 
+def _report(formulation: Formulation, task: _Task, items: Sequence[ParameterInterval]) -> None:
+    """Tell who listens of all ends."""
+    settings = task.settings
+    progress = Progress(
+        formulation.parameters, settings.tol, settings.progress, None, task.on_progress
+    )
+    try:
+        for place, item in enumerate(items):
+            low, high = (inf, -inf) if item.inner is None else item.inner
+            progress.report(2 * place, item.outer[0], low)
+            progress.report(2 * place + 1, -item.outer[1], -high)
+    finally:
+        progress.close()
+
+
+def _left(task: _Task) -> float:
+    return task.until - time.monotonic()
+
+
 def _attained_ends(
-    formulation: Formulation, scaled: InUnits, found: CascadeEnds
+    formulation: Formulation, box: ProvedBox | None, found: CascadeEnds, ends: Iterable[int]
 ) -> tuple[sp.Result, ...]:
-    """Prove the points at which simulations reach the ends; nothing else is claimed of them."""
+    """Prove the points at which simulations reach ends; nothing else is claimed of them."""
+    scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
     made = []
-    for number, objective in enumerate(objectives(formulation)):
-        about, point = scaled.problem.with_objective(scaled.asked(objective)[0]), None
+    for number in ends:
+        about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
         if found.ends:
             x = point_of(formulation, found.fitting, found.ends[number])
             point = proved_point(formulation, about, x / scaled.units)

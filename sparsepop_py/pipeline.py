@@ -63,6 +63,7 @@ __all__ = ["INTERRUPTED", "solve", "solve_each"]
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
 _UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
+_CANCELLING = 1e10  # relative to an attained value: coefficients that say why digits are lost
 _LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
@@ -420,10 +421,9 @@ def _solve_one(
         with context.deadline.kept():
             with context.stages.stage("search"):
                 box = shared.box if shared else Interval(problem.lower, problem.upper)
-                first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
-                context = _at_the_origin(context)
-                if context.options.effort == "auto":
-                    context = from_convex_minimiser(context)
+                context, own = from_convex_minimiser(_at_the_origin(context))
+                random = _random(problem, box, context.options)
+                first, more_starts = tee(chain(starts, own, random))
                 if context.best is None:
                     context, candidates = first_incumbent(context, first)
             context.report(-np.inf)
@@ -578,6 +578,9 @@ def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: floa
     if not open_.size:
         widest = context.problem.names[int(np.argmax(reach))]
         where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    largest = float(np.abs(context.problem.objective.coefficients).max(initial=0.0))
+    if largest > _CANCELLING * (1.0 + abs(context.upper)) and np.isfinite(context.upper):
+        where = f"it is what is left of coefficients up to {largest:.2g}, whose rounding is larger"
     return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
 
 

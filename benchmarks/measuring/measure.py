@@ -7,21 +7,38 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import sparsepop_py as sp
+from sparsepop_py.verified.arithmetic.interval import exact_values
 
 from ..errors import DEFECTS
+from ..peers import environments
 from ..peers import scip as peers
+from ..peers.elsewhere import Stops, ask
 from .probes import Watch, watched
 from .records import PHASES, Row
 from .registry import Case, Family, Task
 from .settings import options_from
 
-__all__ = ["Method", "Setting", "build_row", "method", "own_rows", "peer_rows", "settings_of"]
+__all__ = [
+    "Key",
+    "Method",
+    "Setting",
+    "build_row",
+    "key_of",
+    "method",
+    "own_rows",
+    "peer_rows",
+    "peers_of",
+    "settings_of",
+]
 
+Key = tuple[str, str, int | None, int]
 Method = Callable[[Task], list[sp.Result]]
 
 _STAGES = {"search": "refine", "extract": "refine"}  # stages of the engine under other names
@@ -44,17 +61,28 @@ class Setting:
         Fields of Options that the command line sets.
     peer_limit : float, optional
         CPU seconds of a peer for one objective; the family's when left out.
+    known : mapping
+        Rows of our own by :func:`key_of`, from an earlier run; peers get their gaps.
+    workers : tuple of int
+        Numbers of worker processes to measure beside none.
     """
 
     solvers: tuple[str, ...] = ("sparsepop_py", "scip")
     repeats: int = 3
     options: Mapping[str, Any] = field(default_factory=dict)
     peer_limit: float | None = None
+    known: Mapping[Key, Row] = field(default_factory=dict)
+    workers: tuple[int, ...] = ()
 
 
 def settings_of(family: Family, case: Case, setting: Setting) -> dict[str, Any]:
     """Fields of Options: of the family, of the case, and above both of the command line."""
     return {**family.options, **case.options, **setting.options}
+
+
+def key_of(family: Family, case: Case) -> Key:
+    """What rows of one case have in common."""
+    return family.name, case.name, case.size, case.seed
 
 
 def method(settings: Mapping[str, Any]) -> Method:
@@ -101,6 +129,7 @@ def own_rows(
             "solver": "sparsepop_py",
             "variant": variant,
             "cpu_seconds": watch.seconds,
+            "wall_seconds": watch.wall,
             "peak_mb": watch.peak_mb,
         }
         if failure:
@@ -148,9 +177,16 @@ def _own_row(
     known: dict[Any, Any] = {}  # the results share one feasible set
     verdicts = [certificate.verify(problem, known).ok for certificate, problem in certificates]
     proofs = {id(p): p for c, _ in certificates for p in (*c.quoted, c)}
+    judged = _bounds(
+        task, words, lows, highs, done, violations, _units(task, lows, highs), tolerance
+    )
+    judged["details"] = tuple(
+        {**detail, "trace": _trace(result)}
+        for detail, result in zip(judged["details"], results, strict=True)
+    )
     return Row(
         **common,
-        **_bounds(task, words, lows, highs, done, violations, _units(task, lows, highs), tolerance),
+        **judged,
         proved=True,
         phases=_phases(results, watch.seconds, parse),
         order=max((r.order for r in relaxations), default=0),
@@ -163,6 +199,13 @@ def _own_row(
         problem_bytes=len(pickle.dumps(task.problem.constraints + task.objectives)),
         notes=tuple(dict.fromkeys(note for r in results for note in r.notes)),
     )
+
+
+def _trace(result: sp.Result) -> list[tuple[float, float, float]]:
+    """CPU seconds so far and both bounds after each step of a history."""
+    seconds = np.cumsum([entry.seconds for entry in result.history]).tolist()
+    pairs = zip(seconds, result.history, strict=True)
+    return [(spent, entry.lower_bound, entry.upper_bound) for spent, entry in pairs]
 
 
 def _phases(results: list[sp.Result], seconds: float, parse: float) -> dict[str, float]:
@@ -195,21 +238,39 @@ def _clique_seconds(results: list[sp.Result]) -> float:
 
 
 def peer_rows(
-    family: Family, case: Case, own: Row | None, tolerance: float, setting: Setting
+    family: Family,
+    case: Case,
+    own: Row | None,
+    tolerance: float,
+    setting: Setting,
+    name: str = "scip",
 ) -> Iterator[Row]:
-    """SCIP on the same problem and box; once only where it runs out of its budget."""
+    """A peer on the same problem and box; once only where it runs out of its budget."""
     limit = family.peer_limit if setting.peer_limit is None else setting.peer_limit
+    peer = environments.peer(name)
+    python = environments.interpreter(peer)
     for repeat in range(setting.repeats):
         task = case.make()
-        common = _head(family, case, task, repeat, tolerance) | {"solver": "SCIP"}
-        if not peers.scip_is_installed():
-            note = "pyscipopt is not installed; pip install pyscipopt"
-            yield Row(**common, status="missing", notes=(note,))
+        common = _head(family, case, task, repeat, tolerance) | {"solver": peer.title}
+        if python is None and not (name == "scip" and peers.scip_is_installed()):
+            yield Row(**common, status="missing", notes=(_missing(peer),))
             return
-        row = _scip_row(common, task, _gaps(task, own, tolerance), tolerance, limit)
+        order = settings_of(family, case, setting).get("order")
+        asked = _Asked(peer, python, limit, 1 if order is None else int(order))
+        row = _peer_row(common, asked, task, own, tolerance)
         yield row
-        if row.status.startswith(("budget", "error")):
+        if row.status.startswith(("budget", "error", "refused")):
             return
+
+
+def _missing(peer: environments.Peer) -> str:
+    here = " or pip install pyscipopt" if peer.name == "scip" else ""
+    return f"not installed; try python -m benchmarks environments {peer.name}{here}"
+
+
+def peers_of(setting: Setting) -> tuple[str, ...]:
+    """The peers among the solvers of a setting."""
+    return tuple(name for name in setting.solvers if name != "sparsepop_py")
 
 
 def _gaps(task: Task, own: Row | None, tolerance: float) -> list[float]:
@@ -226,17 +287,31 @@ def _gaps(task: Task, own: Row | None, tolerance: float) -> list[float]:
     return [tolerance * w for w in widths]
 
 
-def _scip_row(
-    common: dict[str, Any], task: Task, gaps: list[float], tolerance: float, limit: float
+@dataclass(frozen=True)
+class _Asked:
+    """A peer, its interpreter if it has one, CPU seconds an objective, relaxation order."""
+
+    peer: environments.Peer
+    python: Path | None
+    limit: float
+    order: int
+
+
+def _peer_row(
+    common: dict[str, Any], asked: _Asked, task: Task, own: Row | None, tolerance: float
 ) -> Row:
-    answers, relative = [], 0.0 if task.pairs else tolerance
+    """Ask a peer, in its own interpreter where it has one, and judge its answers."""
+    gaps, relative = _gaps(task, own, tolerance), 0.0 if task.pairs else tolerance
     with watched() as watch:
         try:
-            for objective, gap in zip(task.objectives, gaps, strict=True):
-                budget = peers.Budget(limit, gap, relative)
-                answers.append(peers.scip(task.problem, objective, budget))
+            answers = _answers(asked, task, gaps, relative)
         except (*DEFECTS, OSError) as error:  # what a peer cannot read or solve is a row
             return Row(**common, status=f"error: {type(error).__name__}: {error}")
+    words = [a.status for a in answers]
+    if len(answers) < len(task.objectives) and words[-1].startswith(("error", "refused")):
+        return Row(**common, status=words[-1])
+    nothing = peers.Answer(words[-1], -math.inf, math.inf, None, 0.0, 0.0)
+    answers += [nothing] * (len(task.objectives) - len(answers))
     words = [a.status for a in answers]
     done = [a.status in ("infeasible", "unbounded") for a in answers]
     violations = [math.nan if a.x is None else _violation(task.problem, a.x) for a in answers]
@@ -255,8 +330,39 @@ def _scip_row(
         ),
         cpu_seconds=solving,
         phases={"parse": modelling, "solve": solving},
-        peak_mb=watch.peak_mb,
+        peak_mb=watch.peak_mb if asked.python is None else math.nan,
+        notes=tuple(_contradictions(task, answers, own)),
     )
+
+
+def _answers(asked: _Asked, task: Task, gaps: list[float], relative: float) -> list[peers.Answer]:
+    if asked.python is not None:
+        stops = Stops(tuple(gaps), relative, asked.limit, asked.order)
+        return ask(asked.peer, asked.python, task.problem, task.objectives, stops)
+    budgets = [peers.Budget(asked.limit, gap, relative) for gap in gaps]
+    pairs = zip(task.objectives, budgets, strict=True)
+    return [peers.scip(task.problem, objective, budget) for objective, budget in pairs]
+
+
+def _contradictions(task: Task, answers: list[peers.Answer], own: Row | None) -> Iterator[str]:
+    """Say where a peer's bound or point contradicts what is proved, exactly."""
+    proved = own.details if own is not None and len(own.details) == len(answers) else ()
+    for answer, known, objective in zip(answers, proved, task.objectives, strict=False):
+        label = known["label"]
+        if answer.lower > known["upper"]:
+            excess = answer.lower - known["upper"]
+            yield f"{label}: its bound lies {excess:.1e} above an attained value"
+        if answer.x is not None:
+            below = known["lower"] - float(_exactly(objective, answer.x))
+            if below > 0:
+                yield f"{label}: its point lies {below:.1e} below a proved bound"
+
+
+def _exactly(polynomial: sp.Polynomial, x: np.ndarray) -> Fraction:
+    """The value at a vector of doubles."""
+    rows = np.zeros(polynomial.coefficients.size, np.int64)
+    exact = [Fraction(v) for v in x.tolist()]
+    return exact_values(polynomial.words, polynomial.coefficients, rows, 1, exact)[0]
 
 
 # ---- what bounds say --------------------------------------------------------------------
@@ -327,11 +433,15 @@ def _valid(optimum: float | None, low: float, high: float) -> bool | None:
 
 
 def _violation(problem: sp.Problem, x: np.ndarray) -> float:
-    """Largest violation of a row, bounds aside, in the user's units."""
-    if not problem.constraints:
-        return 0.0
-    values = problem.rows.values(x)
-    return float(np.max(np.where(problem.equality, np.abs(values), -values).clip(0.0)))
+    """Largest violation of a row or a bound in the user's units, by exact values."""
+    exact, rows = [Fraction(v) for v in x.tolist()], problem.rows
+    values = exact_values(rows.words, rows.coefficients, rows.row, rows.size, exact)
+    found = [
+        abs(value) if equal else -value
+        for value, equal in zip(values, problem.equality.tolist(), strict=True)
+    ]
+    outside = np.maximum(problem.lower - x, x - problem.upper).max(initial=0.0)
+    return float(max([Fraction(0), *found, Fraction(float(outside))]))
 
 
 # ---- building without a solver ----------------------------------------------------------

@@ -19,6 +19,7 @@ class Watch:
 
     seconds: float = float("nan")
     peak_mb: float = float("nan")
+    wall: float = float("nan")
 
 
 @contextmanager
@@ -37,10 +38,11 @@ def watched() -> Iterator[Watch]:
     """
     watch = Watch()
     forgotten = _forget_peak()
-    start = time.process_time()
+    start, begin = time.process_time(), time.monotonic()
     try:
         yield watch
     finally:
+        watch.wall = time.monotonic() - begin
         watch.seconds = time.process_time() - start
         watch.peak_mb = _peak_of_block() if forgotten else _peak_of_process()
 

@@ -96,6 +96,8 @@ class Row:
         The gap that was asked for.
     cpu_seconds : float
         Without the phase "parse", in which the problem is put into the program's own form.
+    wall_seconds : float
+        Of the same; of our own runs.
     phases : dict
         CPU seconds by phase, see PHASES.
     peak_mb : float
@@ -117,7 +119,8 @@ class Row:
     violated : float
         The share of the points that violate a row by more than 1e-9.
     details : tuple of dict
-        One for each objective: label, status, lower, upper, gap, violation.
+        One for each objective: label, status, lower, upper, gap, violation; of our own runs
+        also trace, with CPU seconds of the objective so far and both bounds after each step.
     notes : tuple of str
     versions, commit : dict, str
     """
@@ -139,6 +142,7 @@ class Row:
     closed: int = 0
     tolerance: float = math.nan
     cpu_seconds: float = math.nan
+    wall_seconds: float = math.nan
     phases: dict[str, float] = field(default_factory=dict)
     peak_mb: float = math.nan
     variables: int = 0

@@ -20,11 +20,14 @@ import tempfile
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sps
 
-from sparsepop_py.conic.program import ConicProgram
+if TYPE_CHECKING:  # adapters use this file where the package is not installed
+    from sparsepop_py.conic.program import ConicProgram
+
 
 __all__ = ["PEERS", "csdp", "sdpa", "sdpa_text"]
 

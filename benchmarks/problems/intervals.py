@@ -30,7 +30,7 @@ from setid.feasible_set.start import find_box
 from setid.formulation.units import in_units
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
 
-from ..measuring.measure import Setting, own_rows, peer_rows, settings_of
+from ..measuring.measure import Setting, key_of, own_rows, peer_rows, peers_of, settings_of
 from ..measuring.records import Row
 from ..measuring.registry import Case, Family, Selection, Task
 
@@ -169,8 +169,9 @@ def rows(family: Family, case: Case, setting: Setting) -> Iterator[Row]:
             if found and str(found[0][0].status) == "unbounded":
                 own = replace(own, status="unbounded, proved")
             yield own
-    if "scip" in setting.solvers and (own is None or math.isfinite(own.gap)):
-        yield from peer_rows(family, case, own, tolerance, setting)
+    own = own or setting.known.get(key_of(family, case))
+    for name in peers_of(setting) if own is None or math.isfinite(own.gap) else ():
+        yield from peer_rows(family, case, own, tolerance, setting, name)
 
 
 def _options(settings: Mapping[str, Any]) -> setid.Options:

@@ -22,7 +22,7 @@ from setid.models.block import BlockStructured
 from setid.models.equations import channel_of
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.parameter_box import ProvedBox, start_of
-from setid.proofs.simulated.outputs import Simulated, simulated
+from setid.proofs.simulated.outputs import Recursion, recursion_of
 from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.budget import Deadline
 
@@ -31,7 +31,7 @@ __all__ = [
     "attained_result",
     "cascade_ends",
     "cascade_of",
-    "narrowed_cascade",
+    "tightened_cascade",
     "point_of",
 ]
 
@@ -42,7 +42,7 @@ _LEAST_WIDTH = 1e-9  # of a parameter's box: what its unit is at least
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CascadeEnds:
-    """Where simulations stay within the noise bounds.
+    """Parameters whose simulations stay within the noise bounds.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class CascadeEnds:
     ends: tuple[Reals, ...]
 
 
-def cascade_of(formulation: Formulation) -> Simulated | None:
+def cascade_of(formulation: Formulation) -> Recursion | None:
     """State a cascade as a simulation; None for structures of other kinds.
 
     Parameters
@@ -85,11 +85,11 @@ def cascade_of(formulation: Formulation) -> Simulated | None:
     maps = dict(model.maps)
     sources = {name for block in model.blocks for name, _ in block.source} & set(maps)
     inner = {a for name in sources for a in maps[name].arguments if channel_of(a) is None}
-    return simulated(formulation) if inner else None
+    return recursion_of(formulation) if inner else None
 
 
 def cascade_ends(
-    formulation: Formulation, parts: Simulated, box: ProvedBox | None, deadline: Deadline
+    formulation: Formulation, parts: Recursion, box: ProvedBox | None, deadline: Deadline
 ) -> CascadeEnds | None:
     """Fit a cascade and go to the ends of its parameters; None without a finite box.
 
@@ -109,7 +109,7 @@ def cascade_ends(
     return CascadeEnds(fitting, frozen(best), level, ends)
 
 
-def narrowed_cascade(
+def tightened_cascade(
     found: CascadeEnds, box: ProvedBox | None, tol: float, deadline: Deadline
 ) -> SimulatedBox | None:
     """Prove a box near the ends that are attained.

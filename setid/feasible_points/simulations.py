@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from setid.formulation.formulation import Formulation
 from setid.proofs.simulated.forms import Form, Region
-from setid.proofs.simulated.outputs import Simulated
+from setid.proofs.simulated.outputs import Recursion
 from setid.proofs.supports import cover
 from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.highs import LinearModel
@@ -37,13 +37,13 @@ class Fitting:
     Parameters
     ----------
     formulation : Formulation
-    parts : Simulated
+    parts : Recursion
     lower, upper : (p,) float
         Finite.
     """
 
     formulation: Formulation
-    parts: Simulated
+    parts: Recursion
     lower: Reals
     upper: Reals
 
@@ -66,8 +66,7 @@ class Fitting:
 
     def _run(self, theta: Reals) -> dict[str, Form]:
         nothing = np.zeros((0, theta.size))
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self.parts.run(Region(theta, theta, nothing, np.zeros(0), np.zeros(0)))
+        return self.parts.run(Region(theta, theta, nothing, np.zeros(0), np.zeros(0)))
 
     def level(self, theta: Reals) -> float:
         """The largest error in noise bounds; infinite where it is no number."""

@@ -12,7 +12,7 @@ from setid.feasible_set.proposer import Proposer
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import Region
-from setid.proofs.simulated.outputs import Simulated, half_spaces
+from setid.proofs.simulated.outputs import Recursion, half_spaces
 from setid.proofs.simulated.tree import (
     SimulatedBox,
     Step,
@@ -30,7 +30,6 @@ __all__ = ["principal_directions", "simulated_box"]
 Reals = NDArray[np.float64]
 _STEPS = 12  # in a row at one region
 _GAIN = 0.8  # of a width: a step that leaves more is the last one
-_TOL = 1e-3
 
 
 @dataclass(slots=True)
@@ -42,11 +41,6 @@ class _Grown:
     split: int = -1
     at: float = 0.0
     children: tuple[_Grown, ...] = ()
-
-    def frozen(self) -> TreeNode:
-        """The node with its children."""
-        children = tuple(child.frozen() for child in self.children)
-        return TreeNode(tuple(self.steps), self.split, self.at, children)
 
 
 def principal_directions(slopes: Reals, units: Reals) -> Reals:
@@ -65,7 +59,7 @@ def principal_directions(slopes: Reals, units: Reals) -> Reals:
 
 def simulated_box(
     formulation: Formulation,
-    parts: Simulated,
+    parts: Recursion,
     box: tuple[Reals, Reals],
     first: CellBox | None,
     directions: Reals,
@@ -73,12 +67,12 @@ def simulated_box(
     tol: float,
     deadline: Deadline,
 ) -> SimulatedBox | None:
-    """Narrow a finite box by simulations over regions.
+    """Tighten a finite box by simulations over regions.
 
     Parameters
     ----------
     formulation : Formulation
-    parts : Simulated
+    parts : Recursion
     box : (lower, upper), each (p,) float
     first : CellBox or None
         What proved the box, where priors alone do not.
@@ -89,9 +83,9 @@ def simulated_box(
         Of the attained widths: regions that reach less far beyond are not parted.
     deadline : Deadline
     """
-    region = first_region(formulation, *box, directions)
-    if region is None:
+    if not np.all(np.isfinite(box)):
         return None
+    region = first_region(formulation, *box, directions)
     root = _Grown(region)
     grower = _Grower(formulation, parts, attained, tol, deadline)
     complete = grower.grow(root)
@@ -103,15 +97,25 @@ def simulated_box(
         upper = np.max([r.upper for r in leaves], axis=0)
         lower, upper = widened(lower, upper)
     return SimulatedBox(
-        formulation.parameters, lower, upper, first, directions, root.frozen(), complete
+        formulation.parameters, lower, upper, first, directions, _numbered(root), complete
     )
+
+
+def _numbered(root: _Grown) -> tuple[TreeNode, ...]:
+    """All nodes, parents before their children."""
+    every, found = [root], list[TreeNode]()
+    for grown in every:
+        children = tuple(range(len(every), len(every) + len(grown.children)))
+        every += grown.children
+        found.append(TreeNode(tuple(grown.steps), grown.split, grown.at, children))
+    return tuple(found)
 
 
 class _Grower:
     def __init__(
         self,
         formulation: Formulation,
-        parts: Simulated,
+        parts: Recursion,
         attained: tuple[Reals, Reals] | None,
         tol: float,
         deadline: Deadline,
@@ -121,9 +125,11 @@ class _Grower:
         self.leaves: list[_Grown] = []
 
     def grow(self, root: _Grown) -> bool:
-        """Narrow and part regions, the one that reaches farthest first; whether time sufficed."""
-        self._narrow(root)
-        scale = self._scale(root)
+        """Tighten and part regions, the one that reaches farthest first; whether time sufficed."""
+        self._tighten(root)
+        if root.region is None:
+            return True
+        scale = np.maximum(_widths(root.region), 1e-300)
         waiting: list[tuple[float, int, _Grown]] = []
         count = 0
         self._file(root, waiting, count)
@@ -137,7 +143,7 @@ class _Grower:
             halves = parted(grown.region, grown.split, grown.at)
             grown.children = tuple(_Grown(half) for half in halves)
             for child in grown.children:
-                self._narrow(child)
+                self._tighten(child)
                 count += 1
                 self._file(child, waiting, count)
         return True
@@ -150,7 +156,7 @@ class _Grower:
             heapq.heappush(waiting, (-beyond, count, grown))
 
     def _beyond(self, region: Region | None) -> float:
-        """How far a region reaches beyond the attained ends, in their widths."""
+        """Measure how far a region reaches beyond the attained ends, in their widths."""
         if region is None:
             return 0.0
         if self._attained is None:
@@ -159,21 +165,14 @@ class _Grower:
         width = np.maximum(high - low, 1e-12 * np.maximum(np.abs(low), np.abs(high)) + 1e-300)
         return float(np.max(np.maximum(low - region.lower, region.upper - high) / width))
 
-    def _scale(self, root: _Grown) -> Reals:
-        """Widths of the parameters and directions in which regions are compared."""
-        region = root.region
-        if region is None:
-            return np.ones(1)
-        widths = np.append(region.upper - region.lower, region.high - region.low)
-        return np.asarray(np.maximum(widths, 1e-300), np.float64)
-
     def _cut(self, region: Region, scale: Reals) -> tuple[int, float]:
+        """The parameter or direction that is widest against the root's, and its middle."""
         low = np.append(region.lower, region.low)
         high = np.append(region.upper, region.high)
         split = int(np.argmax((high - low) / scale))
         return split, float(low[split] / 2 + high[split] / 2)
 
-    def _narrow(self, grown: _Grown) -> None:
+    def _tighten(self, grown: _Grown) -> None:
         for _ in range(_STEPS):
             if grown.region is None or self._deadline.over:
                 return

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping
 from setid.formulation.formulation import Formulation
-from setid.models.block import BlockStructured, HammersteinWiener, Wiener
+from setid.models.block import BlockStructured
 from setid.options import Options
+from setid.proofs.cells.output_cells import parts_of
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox
 from setid.proofs.uniqueness.normalisation import Nonzero
@@ -121,10 +122,10 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     model = formulation.model
     if isinstance(model, BlockStructured) and formulation.products is None:
         first = " and initial='zero'" if model.initial == "free" else ""
+        cells = parts_of(formulation) is not None
         return (
             f"the data give no finite bounds of {names}: the outputs are no sums of products of "
-            f"measured signals; give Box for {names}"
-            + (f", or Stable{first}" if isinstance(model, Wiener | HammersteinWiener) else "")
+            f"measured signals; give Box for {names}" + (f", or Stable{first}" if cells else "")
         )
     return (
         f"the data give no finite bounds of {names}: the noise is strong for this input; give "

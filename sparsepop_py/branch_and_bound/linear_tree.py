@@ -31,6 +31,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.lp.highs import LinearModel, LinearSolution
 from sparsepop_py.presolve.initial_box import rounding_slack
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.relaxation.shapes import Products
 from sparsepop_py.solvers.quadratic import minimise_on_box
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaling
@@ -145,6 +146,8 @@ class LinearTree:
     _heap: list[tuple[float, int, _Open]] = field(default_factory=list)
     _least: float = np.inf
     _fathomed: float = 0.0
+    _obbt_rounds: int = 0
+    _searched: bool = False
     _point: Floats | None = None
     _highs: LinearModel | None = None
 
@@ -154,7 +157,12 @@ class LinearTree:
         self.root = _Open(self.box.lo.copy(), self.box.hi.copy())
         if self.variables is None:
             self.variables = self.model.factors
+        self._preference = np.full(self.model.dimension, LINEAR_TREE.others)
+        products = Products.of(self.context.problem, [self.context.problem.objective])
+        self._preference[list(products.complicating)] = 1.0
         self._begin = spent()
+        self._branches = np.zeros(self.model.dimension, bool)
+        self._branches[self.variables] = True
         self._width = np.maximum(self.box.hi - self.box.lo, 1e-300)
 
     # ---- the search ---------------------------------------------------------------------------
@@ -167,7 +175,7 @@ class LinearTree:
 
     @property
     def goal(self) -> float:
-        """A bound at which a node is fathomed: above the cutoff by a margin for rounding."""
+        """A bound that fathoms a node: the cutoff and a margin for rounding."""
         return self.cutoff + LINEAR_TREE.margin * self.context.allowed
 
     @property
@@ -196,15 +204,20 @@ class LinearTree:
             self._process(heapq.heappop(self._heap)[2])
         return self.closed
 
+    @property
+    def _most_nodes(self) -> int:
+        """Nodes that the tree may have: fewer where programs are larger."""
+        return min(LINEAR_TREE.most_nodes, LINEAR_TREE.most_columns // self.model.columns + 1)
+
     def _stalls(self, first: float) -> bool:
         """Check whether the gap shrinks too slowly for a small tree."""
-        if self.nodes >= LINEAR_TREE.most_nodes or self._least < self.goal:
+        if self.nodes >= self._most_nodes or self._least < self.goal:
             return True
-        if self.nodes < LINEAR_TREE.patience:
+        if self.nodes < min(LINEAR_TREE.patience, self._most_nodes):
             return False
         whole = self.goal - first
         gained = (self.bound - first) / whole if 0 < whole < np.inf else 0.0
-        share = self.nodes / LINEAR_TREE.most_nodes
+        share = self.nodes / self._most_nodes
         return max(gained, self._fathomed) < LINEAR_TREE.pace * share
 
     def _process(self, node: _Open) -> None:
@@ -212,30 +225,38 @@ class LinearTree:
         self.nodes += 1
         spend(LINEAR_TREE.node_work)
         program: _Program | None = None
+        self._searched = False
         rounds = LINEAR_TREE.root_rounds if node is self.root else LINEAR_TREE.rounds
         for number in range(rounds):
             self._propagate(node)
-            if node.bound == np.inf:
-                self._fathom(node)
-                return
-            program = self._solve(node)
-            if program is None or node.bound >= self.goal:
+            program = self._solve(node) if node.bound < np.inf else None
+            if program is None or program.t is None or node.bound >= self.goal:
                 break
-            if self._worth_a_search(program, number):
-                self._search(program.point)
-                if node.bound >= self.goal:
-                    break
-            if self._cut(node, program, number):
-                self._search_minimiser()
-                if node.bound >= self.goal:
-                    break
-                continue
-            if not self._reduce(node, program) and not self._tighten(node, program, number):
+            if not self._improve(node, program, number):
                 break
         if node.bound >= self.goal:
             self._fathom(node)
         else:
             self._branch(node, program)
+
+    def _improve(self, node: _Open, program: _Program, number: int) -> bool:
+        """Add cuts, search points and tighten the box; return whether another round may gain."""
+        if self._cut(node, program, number):
+            self._search_minimiser()
+            return node.bound < self.goal
+        if self._promises(program.point):
+            self._search(program.point)
+        elif number == LINEAR_TREE.search_round and self._worth_a_search():
+            self._search(program.point)  # tightening goes on with a better cutoff
+        if node.bound >= self.goal:
+            return False
+        if self._reduce(node, program) or self._tighten(node, program):
+            return True
+        if not self._worth_a_search():
+            return False
+        upper = self.context.upper
+        self._search(program.point)
+        return node.bound < self.goal and self.context.upper < upper
 
     def _fathom(self, node: _Open) -> None:
         """Record a leaf, and its share of the tree: a half of its parent's."""
@@ -350,13 +371,12 @@ class LinearTree:
 
     # ---- points -------------------------------------------------------------------------------
 
-    def _worth_a_search(self, program: _Program, number: int) -> bool:
+    def _worth_a_search(self) -> bool:
         """Check for a node with a local search: that costs more than nodes do."""
-        if program.t is None or self._promises(program.point):
-            return program.t is not None
-        if self.search_work > LINEAR_TREE.search_share * (spent() - self._begin):
+        if self._searched or self.search_work > LINEAR_TREE.search_share * (spent() - self._begin):
             return False
-        return not number and self.nodes in LINEAR_TREE.searched
+        self._searched = self.nodes in LINEAR_TREE.searched  # once a node
+        return self._searched
 
     def _promises(self, point: Floats) -> bool:
         """Check for a point that is nearly feasible and better than the incumbent."""
@@ -390,6 +410,7 @@ class LinearTree:
             reach = room / np.abs(rest)
         wide = node.high - node.low
         gains = (reach < 2.0 * LINEAR_TREE.gained) & (wide > 1e-9 * self._width)
+        gains &= self._branches
         chosen = np.flatnonzero(gains)
         if not chosen.size:
             return False
@@ -400,13 +421,14 @@ class LinearTree:
         self._take(node, data, chosen, side, 1.0 - reach[chosen], dual)
         return bool(np.any(reach[chosen] < 2.0 * LINEAR_TREE.again))
 
-    def _tighten(self, node: _Open, program: _Program, number: int) -> bool:
+    def _tighten(self, node: _Open, program: _Program) -> bool:
         """Tighten bounds of the root by linear programs (OBBT) where reduced costs do not."""
         assert self.variables is not None
         open_ = [v for v in self.variables.tolist() if node.high[v] > node.low[v]]
         few = len(open_) <= LINEAR_TREE.most_tightened
-        if node is not self.root or not few or number > LINEAR_TREE.obbt_rounds:
+        if node is not self.root or not few or self._obbt_rounds >= LINEAR_TREE.obbt_rounds:
             return False
+        self._obbt_rounds += 1
         data, cutoff = program.data, self.cutoff
         highs = self._highs_of(data, cutoff)
         points = [program.t] if program.t is not None else []
@@ -478,6 +500,7 @@ class LinearTree:
         score = relative.copy()
         if program is not None and program.t is not None:
             score = (self._errors(program)[chosen] + 1e-9) * np.sqrt(relative)
+            score *= self._preference[chosen]
         score = np.where(width > 1e-8 * (1.0 + np.abs(node.low[chosen])), score, -1.0)
         if not chosen.size or score.max() < 0:
             self._least = min(self._least, node.bound)

@@ -210,7 +210,7 @@ class ProductModel:
 
     @cached_property
     def _parts(self) -> tuple[Ints, Ints, Ints, Ints, Floats]:
-        """Terms after x = c + s t: row, column, and positions of two factors in (1, c, s)."""
+        """Terms after x = c + s t: row, column, two of (1, c, s)."""
         n, linear = self.dimension, self.column < self.dimension
         centre, scale = 1, 1 + n
         row, v, a = self.row[linear], self.column[linear], self.coefficient[linear]

@@ -65,8 +65,8 @@ class LinearTreeSettings:
     ----------
     most_variables, most_constraints : int
         Sizes up to which such a tree is tried.
-    most_nodes : int
-        Nodes after which it is given up.
+    most_nodes, most_columns : int
+        Nodes after which it is given up, and columns of all their programs.
     patience : int
         Nodes before the tree has to be fathomed, or the gap closed, in proportion to the nodes.
     pace : float
@@ -89,6 +89,8 @@ class LinearTreeSettings:
         Share of the work that local searches may have taken before another one.
     searched : tuple of int
         Numbers of the nodes with a local search, from 1.
+    search_round : int
+        Round of tightening at the root that a local search comes before.
     worth_a_search : float
         Share of the allowed gap that a nearly feasible solution must gain for a local search.
     feasible : float
@@ -110,6 +112,8 @@ class LinearTreeSettings:
         Share of a width: another round follows where one left less.
     slack : float
         Share of half a width that claims leave for the rounding of their proofs.
+    others : float
+        Preference of variables that are not needed to cover all products, in branching.
     middle : float
         Weight of the middle of the interval in the branching point.
     edge : float
@@ -119,19 +123,21 @@ class LinearTreeSettings:
     most_variables: int = 60
     most_constraints: int = 120
     most_nodes: int = 60
+    most_columns: int = 3000
     patience: int = 12
     pace: float = 0.9
     margin: float = 0.03
     node_work: float = 1e-3
     root_rounds: int = 16
     rounds: int = 2
-    first_sweeps: int = 8
-    root_sweeps: int = 6
-    sweeps: int = 3
+    first_sweeps: int = 4
+    root_sweeps: int = 3
+    sweeps: int = 2
     worth: float = 0.9
     infeasible: float = 1e-7
     search_share: float = 0.4
     searched: tuple[int, ...] = (1, 4, 16, 64)
+    search_round: int = 2
     worth_a_search: float = 0.5
     feasible: float = 1e-5
     cut_rounds: int = 8
@@ -140,11 +146,12 @@ class LinearTreeSettings:
     gained: float = 0.9
     again: float = 0.6
     most_tightened: int = 24
-    obbt_rounds: int = 3
+    obbt_rounds: int = 8
     touched: float = 0.1
     least_gain: float = 0.02
     obbt_again: float = 0.8
     slack: float = 1e-6
+    others: float = 0.3
     middle: float = 0.4
     edge: float = 0.2
 

@@ -11,7 +11,7 @@ import copy
 import hashlib
 import numbers
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
@@ -87,7 +87,7 @@ class Problem:
     names: tuple[str, ...]
     squares: tuple[Weighted, ...]
     sense: Sense
-    rounding: tuple[Rounding, ...]
+    rounding: tuple[Rounding, ...] = field(init=False)
 
     def __init__(
         self,

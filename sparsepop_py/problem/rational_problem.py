@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -121,7 +121,7 @@ class RationalProblem:
     upper: NDArray[np.float64]
     names: tuple[str, ...]
     sense: Sense
-    rounding: tuple[Rounding, ...]
+    rounding: tuple[Rounding, ...] = field(init=False)
     base: Problem  # the polynomial constraints and bounds, with the objective 0
 
     def __init__(

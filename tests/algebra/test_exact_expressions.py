@@ -250,6 +250,9 @@ def test_a_grid_holds_its_numbers(values):
     assert size == np.inf or Fraction(size) * (1 + Fraction(1, 2**40)) >= sum(
         abs(Fraction(value)) for value in values
     )
+    step_of_one, size_of_one = exact_terms.grid_of_number(values[0])
+    assert (Fraction(values[0]) / Fraction(2) ** step_of_one).denominator == 1
+    assert size_of_one == abs(values[0])
     if exact_terms.held(step, size):
         assert Fraction(float(sum(map(Fraction, values)))) == sum(map(Fraction, values))
 
@@ -276,3 +279,22 @@ def test_sympy_expressions_are_multiplied_out_exactly():
     exact = [Fraction(0.1) ** 2, Fraction(1, 3) - 2 * Fraction(0.1), Fraction(1)]
     assert problem.objective.coefficients.tolist() == [float(value) for value in exact]
     assert problem.rounding[0].coefficients == 2
+
+
+def test_what_was_rounded_on_the_way_stays_known():
+    (x,) = sp.variables(1)
+    long = (0.1 * x + 1) ** 200
+    for p in (long * (x + 1), (x + 1) * long, long + x, x - long, long / 3, long.derivative(0)):
+        assert p.exact is not None
+        assert not p.exact.followed
+
+
+def test_both_ends_of_the_bounds_count():
+    x, y = sp.variables(2)
+    slope = Fraction(0.1) * Fraction(0.1)
+    error = abs(Fraction(float(slope)) - slope)
+    for lower, upper in ((-3, 1), (-1, 3)):
+        (record,) = sp.Problem(0.1 * x * y * 0.1, lower=lower, upper=upper).rounding
+        assert (
+            Fraction(record.shift) >= 9 * error > Fraction(record.shift) * (1 - Fraction(1, 2**50))
+        )

@@ -1,6 +1,7 @@
 """Problems: what is stored, what is refused and with which words, and the fingerprint."""
 
 import re
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -327,3 +328,12 @@ def test_bound_rows_are_those_linear_in_one_variable():
     x, y = pair()
     problem = Problem(x, [x >= 1, x + y >= 1, x**2 >= 1, 2 * y == 3, x * 0.0 + 1 >= 0])
     assert problem.bound_rows.tolist() == [True, False, False, True, False]
+
+
+def test_a_field_of_a_problem_can_be_replaced() -> None:
+    """dataclasses.replace makes the problem again, its rounding included."""
+    x, y = sp.variables(2)
+    old = sp.Problem(x + y, [x**2 + y**2 <= 1], -1.0, 1.0)
+    new = replace(old, objective=0.1 * x * 0.1)
+    assert new.constraints == old.constraints and new.objective.degree == 1
+    assert [record.place for record in new.rounding] == ["objective"]

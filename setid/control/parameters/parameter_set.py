@@ -282,7 +282,7 @@ def priors_of(
     integrators: int = 0,
     margin: float | None = None,
 ) -> list[Any]:
-    """What is proved or assumed of the parameters, as priors.
+    """List what is proved or assumed of the parameters, as priors.
 
     Parameters
     ----------

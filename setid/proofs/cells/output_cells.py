@@ -58,6 +58,7 @@ class Parts(NamedTuple):
     drives: Reals  # (q, N)
     drive_noise: Reals  # (q, N)
     past: tuple[str, ...]  # denominator of H
+    numerator: tuple[str, ...]  # of H where its static gain is 1, else empty
     columns: tuple[Column, ...]
     initial: int  # unknown first samples of z
 
@@ -71,7 +72,9 @@ def parts_of(formulation: Formulation) -> Parts | None:
     behind = _behind(bare)
     if behind is None:
         return None
-    signal, past, columns = behind
+    signal, past, numerator, columns = behind
+    label = [b.label for b in model.blocks if b.target == "y1"]
+    numerator = numerator if set(label) & set(model.unit_gain) else ()
     blocks = [b for b in model.blocks if b.target == signal]
     equations = {e.defines: e for e in bare.equations(())}
     if len(blocks) != 1 or channel_of(signal) is not None or signal not in equations:
@@ -89,12 +92,25 @@ def parts_of(formulation: Formulation) -> Parts | None:
     words, values, spread, constants = drives
     initial = 0 if model.initial == "zero" else equation.lag
     return Parts(
-        signal, blocks[0].label, poles, words, constants, values, spread, past, columns, initial
+        signal,
+        blocks[0].label,
+        poles,
+        words,
+        constants,
+        values,
+        spread,
+        past,
+        numerator,
+        columns,
+        initial,
     )
 
 
-def _behind(bare: BlockStructured) -> tuple[str, tuple[str, ...], tuple[Column, ...]] | None:
-    """The signal z before the map, and the columns of rows that the map and H make of it."""
+Behind = tuple[str, tuple[str, ...], tuple[str, ...], tuple[Column, ...]]
+
+
+def _behind(bare: BlockStructured) -> Behind | None:
+    """The signal z before the map, H, and the columns of rows that the map and H make of z."""
     maps, wiring = dict(bare.maps), bare.wiring
     before = [b for b in bare.blocks if b.target == "y1"]
     name, past, numerator, delay = "y1", tuple[str, ...](), tuple[str, ...](), 0
@@ -108,13 +124,13 @@ def _behind(bare: BlockStructured) -> tuple[str, tuple[str, ...], tuple[Column, 
     powers = [p[0] for p in maps[name].basis if not callable(p)]
     own = list(zip(wiring.weights(name), powers, strict=True))
     if not before:
-        return maps[name].arguments[0], (), tuple(Column(0, p, (w,)) for w, p in own)
+        return maps[name].arguments[0], (), (), tuple(Column(0, p, (w,)) for w, p in own)
     found = [
         Column(delay + j, power, (b, weight))
         for j, b in enumerate(numerator)
         for weight, power in own
     ]
-    return maps[name].arguments[0], past, tuple(found)
+    return maps[name].arguments[0], past, numerator, tuple(found)
 
 
 def _drives(
@@ -241,7 +257,7 @@ def cell_box(
     if not np.all(np.isfinite(poles)):
         return None
     data = formulation.data
-    noise = formulation.noise.bounds(data)[0][:, 0]
+    noise = _row_noise(formulation)
     known = ~np.isnan(data.y[:, 0])
     for lag in range(1, len(parts.past) + 1):
         known[lag:] &= ~np.isnan(data.y[:-lag, 0])
@@ -282,7 +298,13 @@ def _measured(
     before = rows[:, None] - lags
     past = -np.where(before < 0, 0.0, y[before]), np.where(before < 0, 0.0, noise[before])
     columns = tuple((column.lag, column.power) for column in parts.columns)
-    return found, fitted(found, rows, columns, past, y[rows], noise[rows])
+    return found, fitted(found, rows, columns, past, y[rows], _row_noise(formulation)[rows])
+
+
+def _row_noise(formulation: Formulation) -> Reals:
+    """Bound what output noise of the newest sample and equation errors change, (N,)."""
+    output, _, equation = formulation.noise.bounds(formulation.data)
+    return np.asarray((output[:, 0] + equation[:, 0]) * (1 + 1e-15), np.float64)
 
 
 def _pruned(
@@ -319,7 +341,7 @@ def _halved(
     rounds: int,
 ) -> tuple[Reals, int, bool]:
     """Halve cells until they are fine; return those left and the rounds used."""
-    noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
+    noise = _row_noise(formulation)[rows]
     done: list[Reals] = []
     for used in range(rounds + 1):
         cells = cells[_allowed(parts, formulation, cells)]
@@ -349,10 +371,11 @@ def _effects(
 ) -> Reals:
     """Effect of each coordinate of a cell on outputs, in noise bounds, shape (C, d)."""
     z = np.abs(found.centre[:, rows]) + 1e-300
-    slope = sum(
-        gamma[:, m, None] * column.power * z ** max(column.power - 1, 0)
-        for m, column in enumerate(columns)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        slope = sum(
+            gamma[:, m, None] * column.power * z ** max(column.power - 1, 0)
+            for m, column in enumerate(columns)
+        )
     scale = slope / np.maximum(noise, 1e-300)
     effect = np.einsum("cdk,ck->cd", found.slopes[:, :, rows], scale) / rows.size
     width = found.radii > 0
@@ -503,7 +526,26 @@ def _one_cell(
             )
     if not fit.bounded[number]:
         return contracted(box, ends, ())
+    ends |= _row_ends(parts, fixed, fit, number, scale, place)
+    if not parts.numerator or set(parts.numerator) & set(fixed):
+        return contracted(box, ends, ())
+    numerator, past = (
+        tuple(place[name] for name in part) for part in (parts.numerator, parts.past)
+    )
+    return contracted(box, ends, [(numerator, past)])
+
+
+def _row_ends(
+    parts: Parts,
+    fixed: Mapping[str, float],
+    fit: Fitted,
+    number: int,
+    scale: Ends,
+    place: Mapping[str, int],
+) -> dict[Total, Ends]:
+    """Ends of what the rows hold in one cell, in the normalisation of the model."""
     low, high = fit.gamma[number] - fit.radius[number], fit.gamma[number] + fit.radius[number]
+    ends: dict[Total, Ends] = {}
     for m, name in enumerate(parts.past):
         ends[((place[name],),)] = _spread([float(low[m]), float(high[m])])
     for m, column in enumerate(parts.columns, len(parts.past)):
@@ -515,7 +557,7 @@ def _one_cell(
         if column.power and divisor[0] <= 0.0 <= divisor[1]:
             continue
         ends[free,] = _spread([float(a) / b / known for a in (low[m], high[m]) for b in divisor])
-    return contracted(box, ends, ())
+    return ends
 
 
 def _power(ends: Ends, power: int) -> Ends:

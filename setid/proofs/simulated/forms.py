@@ -51,26 +51,31 @@ class Region:
     _shares: Reals = field(init=False)  # of the directions in each parameter, nearly
 
     def __post_init__(self) -> None:
-        middle, shares = self.lower / 2 + self.upper / 2, np.linalg.pinv(self.directions)
+        shares = np.asarray(np.linalg.pinv(self.directions), np.float64)
+        middle: Reals = np.asarray(self.lower / 2 + self.upper / 2, np.float64)
         wanted = self.low / 2 + self.high / 2 - self.directions @ middle
         moved = np.clip(middle + shares @ wanted, self.lower, self.upper)
         object.__setattr__(self, "middle", moved)
         object.__setattr__(self, "_shares", shares)
 
+    def spread(self, slopes: Reals) -> Reals:
+        """Bound sum_i |g_i (theta - m)_i| over the box, for slopes (..., d)."""
+        far = np.maximum(self.upper - self.middle, self.middle - self.lower)
+        return np.asarray(np.abs(slopes) @ (far * _MORE + _TINY) * _MORE, np.float64)
+
     def reach(self, slopes: Reals) -> Reals:
         """Bound |g (theta - m)| over the region, for slopes (..., d)."""
         middle, size = self.middle, np.maximum(np.abs(self.lower), np.abs(self.upper))
-        radius = np.maximum(self.upper - middle, middle - self.lower) * _MORE + _TINY
-        found = np.abs(slopes) @ radius
+        found = self.spread(slopes)
         if self.low.size:
-            at, doubt = self.directions @ middle, 8 * (size.size + 4) * _UNIT
-            doubts = doubt * (np.abs(self.directions) @ size) + _TINY
-            width = np.maximum(self.high - at, at - self.low) + 4 * doubts
+            at = self.directions @ middle
+            doubt = 8 * (size.size + 4) * _UNIT * (np.abs(self.directions) @ size) + _TINY
+            width = np.maximum(self.high - at, at - self.low) + 4 * doubt
             shares = slopes @ self._shares
             left = np.abs(slopes - shares @ self.directions)
             loss = 8 * (shares.shape[-1] + 4) * _UNIT
             left = left + loss * (np.abs(slopes) + np.abs(shares) @ np.abs(self.directions))
-            found = np.minimum(found, np.abs(shares) @ np.maximum(width, 0.0) + left @ radius)
+            found = np.minimum(found, np.abs(shares) @ np.maximum(width, 0.0) + self.spread(left))
         return np.asarray(found * _MORE + _TINY, np.float64)
 
 
@@ -92,7 +97,7 @@ def late(form: Form, lag: int) -> Form:
 def plus(first: Form, second: Form, region: Region) -> Form:
     """The sum of two forms."""
     value, slope = first.value + second.value, first.slope + second.slope
-    loss = 2 * _UNIT * (np.abs(value) + region.reach(np.abs(first.slope) + np.abs(second.slope)))
+    loss = 2 * _UNIT * (np.abs(value) + region.spread(np.abs(first.slope) + np.abs(second.slope)))
     return Form(value, slope, (first.rest + second.rest + loss) * _MORE)
 
 
@@ -104,7 +109,7 @@ def times(first: Form, second: Form, region: Region) -> Form:
     left = first.value[..., None] * second.slope
     right = second.value[..., None] * first.slope
     rest = one * two + (a + one) * second.rest + (b + two + second.rest) * first.rest
-    loss = 4 * _UNIT * (a * b + region.reach(np.abs(left) + np.abs(right))) + _TINY
+    loss = 4 * _UNIT * (a * b + region.spread(np.abs(left) + np.abs(right))) + _TINY
     return Form(value, left + right, (rest + loss) * _MORE)
 
 

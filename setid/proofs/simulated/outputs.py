@@ -14,15 +14,15 @@ from setid.models.equations import Equation, Term
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.supports import Cover, cover
 
-__all__ = ["Simulated", "half_spaces", "simulated"]
+__all__ = ["Recursion", "half_spaces", "recursion_of"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Simulated:
-    """What a simulation of a structure needs.
+class Recursion:
+    """The equations of a structure in the order in which they give its signals.
 
     Parameters
     ----------
@@ -31,18 +31,20 @@ class Simulated:
     known : mapping of str to (N,) float
         Signals that are known exactly.
     parameters : tuple of str
-    fixed : mapping of str to float
     outputs : tuple of str
     """
 
     equations: tuple[Equation, ...]
     known: Mapping[str, Reals]
     parameters: tuple[str, ...]
-    fixed: Mapping[str, float]
     outputs: tuple[str, ...]
 
     def run(self, region: Region) -> dict[str, Form]:
-        """Every signal as a form over a region."""
+        """Every signal as a form over a region; what overflows is no number there."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._run(region)
+
+    def _run(self, region: Region) -> dict[str, Form]:
         d, signals = len(self.parameters), dict[str, Form]()
         for name, values in self.known.items():
             signals[name] = constant(values, d)
@@ -53,7 +55,7 @@ class Simulated:
                 factor = self._factor(item, region)
                 own = _own_lag(item, equation.defines)
                 if own:
-                    poles[own] = plus(poles[own], factor, region) if own in poles else factor
+                    poles[own] = factor
                     continue
                 part = _negated(factor)
                 for signal in item.signals:
@@ -68,11 +70,8 @@ class Simulated:
         d = len(self.parameters)
         found = constant(np.array(item.coefficient), d)
         for name in item.parameters:
-            if name in self.fixed:
-                other = constant(np.array(self.fixed[name]), d)
-            else:
-                place = self.parameters.index(name)
-                other = Form(region.middle[place], np.eye(d)[place], np.array(0.0))
+            place = self.parameters.index(name)  # fixed ones are in the coefficients
+            other = Form(region.middle[place], np.eye(d)[place], np.array(0.0))
             found = times(found, other, region)
         return found
 
@@ -93,8 +92,8 @@ def _broadcast(form: Form, samples: int) -> Form:
     return Form(ones * form.value, ones[:, None] * form.slope, ones * form.rest)
 
 
-def simulated(formulation: Formulation) -> Simulated | None:
-    """State a structure as a simulation of exact inputs from rest.
+def recursion_of(formulation: Formulation) -> Recursion | None:
+    """State a structure as a recursion that exact inputs drive from rest.
 
     None where inputs are noisy or missing, equations have errors, the past is unknown, records are
     several, or a signal is fed back through a map.
@@ -119,27 +118,29 @@ def simulated(formulation: Formulation) -> Simulated | None:
         ordered.add(equation.defines)
     if not set(outputs) <= ordered:
         return None
-    return Simulated(tuple(equations), known, formulation.parameters, dict(model.fixed), outputs)
+    return Recursion(tuple(equations), known, formulation.parameters, outputs)
 
 
 def _solvable(equation: Equation, known: set[str]) -> bool:
     """Check that a signal is made of known ones and, linearly, of its own past."""
+    lags: list[int] = []
     for item in equation.terms[1:]:
-        own = [s for s in item.signals if s.signal == equation.defines]
-        if own and (len(item.signals) > 1 or own[0].lag < 1):
+        own = [s.lag for s in item.signals if s.signal == equation.defines]
+        if own and (len(item.signals) > 1 or own[0] < 1 or own[0] in lags):
             return False
+        lags += own
         if not {s.signal for s in item.signals} <= known | {equation.defines}:
             return False
     return True
 
 
-def half_spaces(formulation: Formulation, parts: Simulated, region: Region) -> Cover:
+def half_spaces(formulation: Formulation, parts: Recursion, region: Region) -> Cover:
     """Rows that every consistent theta in a region obeys.
 
     Parameters
     ----------
     formulation : Formulation
-    parts : Simulated
+    parts : Recursion
         Of this formulation.
     region : Region
 

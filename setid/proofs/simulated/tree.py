@@ -1,6 +1,6 @@
-"""A box of the parameters from cells that simulations narrow, with what proves it.
+"""A box of the parameters from cells that simulations tighten, with what proves it.
 
-A node of the tree is a region. Its steps narrow it: rows of the simulation over the region as it
+A node of the tree is a region. Its steps tighten it: rows of the simulation over the region as it
 is, and multipliers of them for the largest and least values of each parameter and direction. Then
 it is parted, or it is a leaf. Every consistent vector lies in a leaf that is not proved empty.
 """
@@ -16,7 +16,7 @@ from setid.data.checks import frozen
 from setid.formulation.formulation import Formulation
 from setid.proofs.cells.output_cells import CellBox
 from setid.proofs.simulated.forms import Region
-from setid.proofs.simulated.outputs import Simulated, half_spaces, simulated
+from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
 from setid.proofs.supports import Cover, box_ranges, safe_maxima
 from sparsepop_py.verified.uncertain_rows.box import Bounds
 
@@ -37,7 +37,7 @@ _WIDER = 1e-12  # of the ends: what a claim leaves to sums in another order
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """Multipliers that narrow a region.
+    """Multipliers that tighten a region.
 
     Parameters
     ----------
@@ -50,10 +50,14 @@ class Step:
     rows: NDArray[np.int64]
     weights: Reals
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rows", frozen(np.array(self.rows, np.int64)))
+        object.__setattr__(self, "weights", frozen(np.array(self.weights, np.float64)))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TreeNode:
-    """A region that is narrowed, then parted.
+    """A region that is tightened, then parted.
 
     Parameters
     ----------
@@ -61,18 +65,18 @@ class TreeNode:
     split : int
         Number of the parameter or direction at which it is parted; -1 for a leaf.
     at : float
-    children : tuple of TreeNode
-        Below and above.
+    children : tuple of int
+        Numbers of the nodes below and above, larger than its own; none for a leaf.
     """
 
     steps: tuple[Step, ...] = ()
     split: int = -1
     at: float = 0.0
-    children: tuple[TreeNode, ...] = ()
+    children: tuple[int, ...] = ()
 
 
 def asked(directions: Reals) -> Reals:
-    """What is bounded from above in each region, shape (2 (d + q) + 1, d)."""
+    """Directions that are bounded from above in each region, shape (2 (d + q) + 1, d)."""
     every = np.concatenate([np.eye(directions.shape[1]), directions])
     return np.concatenate([every, -every, np.zeros((1, directions.shape[1]))])
 
@@ -80,9 +84,7 @@ def asked(directions: Reals) -> Reals:
 def first_region(
     formulation: Formulation, lower: Reals, upper: Reals, directions: Reals
 ) -> Region | None:
-    """The region of a box; None where an end is infinite or the box is empty."""
-    if not (np.all(np.isfinite([lower, upper])) and np.all(np.isfinite(directions))):
-        return None
+    """The region of a finite box; None where it is empty."""
     nothing = np.zeros((0, lower.size))
     box = Cover(formulation.parameters, lower, upper, nothing, np.zeros(0), False)
     ranges = box_ranges(box, directions)
@@ -90,7 +92,7 @@ def first_region(
 
 
 def tightened(region: Region, spaces: Cover, step: Step) -> Region | None:
-    """A region narrowed by multipliers of its rows; None where it is proved empty.
+    """A region tightened by multipliers of its rows; None where it is proved empty.
 
     Parameters
     ----------
@@ -149,14 +151,15 @@ class SimulatedBox(Bounds):
         A box to begin with, where the priors give no finite one.
     directions : (q, p) float
         Along which regions are bounded besides the parameters.
-    tree : TreeNode
+    nodes : tuple of TreeNode
+        The first is the root.
     complete : bool
         Whether time sufficed; says nothing that is trusted.
     """
 
     first: CellBox | None
     directions: Reals
-    tree: TreeNode
+    nodes: tuple[TreeNode, ...]
     complete: bool = True
 
     @property
@@ -172,16 +175,11 @@ class SimulatedBox(Bounds):
     @property
     def leaves(self) -> int:
         """Number of leaves, empty ones included."""
-        found, waiting = 0, [self.tree]
-        while waiting:
-            node = waiting.pop()
-            waiting += node.children
-            found += not node.children
-        return found
+        return sum(not node.children for node in self.nodes)
 
     def verify(self, formulation: Formulation, start: Reals) -> bool:
-        """Simulate every region again and apply its multipliers; there is no solver in it."""
-        parts = simulated(formulation)
+        """Run every recursion again and apply its multipliers; there is no solver in it."""
+        parts = recursion_of(formulation)
         low, high = start
         if self.first is not None:
             if not self.first.verify(formulation, start):
@@ -190,34 +188,43 @@ class SimulatedBox(Bounds):
         shape = self.directions.shape
         if parts is None or len(shape) != 2 or shape[1] != low.size:
             return False
-        region = first_region(formulation, low, high, self.directions)
-        hull = np.array([np.full(low.size, np.inf), np.full(low.size, -np.inf)])
-        waiting = [(region, self.tree)] if np.all(np.isfinite([low, high])) else None
-        if waiting is None:
+        if not np.all(np.isfinite([low, high])) or not np.all(np.isfinite(self.directions)):
             return False
+        hull = self._hull(formulation, parts, first_region(formulation, low, high, self.directions))
+        if hull is None:
+            return False
+        # where every leaf is empty, whatever is claimed holds
+        return bool(np.all(hull[0] >= self.lower) and np.all(hull[1] <= self.upper))
+
+    def _hull(
+        self, formulation: Formulation, parts: Recursion, root: Region | None
+    ) -> tuple[Reals, Reals] | None:
+        """Ends of all leaves that are not empty; None where the tree is none."""
+        p = len(formulation.parameters)
+        low, high = np.full(p, np.inf), np.full(p, -np.inf)
+        waiting = [(root, 0)]
         while waiting:
-            region, node = waiting.pop()
-            region = _narrowed(formulation, parts, region, node)
+            region, number = waiting.pop()
+            if not 0 <= number < len(self.nodes):
+                return None
+            node = self.nodes[number]
+            region = _after_steps(formulation, parts, region, node)
             if region is None:
                 continue
             if not node.children:
-                ends = np.minimum(hull[0], region.lower), np.maximum(hull[1], region.upper)
-                hull = np.array(ends)
+                low, high = np.minimum(low, region.lower), np.maximum(high, region.upper)
                 continue
-            if len(node.children) != 2:
-                return False
-            halves = parted(region, node.split, node.at)
-            waiting += list(zip(halves, node.children, strict=True))
-        if np.all(hull[0] > hull[1]):
-            return True  # nothing is consistent: whatever is claimed holds
-        return bool(np.all(hull[0] >= self.lower) and np.all(hull[1] <= self.upper))
+            if len(node.children) != 2 or min(node.children) <= number:
+                return None
+            waiting += zip(parted(region, node.split, node.at), node.children, strict=True)
+        return low, high
 
     def _text(self) -> str:
         return f"{self.leaves} cells, {Bounds._text(self)}"
 
 
-def _narrowed(
-    formulation: Formulation, parts: Simulated, region: Region | None, node: TreeNode
+def _after_steps(
+    formulation: Formulation, parts: Recursion, region: Region | None, node: TreeNode
 ) -> Region | None:
     for step in node.steps:
         if region is None:

@@ -75,6 +75,12 @@ class Rows:
         )
 
     @cached_property
+    def _extrema(self) -> tuple[Interval, Interval]:
+        """Places and values of the extrema of the pairs."""
+        _, _, c1, c2, _ = self._quadratic
+        return _vertex(Interval.point(c1), Interval.point(c2))
+
+    @cached_property
     def _factors(self) -> Factors:
         return Factors.of(self.system.words[self._quadratic[4]], self.system.dimension)
 
@@ -126,7 +132,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
     monomial = Interval.point(system.coefficients[plain]) * product(ranges)
     atoms, row = monomial, system.row[plain]
     if q_var.size:
-        quadratic = _quadratic_range(c1, c2, box[q_var])
+        quadratic = _quadratic_range(c1, c2, box[q_var], rows._extrema)
         atoms = Interval(np.append(atoms.lo, quadratic.lo), np.append(atoms.hi, quadratic.hi))
         row = np.append(row, q_row)
     if rows.minors.size:
@@ -137,7 +143,7 @@ def sweep(rows: Rows, box: Interval) -> Interval:
         return Interval(np.full_like(lo, np.inf), np.full_like(hi, -np.inf))
     split = plain.size
     if q_var.size:
-        _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:])
+        _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:], rows._extrema)
     _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
     lo, hi = np.where(np.isnan(lo), box.lo, lo), np.where(np.isnan(hi), box.hi, hi)
     return Interval(lo + 0.0, hi + 0.0)  # no negative zeros
@@ -176,7 +182,12 @@ def _allowed(row: NDArray[Any], atoms: Interval, target: Interval, size: int) ->
     return asked.intersect(atoms)
 
 
-def _quadratic_range(c1: NDArray[Any], c2: NDArray[Any], x: Interval) -> Interval:
+def _quadratic_range(
+    c1: NDArray[Any],
+    c2: NDArray[Any],
+    x: Interval,
+    extrema: tuple[Interval, Interval] | None = None,
+) -> Interval:
     """Range of c1 x + c2 x^2."""
     a, b = Interval.point(c1), Interval.point(c2)
     ends = []
@@ -188,7 +199,7 @@ def _quadratic_range(c1: NDArray[Any], c2: NDArray[Any], x: Interval) -> Interva
         ends.append(
             Interval(np.where(finite, value.lo, infinite), np.where(finite, value.hi, infinite))
         )
-    vertex, depth = _vertex(a, b)
+    vertex, depth = _vertex(a, b) if extrema is None else extrema
     outside = (vertex.hi < x.lo) | (vertex.lo > x.hi)
     lo, hi = np.minimum(ends[0].lo, ends[1].lo), np.maximum(ends[0].hi, ends[1].hi)
     lo = np.where((c2 > 0) & ~outside, np.minimum(lo, depth.lo), lo)
@@ -211,9 +222,10 @@ def _tighten_quadratics(
     c2: NDArray[Any],
     box: Interval,
     allowed: Interval,
+    extrema: tuple[Interval, Interval] | None = None,
 ) -> None:
     """Solve c1 x + c2 x^2 in ``allowed``: |x - vertex| between two radii."""
-    vertex, depth = _vertex(Interval.point(c1), Interval.point(c2))
+    vertex, depth = extrema or _vertex(Interval.point(c1), Interval.point(c2))
     squared = (allowed - depth) / Interval.point(c2)
     empty = squared.hi < 0
     outer = up(np.sqrt(np.where(empty, 0.0, squared.hi)))
@@ -241,22 +253,21 @@ def _tighten_monomials(
     """Solve coefficient * product of powers in ``allowed`` for each factor."""
     coefficient = Interval.point(rows.system.coefficients[rows._quadratic[4]])
     slots = factors.variable.shape[1]
-    one = Interval.point(np.ones(factors.variable.shape[0]))
-    ahead = [one]
+    ahead = [coefficient]
     for slot in range(slots - 1):
         ahead.append(ahead[-1] * ranges[:, slot])
-    behind = one
+    behind: Interval | None = None
     for slot in reversed(range(slots)):
         real = factors.power[:, slot] > 0
         if real.any():
-            others = (coefficient * ahead[slot] * behind)[real]
+            others = (ahead[slot] if behind is None else ahead[slot] * behind)[real]
             power = factors.power[real, slot]
             variable = factors.variable[real, slot]
             x = Interval(lo, hi)[variable]
             wanted = _root(_quotient(allowed[real], others), power, x)
             np.maximum.at(lo, variable, wanted.lo)
             np.minimum.at(hi, variable, wanted.hi)
-        behind = behind * ranges[:, slot]
+        behind = ranges[:, slot] if behind is None else behind * ranges[:, slot]
 
 
 def _quotient(target: Interval, divisor: Interval) -> Interval:
