@@ -523,6 +523,7 @@ def _prove(context: SolveContext, model: Model) -> CertifiedBound:
         # the box or the squares may prove it already
         if context.options.effort == "plain" or not context.closed(box_bound.proved.bound):
             for relaxation in model.relaxations:
+                before = box_bound.solution
                 try:
                     box_bound = bound_box(context, model.box, model.scaled, relaxation, box_bound)
                 except EARLY as cause:
@@ -530,7 +531,8 @@ def _prove(context: SolveContext, model: Model) -> CertifiedBound:
                         raise
                     context.deadline.ended(cause)  # what is proved so far is kept
                     break
-                used = relaxation
+                if box_bound.solution is not before:  # late, a relaxation is not solved
+                    used = relaxation
                 if context.closed(box_bound.proved.bound) or context.deadline.over:
                     break
     return certified_bound(replay, model, box_bound, used)

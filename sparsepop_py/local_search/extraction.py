@@ -53,20 +53,18 @@ def candidates(relaxation: Relaxation, y: NDArray[np.float64]) -> Points:
     moments = np.append(1.0, y)
     found: list[tuple[int, NDArray[np.int64], Points]] = []
     for group in relaxation.groups:
-        chosen = np.flatnonzero(group.generator == 0)
-        if group.free or not chosen.size:
+        if group.free:
             continue
-        matrices = _matrices(relaxation, group.basis[chosen], moments)
         alike: dict[bytes, list[_Block]] = {}  # blocks that differ by names of variables only
-        for block, matrix in zip(chosen.tolist(), matrices, strict=True):
-            inside, members = _readable(group.basis[block])
+        for block in np.flatnonzero(group.generator == 0).tolist():
+            basis, members = _readable(group.basis[block])
             if members.size:
-                local = _renamed(group.basis[block][inside], members)
+                local = _renamed(basis, members)
                 key = b"%d " % local.shape[1] + local.tobytes()
-                own = _Block(int(group.clique[block]), members, local, matrix[inside][:, inside])
+                own = _Block(int(group.clique[block]), members, local, basis)
                 alike.setdefault(key, []).append(own)
         for blocks in alike.values():
-            stack = np.stack([own.matrix for own in blocks])
+            stack = _matrices(relaxation, np.stack([own.basis for own in blocks]), moments)
             extracted = _extract(stack, blocks[0].words, _RANK)
             found += [(b.clique, b.members, p) for b, p in zip(blocks, extracted, strict=True)]
     found.sort(key=lambda entry: entry[0])
@@ -82,12 +80,12 @@ def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 class _Block(NamedTuple):
-    """A moment block in letters 1..k for its k members."""
+    """The words of a moment block, in letters 1..k for its k members and as they are."""
 
     clique: int
     members: NDArray[np.int64]
     words: Words
-    matrix: NDArray[np.float64]
+    basis: Words
 
 
 def _matrices(
@@ -103,14 +101,14 @@ def _matrices(
     return matrices
 
 
-def _readable(basis: Words) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+def _readable(basis: Words) -> tuple[Words, NDArray[np.int64]]:
     """Select the words of a moment block in the variables that it determines."""
     degree = monomials.degrees(basis)
     letters = np.unique(basis[degree == 1][:, -1])
     if not np.any(degree == 0):
         letters = letters[:0]
-    inside: NDArray[np.bool_] = np.all(np.isin(basis, np.append(letters, 0)), axis=1)
-    return inside, letters.astype(np.int64) - 1
+    inside = np.all(np.isin(basis, np.append(letters, 0)), axis=1)
+    return basis[inside], letters.astype(np.int64) - 1
 
 
 def _renamed(basis: Words, members: NDArray[np.int64]) -> Words:
