@@ -10,6 +10,15 @@ from .reading import Malformed, fields, finite, item, items, number, rational, w
 from .result import NotProved
 
 ZERO = Fraction(0)
+# Boxes whose proofs these files do not hold: setid verify checks them, this program does not.
+KINDS = {
+    "ParameterBox": "from rows of a structure that is not a transfer function",
+    "DirectionBox": "from bounds on the directions of the parameters",
+    "LiftedBox": "from linear programs in products of parameters",
+    "CellBox": "from cells of the noise-free outputs",
+    "SimulatedBox": "from cells of the parameters and simulated outputs",
+}
+
 Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
 
 
@@ -26,7 +35,10 @@ def proved_box(about: Any) -> tuple[Ends, list[str]]:
         raise Malformed("box: not two ends for each parameter")
     steps = item(about.box, "steps", "box")
     if steps is None or about.structure is None:
-        return stated, [f"the box of the parameters ({item(about.box, 'kind', 'box')!r:.40})"]
+        kind = item(about.box, "kind", "box")
+        if kind not in KINDS:
+            raise Malformed(f"box.kind: {kind!r:.40} is not known")
+        return stated, [f"the box of the parameters, a {kind} ({KINDS[kind]})"]
     rows = Regression(about)
     for step in items(steps, "box.steps"):
         kind = item(step, "is", "box.steps")

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
-from setid.errors import SetidError
+from setid.errors import ModelError, SetidError
 from setid.identify import identify
+from setid.models.equations import Initial
 from setid.models.lti import TransferFunction
 from setid.options import Options
 from setid.priors import DCGain, Stable
@@ -103,7 +104,7 @@ def _identified(
         outputs=data.outputs,
         common_denominator=_flag(options.get("commonDenominator")),
         offset=_flag(options.get("offset")),
-        initial=_text(options.get("initial")) or "free",  # type: ignore[arg-type]
+        initial=_initial(_text(options.get("initial")) or "free"),
     )
     priors: list[Any] = [Stable()] if _flag(options.get("stable")) else []
     if np.size(options.get("dcGain", [])):
@@ -196,6 +197,13 @@ def _orders(value: Any, name: str) -> Any:
 
 def _flag(value: Any) -> bool:
     return value is not None and bool(np.size(value)) and bool(np.all(np.asarray(value)))
+
+
+def _initial(text: str) -> Initial:
+    known: dict[str, Initial] = {"free": "free", "zero": "zero"}
+    if text in known:
+        return known[text]
+    raise ModelError(f"options.initial: found {text!r}, expected 'free' or 'zero'")
 
 
 def _text(value: Any) -> str:

@@ -12,6 +12,7 @@ import sparsepop_py as sp
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import SetidError
+from setid.formulation.regression import check_channels
 from setid.identify import identify
 from setid.models.equations import Structure
 from setid.options import Options
@@ -196,6 +197,7 @@ class Study(BaseStudy):
         for value, kind, field in ((data, IOData, "data"), (noise, Noise, "noise")):
             if not isinstance(value, kind):
                 raise SetidError(f"{field}: found {type(value).__name__}, expected {kind.__name__}")
+        check_channels(data, model)
         if options is not None and not isinstance(options, Options):
             raise SetidError(f"options: found {type(options).__name__}, expected setid.Options")
         several = isinstance(priors, (list, tuple)) or not hasattr(priors, "__dataclass_fields__")

@@ -132,7 +132,7 @@ def run_commands(
         code: int = arguments.run(arguments)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever read has read enough
-        sys.stdout = open(os.devnull, "w")  # noqa: SIM115  closed with the process
+        _discard_output()
         return EXIT_PIPE
     except OutputError as error:
         print(f"{program}: {error}", file=sys.stderr)
@@ -144,6 +144,13 @@ def run_commands(
         print(f"{program}: {error}", file=sys.stderr)
         return EXIT_MISSING
     return code
+
+
+def _discard_output() -> None:
+    """Discard the rest of the output, so that the last flush succeeds."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
 
 
 def _complete(parser: argparse.ArgumentParser) -> None:

@@ -63,6 +63,7 @@ __all__ = ["INTERRUPTED", "solve", "solve_each"]
 
 INTERRUPTED = "interrupted: what is proved so far is kept"
 _UNVERIFIED = "time ended before the best bound was verified: a simpler one is claimed"
+_CANCELLING = 1e10  # relative to an attained value: coefficients that say why digits are lost
 _LOST = 1e-3  # relative to a relaxation's value: what is worth a sentence
 _VERIFIED = 0.45  # of a limit: the last verification may end so much later
 
@@ -577,6 +578,9 @@ def _lost_by_the_proof(context: SolveContext, bound: CertifiedBound, lower: floa
     if not open_.size:
         widest = context.problem.names[int(np.argmax(reach))]
         where = f"rounding costs much where bounds are wide, such as those of {widest}"
+    largest = float(np.abs(context.problem.objective.coefficients).max(initial=0.0))
+    if largest > _CANCELLING * (1.0 + abs(context.upper)) and np.isfinite(context.upper):
+        where = f"it is what is left of coefficients up to {largest:.2g}, whose rounding is larger"
     return [f"the relaxation's value is {value:.8g}, the proof loses the rest: {where}"]
 
 

@@ -58,7 +58,8 @@ _MESSAGES = {
     Status.BOUNDED: "The bound is proved, the gap is open.",
     Status.UNPROVED: (
         "No finite bound is proved: some variable has no finite bounds and none follow from "
-        "the constraints or the objective."
+        "the constraints or the objective. The objective may even fall without limit, which is "
+        "proved along straight lines only."
     ),
     Status.INFEASIBLE: "It is proved that no point satisfies the constraints.",
     Status.UNBOUNDED: "It is proved that the objective falls without limit along a feasible ray.",

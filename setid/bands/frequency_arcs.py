@@ -7,7 +7,7 @@ by :mod:`setid.proofs.cells.cells`.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -76,6 +76,11 @@ def refined_arcs(
     return _sorted([*done, left])
 
 
+def _always(source: Proposer) -> Callable[[Cover], Proposer]:
+    """A proposer for one cell, whose source of multipliers is known."""
+    return lambda _: source
+
+
 _Part = tuple[Cover, Proposer, Reals]  # a cell, its source of multipliers, and its centre
 
 
@@ -91,7 +96,7 @@ class _Search:
     def regions(self, arcs: Sequence[Arc], parts: Sequence[_Part]) -> ArcRegions:
         """Regions on arcs, joined over cells."""
         found = [
-            arc_regions(cover, theta, self.families, arcs, lambda _, s=source: s)  # type: ignore[misc]
+            arc_regions(cover, theta, self.families, arcs, _always(source))
             for cover, source, theta in parts
         ]
         joined = found[0]
@@ -104,11 +109,11 @@ class _Search:
 
         Arcs on which these are wide wait for smaller cells, except at the ``last`` level.
         """
-        todo, done, count = list(arcs), list[ArcRegions](), 0
-        while todo:
-            found = self.regions(todo, parts)
-            points = self.regions([(centre, 0.0) for centre, _ in todo], parts)
-            count += len(todo)
+        wide, done, count = list(arcs), list[ArcRegions](), 0
+        while wide:
+            found = self.regions(wide, parts)
+            points = self.regions([(centre, 0.0) for centre, _ in wide], parts)
+            count += len(wide)
             most = np.maximum(_EXCESS * points.radius, _FLOOR * np.abs(points.gain))
             poor = np.isinf(points.radius) if last else self.wide(points)
             hopeless = poor & (found.half < _HOPELESS)
@@ -117,8 +122,8 @@ class _Search:
             if time.monotonic() > self.until or count > _MOST:
                 kept[:] = True
             done.append(_chosen(found, kept))
-            left = [arc for arc, ok in zip(todo, kept, strict=True) if not ok]
-            todo = [half for arc in left for half in halves(arc)]
+            left = [arc for arc, ok in zip(wide, kept, strict=True) if not ok]
+            wide = [half for arc in left for half in halves(arc)]
         return _sorted(done)
 
     def wide(self, found: ArcRegions) -> NDArray[np.bool_]:

@@ -112,17 +112,19 @@ class Proposer:
         self, place: int, goals: Reals, sizes: Reals, open_: NDArray[np.bool_], sure: int = -1
     ) -> Iterator[Proposal]:
         """Multipliers for all open directions for which a basis is optimal."""
-        todo = np.flatnonzero(open_)
-        weights = goals[todo] @ self._inverses[place]
+        directions = np.flatnonzero(open_)
+        weights = goals[directions] @ self._inverses[place]
         fits = weights.min(axis=1, initial=0.0) >= -1e-11 * np.abs(weights).max(axis=1, initial=0.0)
-        fits |= todo == sure
-        todo, weights = todo[fits], weights[fits]
-        if todo.size:
-            open_[todo] = False
+        fits |= directions == sure
+        directions, weights = directions[fits], weights[fits]
+        if directions.size:
+            open_[directions] = False
             rows = self.bases[place]
             mine = rows < self._norm.size  # the box takes what its sides leave
             norm = self._norm[rows[mine]]
-            yield Proposal(todo, rows[mine], weights[:, mine] * sizes[todo][:, None] / norm)
+            yield Proposal(
+                directions, rows[mine], weights[:, mine] * sizes[directions][:, None] / norm
+            )
 
     def _solved(self, goal: Reals) -> bool:
         """Solve for one direction; whether that added a basis."""

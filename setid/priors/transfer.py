@@ -58,7 +58,10 @@ class Stable(Plain):
 
     def __post_init__(self) -> None:
         if not 0.0 <= number(self.margin, "Stable.margin", PriorError) < inf:
-            raise PriorError(f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1")
+            raise PriorError(
+                f"Stable.margin: found {self.margin!r}, expected a number >= 0, and below 1 in "
+                "discrete time"
+            )
         if self.form not in ("step-up", "jury"):
             raise PriorError(f"Stable.form: found {self.form!r}, expected 'step-up' or 'jury'")
 
@@ -70,7 +73,9 @@ class Stable(Plain):
     def radius(self) -> float:
         """Largest absolute value of a pole, in discrete time."""
         if self.margin >= 1.0:
-            raise PriorError(f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1")
+            raise PriorError(
+                f"Stable.margin: found {self.margin!r}, expected 0 <= margin < 1 in discrete time"
+            )
         return 1.0 - self.margin
 
     def bounds(self, model: Structure) -> Mapping[str, Interval]:

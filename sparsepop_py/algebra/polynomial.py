@@ -705,6 +705,8 @@ class Polynomial:
     def __le__(self, other: Any) -> Constraint:
         return self._compare(other, Kind.NONNEGATIVE, -1.0)
 
+    # The type system asks for a bool here; models are written with ==, so it makes an equation,
+    # whose bool() raises.
     def __eq__(self, other: Any) -> Constraint:  # type: ignore[override]
         return self._compare(other, Kind.ZERO, 1.0)
 

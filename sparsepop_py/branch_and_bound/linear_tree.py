@@ -175,7 +175,7 @@ class LinearTree:
 
     @property
     def goal(self) -> float:
-        """A bound at which a node is fathomed: above the cutoff by a margin for rounding."""
+        """A bound that fathoms a node: the cutoff and a margin for rounding."""
         return self.cutoff + LINEAR_TREE.margin * self.context.allowed
 
     @property

@@ -55,7 +55,9 @@ def run_on(
             found[place] = job.result(None if end is None else max(0.0, end - time.monotonic()))
     except LimitReached:
         raise
-    except Exception as error:  # whatever an executor may raise: the tasks are run here instead
+    # Executors of other packages (Dask, Ray, MPI) raise exceptions that share no base below
+    # Exception, and losing a worker is to cost time, never the result: the tasks are run here.
+    except Exception as error:
         if isinstance(error, TimeoutError) and end is not None and time.monotonic() >= end:
             raise LimitReached from None
         failure = f"{type(error).__name__}: {error}".rstrip(": ")

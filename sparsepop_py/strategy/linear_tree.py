@@ -148,7 +148,7 @@ def _settled(tree: LinearTree, model: Model, known: dict[Any, Any]) -> Certifica
 
 
 def _wanted(context: SolveContext) -> bool:
-    """Check that nothing asks for other ways to a bound, a count of nodes, or workers."""
+    """Check that options ask for no other bounds, node counts or workers."""
     options = context.options
     return (
         _PARTS.isdisjoint(options.skip) and options.node_limit is None and options.executor is None
@@ -197,7 +197,7 @@ def from_convex_minimiser(
 def bound_by_box(
     context: SolveContext, model: Model, candidates: list[NDArray[np.float64]]
 ) -> LinearTreeResult:
-    """Bound the objective by its range over a box, which closes the gap where the box is small.
+    """Bound the objective by its range over a small box.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-pyo = pytest.importorskip("pyomo.environ")
+pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
 
 from benchmarks.pyomo_models import MODELS  # noqa: E402
 

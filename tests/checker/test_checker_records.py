@@ -8,6 +8,7 @@ import math
 import random
 from fractions import Fraction
 from pathlib import Path
+from typing import get_args
 
 import certificate_damage as damage
 import numpy as np
@@ -17,8 +18,10 @@ from record_corpus import written
 
 import setid
 from checker import command, reading
+from checker.parameter_box import KINDS
 from checker.record import Identification
 from checker.result import NotProved
+from setid.proofs.parameter_box import ProvedBox
 from setid.result.certificate_files import certificate_files
 
 INF = math.inf
@@ -279,3 +282,23 @@ def test_the_record_of_another_structure_is_taken_as_given(tmp_path, capsys):
     assert command.main([str(path)]) == 3
     assert "taken as given: the rows" in capsys.readouterr().out
     assert Path(path).exists()
+
+
+@pytest.mark.parametrize("kind", ["DirectionBox", "LiftedBox", "CellBox", "SimulatedBox"])
+def test_boxes_without_steps_are_named_and_not_believed(tmp_path, kind, capsys):
+    file = json.loads(written("o-0"))
+    file["identification"]["box"] |= {"steps": None, "kind": kind}
+    path = tmp_path / "record.json"
+    path.write_text(json.dumps(file))
+    assert command.main([str(path)]) == 3
+    assert f"taken as given: the box of the parameters, a {kind} (" in capsys.readouterr().out
+
+
+def test_boxes_of_unknown_kinds_are_refused():
+    found = loaded("o-0")
+    found["box"] |= {"steps": None, "kind": "MagicBox"}
+    assert verdict(found) == "malformed"
+
+
+def test_the_checker_names_every_kind_of_box_that_is_written():
+    assert set(KINDS) == {kind.__name__ for kind in get_args(ProvedBox)}

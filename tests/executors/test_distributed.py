@@ -30,7 +30,7 @@ def processes() -> Iterator[Executor]:
 
 @contextmanager
 def dask() -> Iterator[Executor]:
-    pytest.importorskip("distributed")
+    pytest.importorskip("distributed", reason="Dask is the optional extra dask")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its own
         from distributed import Client, LocalCluster
@@ -47,7 +47,7 @@ def dask() -> Iterator[Executor]:
 
 @contextmanager
 def ray() -> Iterator[Executor]:
-    pytest.importorskip("ray")
+    pytest.importorskip("ray", reason="Ray is the optional extra ray")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its own
         import ray
@@ -105,12 +105,12 @@ if __name__ == "__main__":
 
 @pytest.mark.slow
 def test_a_study_by_mpi_has_the_same_table(tmp_path: Path) -> None:
-    pytest.importorskip("mpi4py")
+    pytest.importorskip("mpi4py", reason="mpi4py needs an MPI library")
     mpiexec = shutil.which(
         "mpiexec", path=str(Path(sys.executable).parent) + os.pathsep + os.environ["PATH"]
     )
     if mpiexec is None:
-        pytest.skip("mpiexec is missing")
+        pytest.skip("mpiexec comes with an MPI library, not with Python packages")
     here = squares(tmp_path / "here.study")
     here.run()
     script, path = tmp_path / "script.py", tmp_path / "there.study"

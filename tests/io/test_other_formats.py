@@ -270,7 +270,7 @@ def written(tmp_path: Path) -> Iterator[Callable[[Any], sp.Problem]]:
 
 
 def test_files_of_ampl_that_pyomo_writes(written: Callable[[Any], sp.Problem]) -> None:
-    pyo = pytest.importorskip("pyomo.environ")
+    pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
     model = pyo.ConcreteModel()
     model.x, model.y = pyo.Var(bounds=(-2, 2)), pyo.Var(bounds=(-2, 2))
     model.k = pyo.Var(bounds=(-1, 6), domain=pyo.Integers)

@@ -13,7 +13,7 @@ import pytest
 
 import sparsepop_py as sp
 
-pyo = pytest.importorskip("pyomo.environ")
+pyo = pytest.importorskip("pyomo.environ", reason="Pyomo is the optional extra pyomo")
 
 
 def small() -> Any:

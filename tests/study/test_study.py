@@ -486,3 +486,21 @@ def test_structures_of_trusted_modules_are_stored(
     with pytest.raises(FormatError, match="trusted="):
         setid.Study(study.path).result("gain")
     monkeypatch.delitem(sys.modules, "own_structures")
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        ("arx", "model: found str, expected a structure"),
+        (setid.TransferFunction, "model: found .*, expected a structure"),
+        (setid.TransferFunction(1, 1, inputs=2), "data: found 1 inputs"),
+    ],
+)
+def test_other_models_are_refused_before_they_are_stored(
+    tmp_path: Path, model: object, message: str
+) -> None:
+    data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
+    study = setid.Study(tmp_path / "wrong.study")
+    with pytest.raises(setid.SetidError, match=message):
+        study.add("wrong", data, model, setid.Noise(equation=0.5))  # type: ignore[arg-type]
+    assert len(study.table()) == 0

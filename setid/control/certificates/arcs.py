@@ -85,15 +85,15 @@ def zero_free(
     ----------
     J. Ackermann, Robust Control, 2nd ed. 2002, section 4.1 (zero exclusion).
     """
-    todo, count = list(arcs or first_arcs()), 0
+    unproved, count = list(arcs or first_arcs()), 0
     if hint:
         known = _half_planes(found, family, reference, [(w, 0.0) for w in hint])
         if not np.all(known):
             return [w for w, ok in zip(hint, known, strict=True) if not ok]
-    while todo:
-        count += len(todo)
-        clear = _half_planes(found, family, reference, todo)
-        failed = [arc for arc, ok in zip(todo, clear, strict=True) if not ok]
+    while unproved:
+        count += len(unproved)
+        clear = _half_planes(found, family, reference, unproved)
+        failed = [arc for arc, ok in zip(unproved, clear, strict=True) if not ok]
         bad = [arc[0] for arc in failed if arc[1] < _LEAST]
         if bad or count > _MOST:
             return bad or [arc[0] for arc in failed]
@@ -101,7 +101,7 @@ def zero_free(
             single = _half_planes(found, family, reference, [(arc[0], 0.0) for arc in failed])
             if not np.all(single):
                 return [arc[0] for arc, ok in zip(failed, single, strict=True) if not ok]
-        todo = [half for arc in failed for half in halves(arc)]
+        unproved = [half for arc in failed for half in halves(arc)]
     return []
 
 
@@ -115,17 +115,17 @@ def _half_planes(
     middle = own.mean(axis=1)
     clear = np.zeros(len(points), bool)
     for angle in _TURNS:
-        todo = np.flatnonzero(~clear)
-        if not todo.size:
+        unclear = np.flatnonzero(~clear)
+        if not unclear.size:
             break
-        size = np.maximum(np.abs(middle[todo]), 1e-300)
-        turn = np.conj(middle[todo] / size) * np.exp(1j * angle)
-        rotated = (points[todo] * turn[:, None, None]).real
+        size = np.maximum(np.abs(middle[unclear]), 1e-300)
+        turn = np.conj(middle[unclear] / size) * np.exp(1j * angle)
+        rotated = (points[unclear] * turn[:, None, None]).real
         flat = rotated.reshape(-1, rotated.shape[2])
         low, _ = found.ranges(flat @ family.constants, flat @ family.weights)
         least = low.reshape(rotated.shape[:2]).min(axis=1)
-        mine = (own[todo] * turn[:, None]).real.min(axis=1)
-        clear[todo] = (least > bound[todo]) & (mine > bound[todo])
+        mine = (own[unclear] * turn[:, None]).real.min(axis=1)
+        clear[unclear] = (least > bound[unclear]) & (mine > bound[unclear])
     return clear
 
 
@@ -162,20 +162,20 @@ def ratio_on_arcs(
     """
     size = max(top.constants.size, below.constants.size)
     top, below = top.padded(size), below.padded(size)
-    todo, done, count = list(arcs or first_arcs()), list[tuple[Arc, float]](), 0
-    while todo:
-        count += len(todo)
-        bounds = _ratios(found, top, below, reference, todo)
-        floor = _ratios(found, top, below, reference, [(c, 0.0) for c, _ in todo])
+    coarse, done, count = list(arcs or first_arcs()), list[tuple[Arc, float]](), 0
+    while coarse:
+        count += len(coarse)
+        bounds = _ratios(found, top, below, reference, coarse)
+        floor = _ratios(found, top, below, reference, [(c, 0.0) for c, _ in coarse])
         following: list[Arc] = []
-        for arc, bound, least in zip(todo, bounds, floor, strict=True):
+        for arc, bound, least in zip(coarse, bounds, floor, strict=True):
             hopeless = not bound < np.inf and not least < np.inf
             close = bound <= max(enough, 1.05 * least)
             if close or hopeless or arc[1] < _LEAST or count > _MOST:
                 done.append((arc, float(bound)))
             else:
                 following += halves(arc)
-        todo = following
+        coarse = following
     return sorted((max(c - h, 0.0), min(c + h, pi), bound) for (c, h), bound in done)
 
 

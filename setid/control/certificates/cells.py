@@ -82,11 +82,11 @@ def prove_over_cells(found: ParameterSet, claim: Claim, until: float, most: floa
     most : float
         Cells after which none is cut.
     """
-    todo: list[tuple[ParameterSet, Sequence[float]]] = [(found, ())]
+    unproved: list[tuple[ParameterSet, Sequence[float]]] = [(found, ())]
     arcs, count = list[tuple[float, float, float]](), 0
     first: Attempt | None = None
-    while todo:
-        cell, hint = todo.pop()
+    while unproved:
+        cell, hint = unproved.pop()
         count += 1
         attempt = claim.attempt(cell, hint)
         if attempt.proved:
@@ -98,7 +98,7 @@ def prove_over_cells(found: ParameterSet, claim: Claim, until: float, most: floa
         if time.monotonic() > until or count >= most:
             return Outcome(False, tuple(first.arcs), tuple(first.failing), count)
         seen = list(attempt.failing)[:_HINTS]
-        todo += [(half, seen) for half in cell.halves(_axis(cell, attempt))]
+        unproved += [(half, seen) for half in cell.halves(_axis(cell, attempt))]
     return Outcome(True, tuple(arcs), (), count)
 
 

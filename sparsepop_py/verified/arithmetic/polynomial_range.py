@@ -5,9 +5,11 @@ Both keep every rounding error, so that what follows from them is proved.
 
 from __future__ import annotations
 
+import math
+import sys
 from dataclasses import dataclass
-from fractions import Fraction
-from math import comb
+from functools import lru_cache
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 
 __all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
@@ -106,6 +109,7 @@ def expand_affine(
     columns = np.arange(words.shape[1])
     binomials = _binomials(int(factors.power.max(initial=0)))
     for slot in range(factors.variable.shape[1]):
+        check()
         variable = factors.variable[term, slot]
         power = factors.power[term, slot]
         c, w = np.append(centre, 0.0)[variable], np.append(scale, 1.0)[variable]
@@ -124,20 +128,33 @@ def expand_affine(
         start = factors.start[term, slot]
         gone = (columns >= start[:, None]) & (columns < (start + dropped)[:, None])
         words = np.where(gone, 0, words[copy]).astype(np.int32)
+    check()
     words = np.sort(words, axis=1)
     return merge_terms(words, system.row[term], value, system.dimension)
 
 
+@lru_cache(maxsize=4)
 def _binomials(largest: int) -> Interval:
     """Enclosures of C(a, b) for a, b <= largest; beyond 2^53 they are no doubles."""
-    table = [
-        [Interval.of_fraction(Fraction(comb(a, b))) for b in range(largest + 1)]
-        for a in range(largest + 1)
-    ]
-    return Interval(
-        np.array([[float(c.lo) for c in row] for row in table]),
-        np.array([[float(c.hi) for c in row] for row in table]),
-    )
+    lo, hi = np.zeros((2, largest + 1, largest + 1))
+    row = [1]
+    for a in range(largest + 1):
+        for b in range(a // 2 + 1):
+            lo[a, [b, a - b]], hi[a, [b, a - b]] = _enclosed(row[b])
+        row = [1, *map(add, row, row[1:]), 1]
+    lo.flags.writeable = hi.flags.writeable = False
+    return Interval(lo, hi)
+
+
+def _enclosed(whole: int) -> tuple[float, float]:
+    """The tightest doubles around a positive integer."""
+    try:
+        near = float(whole)
+    except OverflowError:
+        return sys.float_info.max, math.inf
+    exact = int(near)
+    lo = near if exact <= whole else math.nextafter(near, -math.inf)
+    return lo, near if exact >= whole else math.nextafter(near, math.inf)
 
 
 def merge_terms(

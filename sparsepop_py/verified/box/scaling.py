@@ -162,9 +162,15 @@ class Scaling:
         return self.centre + self.scale * t
 
     def expand(self, system: PolynomialSystem) -> PolynomialSystem:
-        """Expand polynomials in t, rounded; terms that rounding may hide are dropped."""
+        """Expand polynomials in t, rounded; terms that rounding may hide are dropped.
+
+        Polynomials with a coefficient that no double holds become empty: what is made of them
+        proposes proofs that say nothing of them.
+        """
         words, row, value = expand_affine(system, self.centre, self.scale)
-        keep = np.flatnonzero((value.lo > 0) | (value.hi < 0))
+        overflows = np.zeros(system.size, bool)
+        overflows[row[~np.isfinite(value.hi - value.lo)]] = True
+        keep = np.flatnonzero(((value.lo > 0) | (value.hi < 0)) & ~overflows[row])
         return PolynomialSystem(
             words[keep], value.middle()[keep], row[keep], system.size, system.dimension
         )
@@ -224,7 +230,8 @@ class Scaled:
         system = scaling.expand(original)
         reach = np.abs(scaling.centre) + scaling.scale
         magnitude = np.zeros(original.size)
-        terms = np.abs(original.coefficients) * monomials.evaluate(original.words, reach)
+        with np.errstate(over="ignore"):
+            terms = np.abs(original.coefficients) * monomials.evaluate(original.words, reach)
         np.maximum.at(magnitude, original.row, terms)
         largest = np.zeros(system.size)
         varies = system.words.any(axis=1)

@@ -222,3 +222,11 @@ def test_all_that_a_point_may_be_is_to_be_stable() -> None:
     formulation, scaled, point = with_a_point([0.4, -0.3, 0.2])
     assert _is_admitted(formulation, scaled, point)
     assert not _is_admitted(formulation, scaled, replace(point, radius=1.0))
+
+
+@pytest.mark.parametrize("margin", [1.0, 2.0])
+def test_a_disc_without_radius_is_refused_in_discrete_time(margin: float) -> None:
+    data = setid.IOData([1, 2, 3, 2], [0, 1, 1, 2])
+    model = setid.TransferFunction(na=1, nb=1)
+    with pytest.raises(setid.PriorError, match=r"Stable.margin: found .* < 1 in discrete time"):
+        setid.formulate(data, model, setid.Noise(0.1), [setid.Stable(margin)])

@@ -237,3 +237,23 @@ def test_rows_that_repeat_the_bounds_are_emptied_and_others_are_kept():
     )
     kept = [c.polynomial.terms > 0 for c in scaled.problem.constraints]
     assert kept == [False, False, True, True, True, True]
+
+
+def test_polynomials_that_overflow_become_empty():
+    x, y = sp.variables(2)
+    # 1e3^120 is no double, and 1e3^3 is one
+    problem = Problem(x**120 + y, [x**3 + y >= -1, x**120 - y >= 0], lower=-1e3, upper=1e3)
+    scaling = Scaling.of_box(Interval(problem.lower, problem.upper))
+    scaled = Scaled.of(problem, scaling, (problem.objective, y))
+    assert scaled.problem.objective.terms == 0
+    assert [row.polynomial.terms > 0 for row in scaled.problem.constraints] == [True, False]
+    assert scaled.objectives[1].terms == 1
+
+
+@pytest.mark.parametrize("effort", ["plain", "presolve", "auto"])
+def test_powers_that_overflow_are_no_wrong_input(effort):
+    (x,) = sp.variables(1)
+    problem = Problem(x**120 - 2 * x**60, lower=-1e3, upper=1e3)  # (x^60 - 1)^2 - 1
+    result = sp.solve(problem, sp.Options(effort=effort, time_limit=5))
+    assert result.lower_bound <= -1 <= result.upper_bound
+    assert result.certificate.verify(problem).ok
