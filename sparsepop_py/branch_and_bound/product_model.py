@@ -373,7 +373,7 @@ class ProductModel:
         return Identity(data.scaling, tuple(groups), dual.products)
 
     def cut(self, row: int, point: Floats) -> SquareCut | None:
-        """Build the cut of a convex row at a point, None for others.
+        """Build the cut of a row at a point, None where it is not convex.
 
         Parameters
         ----------
