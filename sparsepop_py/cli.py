@@ -147,7 +147,7 @@ def run_commands(
 
 
 def _discard_output() -> None:
-    """Lead the rest of the output nowhere, so that the flush at exit does not fail again."""
+    """Lead the rest of the output nowhere: the flush at exit may not fail again."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
