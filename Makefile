@@ -5,7 +5,7 @@
 # make test-slow    the tests marked slow
 # make mutants      the fast tests of each room against deliberate faults in the trusted code
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
-# make bench-env    an environment for each peer of the benchmarks, in benchmarks/.environments
+# make bench-env    an environment for each peer of the benchmarks, in .bench-env
 # make docs         the documentation site in site/, strictly: no link may lead nowhere
 # make gallery      its pictures again, by examples/gallery
 # All make their own environment in .venv; PYTHON=... chooses the interpreter.
@@ -75,5 +75,5 @@ $(LOWEST)/.ready: pyproject.toml tests/lowest.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(LOWEST) build dist site demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
+	rm -rf $(VENV) $(LOWEST) .cache build dist site demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

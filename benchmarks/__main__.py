@@ -24,7 +24,7 @@ from .tables.limits import CASES, limits_table, measure_limits
 from .tables.orders import compare, order_table
 from .tables.pictures import draw_orders, draw_report
 from .tables.published import published_tables
-from .tables.report import report
+from .tables.report import publishable, report
 from .tables.sizes import compare_sizes, read_reference, sizes_table
 from .tables.text import number, table
 from .tables.walks import walks
@@ -115,6 +115,9 @@ def _report(chosen: argparse.Namespace) -> None:
     rows = list(read_rows(chosen.files))
     if not rows:
         raise BenchmarkError("FILE: found no rows, expected JSON lines that `run` wrote")
+    rows, left_out = (rows, []) if chosen.unpublished else publishable(rows)
+    if left_out:
+        print(f"left out, since their licences forbid it: {', '.join(left_out)}\n")
     pictures = [] if chosen.no_plots else draw_report(rows, chosen.output)
     text = report(rows, [path.name for path in pictures])
     chosen.output.mkdir(parents=True, exist_ok=True)
@@ -291,6 +294,11 @@ def _ablation_parser(parser: argparse.ArgumentParser) -> None:
 def _report_parser(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="JSON lines of `run`")
     parser.add_argument("--no-plots", action="store_true", help="tables alone")
+    parser.add_argument(
+        "--unpublished",
+        action="store_true",
+        help="also figures of programs whose licences forbid to publish them: for yourself",
+    )
     _add_folder(parser)
     parser.set_defaults(act=_report)
 

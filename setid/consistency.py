@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,7 @@ from setid.minimum_noise.conflicting_samples import conflicting_rows
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
-from setid.options import Options
+from setid.options import Options, with_executor
 from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import (
@@ -207,6 +208,7 @@ def consistency(
     noise: Noise,
     priors: Iterable[Prior | sp.Constraint] | Prior | sp.Constraint = (),
     options: Options | None = None,
+    executor: Executor | None = None,
 ) -> Consistency:
     """Find the least factor on the noise bounds with which the data are consistent.
 
@@ -219,6 +221,8 @@ def consistency(
     priors : iterable of priors and ``sp`` constraints
     options : Options, optional
         ``tol`` is the gap of the factor, relative to it; 60 seconds when left out.
+    executor : concurrent.futures.Executor, optional
+        Processes the nodes of branch and bound, as for :func:`setid.identify`.
 
     Returns
     -------
@@ -253,7 +257,7 @@ def consistency(
                 f"{name}: found {type(found).__name__}, expected setid.{kind.__name__}"
             )
     check_channels(data, model)
-    until = settings.deadline()
+    settings, until = with_executor(settings, executor), settings.deadline()
     if noise.constraints:
         raise NoiseError("noise: found constraints over the record, expected bounds alone")
     model, noise = settled(data, model, noise)

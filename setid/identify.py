@@ -5,7 +5,7 @@
 
 Linear problems (equation errors, exact regressors) are settled without rounding. Otherwise
 the box of the parameters comes from the data alone and is part of the proof; the engine
-then narrows all 2 p ends together.
+then tightens all 2 p ends together.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from setid.feasible_points.cascades import (
     attained_result,
     cascade_ends,
     cascade_of,
-    narrowed_cascade,
     point_of,
+    tightened_cascade,
 )
 from setid.feasible_points.inner_ends import inner_ends
 from setid.feasible_points.search import coupled, recheck_results, search_ends
@@ -447,20 +447,36 @@ def _by_simulation(
     task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
     last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
-    narrow = partial(narrowed_cascade, found, box, task.settings.tol, task.deadline.part(share))
-    narrowed = task.kept("cells", narrow, None)
-    if narrowed is not None and narrowed.empty:
-        return task.empty(formulation, Outcome(box=narrowed, notes=notes))
-    if narrowed is None or narrowed.cut_short:
+    tighten = partial(tightened_cascade, found, box, task.settings.tol, task.deadline.part(share))
+    tightened = task.kept("cells", tighten, None)
+    if tightened is not None and tightened.empty:
+        return task.empty(formulation, Outcome(box=tightened, notes=notes))
+    if tightened is None or tightened.cut_short:
         notes = (*notes, _OPEN)
-    box = box if narrowed is None else narrowed
+    box = box if tightened is None else tightened
     problem = problem_on_box(formulation, box)
     every = range(number)
     results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
     items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
+    task.kept("report", lambda: _report(formulation, task, items), None)
     return task.result(
         formulation, items, Outcome(problem=problem, box=box, results=results, notes=notes)
     )
+
+
+def _report(formulation: Formulation, task: _Task, items: Sequence[ParameterInterval]) -> None:
+    """Tell who listens of all ends."""
+    settings = task.settings
+    progress = Progress(
+        formulation.parameters, settings.tol, settings.progress, None, task.on_progress
+    )
+    try:
+        for place, item in enumerate(items):
+            low, high = (inf, -inf) if item.inner is None else item.inner
+            progress.report(2 * place, item.outer[0], low)
+            progress.report(2 * place + 1, -item.outer[1], -high)
+    finally:
+        progress.close()
 
 
 def _left(task: _Task) -> float:

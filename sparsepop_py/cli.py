@@ -147,7 +147,7 @@ def run_commands(
 
 
 def _discard_output() -> None:
-    """Lead the rest of the output nowhere: the flush at exit may not fail again."""
+    """Discard the rest of the output, so that the last flush succeeds."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)

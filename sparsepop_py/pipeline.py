@@ -421,10 +421,9 @@ def _solve_one(
         with context.deadline.kept():
             with context.stages.stage("search"):
                 box = shared.box if shared else Interval(problem.lower, problem.upper)
-                first, more_starts = tee(chain(starts, _random(problem, box, context.options)))
-                context = _at_the_origin(context)
-                if context.options.effort == "auto":
-                    context = from_convex_minimiser(context)
+                context, own = from_convex_minimiser(_at_the_origin(context))
+                random = _random(problem, box, context.options)
+                first, more_starts = tee(chain(starts, own, random))
                 if context.best is None:
                     context, candidates = first_incumbent(context, first)
             context.report(-np.inf)

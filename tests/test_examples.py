@@ -52,6 +52,7 @@ def test_every_example_is_tested() -> None:
         "tank",
         "sampling_rates",
         "hammerstein",
+        "cascade",
         "motor",
         "report",
     )
@@ -304,6 +305,14 @@ def test_links_lead_somewhere(page: str | Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (path.parent / target).exists(), f"{path.name} links to {target}"
+
+
+def test_identify_cascade(tmp_path: Path) -> None:
+    output = run("identify_cascade", tmp_path, "--samples", "30")
+    assert "verified: True" in output
+    assert "verified after storing: True" in output
+    assert "the true values are inside: True" in output
+    assert output.count("certified") == 4
 
 
 def test_identify_hammerstein(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from sparsepop_py.verified.arithmetic.interval import exact_values
 from ..errors import DEFECTS
 from ..peers import environments
 from ..peers import scip as peers
-from ..peers.elsewhere import ask
+from ..peers.elsewhere import Stops, ask
 from .probes import Watch, watched
 from .records import PHASES, Row
 from .registry import Case, Family, Task
@@ -255,7 +255,9 @@ def peer_rows(
         if python is None and not (name == "scip" and peers.scip_is_installed()):
             yield Row(**common, status="missing", notes=(_missing(peer),))
             return
-        row = _peer_row(common, (peer, python), task, own, tolerance, limit)
+        order = settings_of(family, case, setting).get("order")
+        asked = _Asked(peer, python, limit, 1 if order is None else int(order))
+        row = _peer_row(common, asked, task, own, tolerance)
         yield row
         if row.status.startswith(("budget", "error", "refused")):
             return
@@ -263,7 +265,7 @@ def peer_rows(
 
 def _missing(peer: environments.Peer) -> str:
     here = " or pip install pyscipopt" if peer.name == "scip" else ""
-    return f"not installed; python -m benchmarks environments {peer.name}{here}"
+    return f"not installed; try python -m benchmarks environments {peer.name}{here}"
 
 
 def peers_of(setting: Setting) -> tuple[str, ...]:
@@ -285,19 +287,24 @@ def _gaps(task: Task, own: Row | None, tolerance: float) -> list[float]:
     return [tolerance * w for w in widths]
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """A peer, its interpreter if it has one, CPU seconds an objective, relaxation order."""
+
+    peer: environments.Peer
+    python: Path | None
+    limit: float
+    order: int
+
+
 def _peer_row(
-    common: dict[str, Any],
-    asked: tuple[environments.Peer, Path | None],
-    task: Task,
-    own: Row | None,
-    tolerance: float,
-    limit: float,
+    common: dict[str, Any], asked: _Asked, task: Task, own: Row | None, tolerance: float
 ) -> Row:
     """Ask a peer, in its own interpreter where it has one, and judge its answers."""
     gaps, relative = _gaps(task, own, tolerance), 0.0 if task.pairs else tolerance
     with watched() as watch:
         try:
-            answers = _answers(asked, task, gaps, relative, limit)
+            answers = _answers(asked, task, gaps, relative)
         except (*DEFECTS, OSError) as error:  # what a peer cannot read or solve is a row
             return Row(**common, status=f"error: {type(error).__name__}: {error}")
     words = [a.status for a in answers]
@@ -323,22 +330,16 @@ def _peer_row(
         ),
         cpu_seconds=solving,
         phases={"parse": modelling, "solve": solving},
-        peak_mb=watch.peak_mb,
+        peak_mb=watch.peak_mb if asked.python is None else math.nan,
         notes=tuple(_contradictions(task, answers, own)),
     )
 
 
-def _answers(
-    asked: tuple[environments.Peer, Path | None],
-    task: Task,
-    gaps: list[float],
-    relative: float,
-    limit: float,
-) -> list[peers.Answer]:
-    peer, python = asked
-    if python is not None:
-        return ask(peer, python, task.problem, task.objectives, gaps, relative, limit)
-    budgets = [peers.Budget(limit, gap, relative) for gap in gaps]
+def _answers(asked: _Asked, task: Task, gaps: list[float], relative: float) -> list[peers.Answer]:
+    if asked.python is not None:
+        stops = Stops(tuple(gaps), relative, asked.limit, asked.order)
+        return ask(asked.peer, asked.python, task.problem, task.objectives, stops)
+    budgets = [peers.Budget(asked.limit, gap, relative) for gap in gaps]
     pairs = zip(task.objectives, budgets, strict=True)
     return [peers.scip(task.problem, objective, budget) for objective, budget in pairs]
 

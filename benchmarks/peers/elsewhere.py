@@ -12,6 +12,7 @@ import os
 import subprocess
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,32 @@ import sparsepop_py as sp
 from .environments import Peer
 from .scip import Answer
 
-__all__ = ["ask", "task_of"]
+__all__ = ["Stops", "ask", "task_of"]
 
 _ADAPTERS = Path(__file__).resolve().parent / "adapters"
 _PATIENCE, _START = 2.0, 30.0  # times the budget, and seconds on top, until it is ended
+
+
+@dataclass(frozen=True)
+class Stops:
+    """When a peer may stop.
+
+    Parameters
+    ----------
+    gaps : tuple of float
+        Absolute gaps, one for each objective.
+    relative : float
+        Relative gap; 0 for none.
+    seconds : float
+        CPU seconds for one objective.
+    order : int
+        Relaxation order of peers that have one; raised to the least legal one.
+    """
+
+    gaps: tuple[float, ...]
+    relative: float
+    seconds: float
+    order: int = 1
 
 
 def ask(
@@ -33,9 +56,7 @@ def ask(
     python: Path,
     problem: sp.Problem,
     objectives: Sequence[sp.Polynomial],
-    gaps: Sequence[float],
-    relative: float,
-    seconds: float,
+    stops: Stops,
 ) -> list[Answer]:
     """Minimise objectives over the feasible set of a problem with a peer.
 
@@ -46,25 +67,20 @@ def ask(
         The interpreter of its environment.
     problem : Problem
     objectives : sequence of Polynomial
-    gaps : sequence of float
-        Absolute gaps at which it may stop, one for each objective.
-    relative : float
-        Relative gap at which it may stop; 0 for none.
-    seconds : float
-        CPU seconds for one objective.
+    stops : Stops
 
     Returns
     -------
     list of Answer
         As many as there are objectives, or fewer, of which the last says why.
     """
-    task = task_of(peer, problem, objectives)
-    task |= {"gaps": list(gaps), "relative": relative, "seconds": seconds}
+    task = task_of(peer, problem, objectives, stops.order)
+    task |= {"gaps": list(stops.gaps), "relative": stops.relative, "seconds": stops.seconds}
     with tempfile.TemporaryDirectory() as folder:
         asked, answers = Path(folder) / "task.json", Path(folder) / "answers.jsonl"
         asked.write_text(json.dumps(task), encoding="utf-8")
         command = [str(python), str(_ADAPTERS / peer.adapter), str(asked), str(answers)]
-        ended = _ended([*command, *peer.arguments], folder, len(objectives) * seconds)
+        ended = _ended([*command, *peer.arguments], folder, len(objectives) * stops.seconds)
         lines = answers.read_text(encoding="utf-8").splitlines() if answers.exists() else []
     found = [_answer(json.loads(line), problem.dimension) for line in lines if line.endswith("}")]
     stopped = bool(found) and found[-1].status.startswith(("refused", "error"))
@@ -73,7 +89,9 @@ def ask(
     return found
 
 
-def task_of(peer: Peer, problem: sp.Problem, objectives: Sequence[sp.Polynomial]) -> dict[str, Any]:
+def task_of(
+    peer: Peer, problem: sp.Problem, objectives: Sequence[sp.Polynomial], order: int = 1
+) -> dict[str, Any]:
     """The task of an adapter, see ``adapters/common.py``; without gaps and seconds."""
     task: dict[str, Any] = {
         "n": problem.dimension,
@@ -84,7 +102,7 @@ def task_of(peer: Peer, problem: sp.Problem, objectives: Sequence[sp.Polynomial]
             for row in problem.constraints
         ],
         "objectives": [_terms(objective) for objective in objectives],
-        "order": max([1, *((p.degree + 1) // 2 for p in (*objectives, problem))]),
+        "order": max([order, *((p.degree + 1) // 2 for p in (*objectives, problem))]),
     }
     if peer.conic:
         relaxation = sp.relax(problem, task["order"], objectives=tuple(objectives))

@@ -1,7 +1,7 @@
 """Peers by name, their environments and what their licences say of published figures.
 
 ``python -m benchmarks environments`` makes one environment for each peer below
-``benchmarks/.environments``, which git ignores. A peer that cannot be installed is named, and
+``.bench-env``, which git ignores. A peer that cannot be installed is named, and
 the others are made.
 """
 
@@ -18,7 +18,7 @@ from ..errors import BenchmarkError
 
 __all__ = ["FOLDER", "PEERS", "Peer", "interpreter", "make", "may_be_published", "peer"]
 
-FOLDER = Path(__file__).resolve().parents[1] / ".environments"
+FOLDER = Path(__file__).resolve().parents[2] / ".bench-env"
 _SECONDS = 1200.0  # for one installation
 
 
@@ -119,16 +119,16 @@ def may_be_published(title: str) -> bool:
     return title not in _TITLES or _TITLES[title].published
 
 
-def interpreter(each: Peer, folder: Path = FOLDER) -> Path | None:
+def interpreter(each: Peer, folder: Path | None = None) -> Path | None:
     """The interpreter of a peer, None where its environment is not made."""
-    home = folder / (each.environment or each.name)
+    home = (folder or FOLDER) / (each.environment or each.name)
     for place in (home / "bin" / "python", home / "Scripts" / "python.exe"):
         if place.exists() and (home / "ready").exists():
             return place
     return None
 
 
-def make(names: Iterable[str], folder: Path = FOLDER) -> Iterator[str]:
+def make(names: Iterable[str], folder: Path | None = None) -> Iterator[str]:
     """Make the environments of some peers; one line of text for each.
 
     Raises
@@ -140,7 +140,7 @@ def make(names: Iterable[str], folder: Path = FOLDER) -> Iterator[str]:
         if interpreter(each, folder) is not None:
             yield f"{each.name}: there already"
             continue
-        home = folder / (each.environment or each.name)
+        home = (folder or FOLDER) / (each.environment or each.name)
         venv.create(home, with_pip=True)
         yield f"{each.name}: {_installed(each, home)}"
 

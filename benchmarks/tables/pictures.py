@@ -11,7 +11,8 @@ from typing import Any
 from sparsepop_py.plots import require_matplotlib
 
 from ..measuring.records import PHASES, Row
-from .report import OURS, Group, groups_of, series_of
+from .curves import gaps_over_time, profile, speed_ups
+from .groups import OURS, Group, exponent, groups_of, series_of
 
 __all__ = ["draw_orders", "draw_report"]
 
@@ -38,7 +39,7 @@ def draw_report(rows: Sequence[Row], folder: Path) -> list[Path]:
             made += draw_orders(each, folder)
         elif name != "random":
             groups = groups_of(each)
-            for word, draw in (("growth", _growth), ("phases", _phases), ("peers", _peers)):
+            for word, draw in _DRAWN:
                 path = folder / f"{name}_{word}.png"
                 if draw(name, groups, path):
                     made.append(path)
@@ -65,7 +66,9 @@ def _growth(family: str, groups: Sequence[Group], path: Path) -> bool:
     figure, ax = _figure()
     for (name, each), colour in zip(series.items(), _COLOURS * 9, strict=False):
         points = sorted((g.first.size or 0, g.middle("cpu_seconds")) for g in each)
-        ax.loglog(*zip(*points, strict=True), "o-", color=colour, label=name)
+        power = exponent(each)
+        label = name if math.isnan(power) else f"{name}, size^{power:.2f}"
+        ax.loglog(*zip(*points, strict=True), "o-", color=colour, label=label)
     ax.set_xlabel("size")
     ax.set_ylabel("CPU seconds")
     ax.set_title(f"{family}: growth")
@@ -194,3 +197,75 @@ def _open_orders(ax: Any, rows: Sequence[Row]) -> None:
     if nothing:
         shown = ", ".join(map(str, nothing))
         ax.plot([], [], " ", label=f"no finite bound at order {shown}")
+
+
+def _profile(family: str, groups: Sequence[Group], path: Path) -> bool:
+    """Share of problems closed within a factor of the fastest time, by program."""
+    ratios = profile(groups)
+    if len(ratios) < 2 or not any(ratios.values()):
+        return False
+    figure, ax = _figure()
+    last = 2.0 * max((r for each in ratios.values() for r in each if r < math.inf), default=1.0)
+    for (name, each), colour in zip(ratios.items(), _COLOURS * 9, strict=False):
+        ends = [r for r in each if r < math.inf]
+        heights = [(k + 1) / len(each) for k in range(len(ends))]
+        xs, ys = [1.0, *ends, last], [0.0, *heights, heights[-1] if heights else 0.0]
+        ax.semilogx(xs, ys, drawstyle="steps-post", color=colour, label=name)
+    ax.set_xlabel("CPU seconds over those of the fastest")
+    ax.set_ylabel("share of problems closed")
+    ax.set_title(f"{family}: performance profile")
+    ax.grid(True, color=_GREY, alpha=0.4)
+    ax.legend()
+    figure.savefig(path, dpi=150)
+    return True
+
+
+def _gaps(family: str, groups: Sequence[Group], path: Path) -> bool:
+    """Gaps over CPU seconds: our steps as lines, ends of peers as marks."""
+    found = [gap for gap in gaps_over_time(groups) if any(0 < g < math.inf for g in gap.gaps)]
+    if not any(len(gap.gaps) > 1 for gap in found):
+        return False
+    figure, ax = _figure()
+    colours = dict(zip(dict.fromkeys(gap.program for gap in found), _COLOURS * 9, strict=False))
+    shown = set[str]()
+    for gap in found:
+        points = [(t, g) for t, g in zip(gap.seconds, gap.gaps, strict=True) if 0 < g < math.inf]
+        label = None if gap.program in shown else gap.program
+        shown.add(gap.program)
+        style = "o-" if len(gap.gaps) > 1 else "x"
+        ax.loglog(*zip(*points, strict=True), style, color=colours[gap.program], label=label)
+    ax.set_xlabel("CPU seconds")
+    ax.set_ylabel("gap")
+    ax.set_title(f"{family}: gap over time")
+    ax.grid(True, color=_GREY, alpha=0.4)
+    ax.legend()
+    figure.savefig(path, dpi=150)
+    return True
+
+
+def _speed_ups(family: str, groups: Sequence[Group], path: Path) -> bool:
+    """Speed-up against the number of workers, beside the ideal."""
+    found = speed_ups(groups)
+    if not found:
+        return False
+    figure, ax = _figure()
+    for (name, each), colour in zip(found.items(), _COLOURS * 9, strict=False):
+        ax.plot(*zip(*sorted(each.items()), strict=True), "o-", color=colour, label=name)
+    most = max(count for each in found.values() for count in each)
+    ax.plot([1, most], [1, most], "--", color=_GREY, label="ideal")
+    ax.set_xlabel("workers")
+    ax.set_ylabel("wall time without workers over that with")
+    ax.set_title(f"{family}: speed-up")
+    ax.legend()
+    figure.savefig(path, dpi=150)
+    return True
+
+
+_DRAWN = (
+    ("growth", _growth),
+    ("phases", _phases),
+    ("peers", _peers),
+    ("profile", _profile),
+    ("gaps", _gaps),
+    ("speed_up", _speed_ups),
+)

@@ -3,91 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from statistics import median
-
-import numpy as np
 
 from sparsepop_py.verified.arithmetic.display import rounded
 
 from ..measuring.records import PHASES, Row
+from ..peers.environments import may_be_published
+from .curves import profile_table, speed_up_table
+from .groups import OURS, Group, exponent, groups_of, series_of
 from .orders import order_table
 from .text import number, table
 
-__all__ = ["OURS", "Group", "exponent", "groups_of", "report", "series_of"]
-
-OURS = "sparsepop_py"
-
-
-@dataclass(frozen=True)
-class Group:
-    """All rows of one problem, one program and one variant: its repetitions and seeds.
-
-    Parameters
-    ----------
-    rows : tuple of Row
-        At least one.
-    """
-
-    rows: tuple[Row, ...]
-
-    @property
-    def first(self) -> Row:
-        """A row for what all have in common."""
-        return self.rows[0]
-
-    @property
-    def key(self) -> tuple[str, str]:
-        """What peers share: family and problem, with the size."""
-        return (self.first.problem, str(self.first.size))
-
-    def middle(self, name: str) -> float:
-        """Median over seeds of the medians over repetitions of a field."""
-        return self._median([float(getattr(row, name)) for row in self.rows])
-
-    def phase(self, name: str) -> float:
-        """The same for the seconds of a phase."""
-        return self._median([row.phases.get(name, 0.0) for row in self.rows])
-
-    def _median(self, values: Sequence[float]) -> float:
-        seeds: dict[int, list[float]] = {}
-        for row, value in zip(self.rows, values, strict=True):
-            if not math.isnan(value):
-                seeds.setdefault(row.seed, []).append(value)
-        return median(median(each) for each in seeds.values()) if seeds else math.nan
-
-    def worst(self, name: str) -> float:
-        """The largest value of a field that is a number."""
-        values = [float(getattr(row, name)) for row in self.rows]
-        return max((v for v in values if not math.isnan(v)), default=math.nan)
-
-    @property
-    def status(self) -> str:
-        """Each status that occurred, the most frequent first."""
-        words = [row.status for row in self.rows]
-        return " / ".join(sorted(set(words), key=words.count, reverse=True))
-
-    @property
-    def closed(self) -> str:
-        """How many objectives were closed, of how many, over all rows."""
-        done = sum(row.closed for row in self.rows)
-        return f"{done}/{sum(row.objectives for row in self.rows)}"
-
-    @property
-    def valid(self) -> str:
-        """Whether known optima lie between the bounds, and certificates verify."""
-        judged = [v for row in self.rows for v in (row.valid, row.verified) if v is not None]
-        return "" if not judged else "yes" if all(judged) else "NO"
-
-
-def groups_of(rows: Iterable[Row]) -> list[Group]:
-    """Rows grouped by problem, size, program and variant, in the order of appearance."""
-    found: dict[tuple, list[Row]] = {}
-    for row in rows:
-        key = (row.family, row.problem, row.size, row.solver, row.variant)
-        found.setdefault(key, []).append(row)
-    return [Group(tuple(each)) for each in found.values()]
+__all__ = ["publishable", "report"]
 
 
 def report(rows: Sequence[Row], pictures: Sequence[str] = ()) -> str:
@@ -108,6 +36,12 @@ def report(rows: Sequence[Row], pictures: Sequence[str] = ()) -> str:
         parts += _family_parts(name, each)
     parts += [f"![{name}]({name})" for name in pictures]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def publishable(rows: Sequence[Row]) -> tuple[list[Row], list[str]]:
+    """Rows that may be published, and the programs whose licences forbid theirs."""
+    kept = [row for row in rows if may_be_published(row.solver)]
+    return kept, sorted({row.solver for row in rows if not may_be_published(row.solver)})
 
 
 def _origin(rows: Sequence[Row]) -> str:
@@ -132,6 +66,9 @@ def _family_parts(name: str, rows: Sequence[Row]) -> Iterator[str]:
         yield _intervals(rows)
     yield _results(groups)
     yield _comparison(groups)
+    yield profile_table(groups)
+    yield _contradictions(rows)
+    yield speed_up_table(groups)
     yield _phases(groups)
     yield _growth(groups)
     yield _ablation(groups)
@@ -200,6 +137,17 @@ def _comparison(groups: Sequence[Group]) -> str:
     return table(head, lines)
 
 
+def _contradictions(rows: Sequence[Row]) -> str:
+    """Where bounds or points of peers contradict what is proved."""
+    said = [
+        f"- {row.problem}, seed {row.seed}, {row.solver}: {note}"
+        for row in rows
+        for note in row.notes
+        if row.solver != OURS and ("below a proved bound" in note or "above an attained" in note)
+    ]
+    return "\n".join(["Peers against proved bounds:", "", *said]) if said else ""
+
+
 def _phases(groups: Sequence[Group]) -> str:
     ours = [g for g in groups if g.first.solver == OURS and g.first.phases]
     if not ours:
@@ -211,29 +159,6 @@ def _phases(groups: Sequence[Group]) -> str:
         for g in ours
     ]
     return table(["CPU s by phase", "size", "variant", *used], lines)
-
-
-def exponent(groups: Sequence[Group]) -> float:
-    """Slope of log CPU seconds over log size; nan with fewer than two sizes."""
-    points = {g.first.size: g.middle("cpu_seconds") for g in groups if g.first.size}
-    points = {size: s for size, s in points.items() if s > 0}
-    if len(points) < 2:
-        return math.nan
-    x, y = np.log(list(points.keys())), np.log(list(points.values()))
-    return float(np.polyfit(x, y, 1)[0])
-
-
-def series_of(groups: Sequence[Group]) -> dict[str, list[Group]]:
-    """Groups that differ in size alone, by a common name."""
-    found: dict[str, list[Group]] = {}
-    for group in groups:
-        row = group.first
-        if row.size:
-            words = [w for w in row.problem.split() if not w.endswith(f"={row.size}")]
-            name = " ".join([*words, row.solver])
-            name += f", {row.variant}" if row.variant != "default" else ""
-            found.setdefault(name, []).append(group)
-    return found
 
 
 def _growth(groups: Sequence[Group]) -> str:

@@ -14,7 +14,7 @@ result = setid.identify(record, model, setid.Noise(equation=0.11), [setid.Stable
 print(result.table())
 
 save("hairdryer_intervals", lambda: result.plot().get_figure(root=True))
-save("hairdryer_bode", lambda: result.bode()[0].get_figure(root=True))
+save("hairdryer_bode", lambda: result.bode().plot()[0].get_figure(root=True))
 save(
     "hairdryer_prediction",
     lambda: result.compare(rest, "prediction").plot()[0].get_figure(root=True),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any, cast
@@ -35,6 +36,7 @@ from setid.proofs.evidence import Evidence, Verification
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import objectives, problem_on_box
 from setid.proofs.verification import verify
+from sparsepop_py.executors.dispatch import map_in_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,6 +108,9 @@ class Recursive:
         consistent with the last ``window`` samples. All samples count when left out.
     Ts : float
         Sampling time.
+    executor : concurrent.futures.Executor, optional
+        For equation errors: solves the linear programs of the ends, one a task. It pays where a
+        program takes longer than a task's overhead, with many parameters and a large ``limit``.
 
     Raises
     ------
@@ -149,6 +154,7 @@ class Recursive:
         limit: int = 60,
         window: int | None = None,
         Ts: float = 1.0,
+        executor: Executor | None = None,
     ) -> None:
         self.model = _from_unknown(model)
         self.noise = _check_noise(noise)
@@ -157,6 +163,7 @@ class Recursive:
         self.limit = natural(limit, "limit", SetidError, least=4 * p * p)
         self.window = None if window is None else natural(window, "window", SetidError, least=1)
         self.Ts = float(Ts)
+        self._executor = executor
         self._lag = max(equation.lag for equation in self.model.regression())
         self.restart()
 
@@ -336,7 +343,7 @@ class Recursive:
         formulation = self._stated(self._kept)
         problem, p = formulation.problem, len(formulation.parameters)
         linear = problem.degree <= 1 and problem.dimension <= max(_MOST_LINEAR, p)
-        claim, used = _linear(formulation) if linear else _boxed(formulation)
+        claim, used = _linear(formulation, self._executor) if linear else _boxed(formulation)
         self.exact = self.exact and linear
         samples = frozenset(self._kept[record].sample for record in used)
         if claim.empty:
@@ -451,9 +458,20 @@ class Recursive:
 # ---- parts ------------------------------------------------------------------------------
 
 
-def _linear(formulation: Formulation) -> tuple[Evidence, set[int]]:
+def _end(task: tuple[sp.Problem, sp.Polynomial]) -> sp.LinearBound:
+    """Bound one end; in a worker process if there is an executor."""
+    return sp.linear_bounds(task[0], [task[1]])[0]
+
+
+def _linear(
+    formulation: Formulation, executor: Executor | None = None
+) -> tuple[Evidence, set[int]]:
     """Exact bounds by linear programs, and the records that they use."""
-    bounds = tuple(sp.linear_bounds(formulation.problem, objectives(formulation)))
+    problem, wanted = formulation.problem, objectives(formulation)
+    if executor is None:
+        bounds = tuple(sp.linear_bounds(problem, wanted))
+    else:
+        bounds = tuple(map_in_order(executor, _end, [(problem, item) for item in wanted]))
     rows = formulation.rows
     numbers = {n for bound in bounds for n, _ in bound.multipliers if n < len(rows.origin)}
     used = {int(rows.record[n]) - 1 for n in numbers if rows.sample[n]}

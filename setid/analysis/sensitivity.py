@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ from setid.priors import Box
 from setid.proofs.evidence import Verification
 from setid.proofs.least_noise.noise_scale import scaled_noise
 from setid.result.identification import Identification
+from sparsepop_py.executors.dispatch import map_in_order
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -176,6 +178,7 @@ def sensitivity(
     result: Identification,
     factors: Iterable[float] = FACTORS,
     options: Options | None = None,
+    executor: Executor | None = None,
 ) -> Sensitivity:
     """Identify again with noise bounds times factors; find where signs are lost.
 
@@ -186,6 +189,9 @@ def sensitivity(
         Positive; 1 takes the result itself.
     options : Options, optional
         ``time_limit`` is for all of it together; those of the result when left out.
+    executor : concurrent.futures.Executor, optional
+        Identifies each factor, and finds each sign's least factor, as a task of its own; every task
+        may then take the whole ``time_limit``.
 
     Returns
     -------
@@ -219,9 +225,16 @@ def sensitivity(
     work = _Work(result, settings, settings.deadline())
     signed = [(n, s) for n, s in zip(formulation.parameters, _signs(result), strict=True) if s]
     work.left = len(values) + 1 + len(signed)
-    results = tuple(work.identified(value) for value in values)
-    least = work.level(())
-    levels = {name: work.level([_other(name, sign)]) for name, sign in signed}
+    tasks: list[tuple[_Work, float | None, tuple[Any, ...]]] = [
+        *((work, value, ()) for value in values),
+        (work, None, ()),
+        *((work, None, (_other(name, sign),)) for name, sign in signed),
+    ]
+    if executor is not None:
+        work.left = 1
+    found = map_in_order(executor, _answer, tasks)
+    results, least = tuple(found[: len(values)]), found[len(values)]
+    levels = dict(zip([name for name, _ in signed], found[len(values) + 1 :], strict=True))
     return Sensitivity(
         names=formulation.parameters,
         factors=frozen(np.array(values)),
@@ -263,6 +276,12 @@ class _Work:
         options, known = self._options(), self.result.formulation
         model, priors = without_delta(known.model), [*known.priors, *more]
         return consistency(known.data, model, known.noise, priors, options)
+
+
+def _answer(task: tuple[_Work, float | None, tuple[Any, ...]]) -> Any:
+    """Identify with a factor, or find the least one with further priors; in any process."""
+    work, factor, more = task
+    return work.level(more) if factor is None else work.identified(factor)
 
 
 def _signs(result: Identification) -> list[int]:

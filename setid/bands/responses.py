@@ -67,6 +67,8 @@ class FrequencyBand:
         Sampling time.
     labels : (str, str) or None
         Names and units of output and input, for axes.
+    view : {"bode", "nyquist", "nichols"}
+        What :meth:`plot` draws unless it is told otherwise.
 
     Examples
     --------
@@ -89,6 +91,7 @@ class FrequencyBand:
     arcs: ArcRegions | None = None
     Ts: float = 1.0
     labels: tuple[str, str] | None = None
+    view: str = "bode"
 
     def between(self, omega: ArrayLike) -> tuple[Reals, Reals]:
         """Proved gains and phases at any frequencies, also between those of the band.
@@ -148,18 +151,19 @@ class FrequencyBand:
         with np.errstate(divide="ignore"):
             return np.asarray(20.0 * np.log10(self.magnitude), np.float64)
 
-    def plot(self, ax: Any = None, kind: str = "bode") -> NDArray[Any] | Axes:
+    def plot(self, ax: Any = None, kind: str | None = None) -> NDArray[Any] | Axes:
         """Draw a ``"bode"``, ``"nyquist"`` or ``"nichols"`` plot; returns the axes.
 
         Parameters
         ----------
         ax : matplotlib Axes, or two of them for a Bode plot, optional
             The kind may stand in this place.
-        kind : {"bode", "nyquist", "nichols"}
+        kind : {"bode", "nyquist", "nichols"}, optional
+            ``view`` when left out.
         """
         from setid.plots.responses import plot_frequency_band
 
-        given, chosen = (None, ax) if isinstance(ax, str) else (ax, kind)
+        given, chosen = (None, ax) if isinstance(ax, str) else (ax, kind or self.view)
         return plot_frequency_band(self, chosen, given)
 
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from setid.control.classes import Controller, Fixed, is_class
 from setid.control.engine import (
     Box,
     DataError,
+    FrozenMapping,
     Identification,
     IntervalStatus,
     IOData,
@@ -410,7 +410,7 @@ def _one(
         found = _after(record, fixed, noise, found, result)
     spent = {"sums of rows": sums, "in all": time.process_time() - begin}
     return Design(
-        MappingProxyType(_intervals(fixed, result, found, settings.tol)),
+        FrozenMapping(_intervals(fixed, result, found, settings.tol)),
         result,
         refuted,
         fixed,
@@ -420,7 +420,7 @@ def _one(
         frozen(wanted),
         frozen(_fit(record, fixed, noise)),
         boxed,
-        MappingProxyType(spent),
+        FrozenMapping(spent),
     )
 
 

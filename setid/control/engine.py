@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 import sparsepop_py as sp
-from setid.data.checks import frozen, natural, number, real_array, switch
+from setid.data.checks import FrozenMapping, frozen, natural, number, real_array, switch
 from setid.data.noise import Noise
 from setid.data.record import IOData
 from setid.errors import DataError, ModelError, NoiseError, SetidError
@@ -28,6 +28,7 @@ __all__ = [
     "Box",
     "DataError",
     "Formulation",
+    "FrozenMapping",
     "IOData",
     "Identification",
     "IntervalStatus",

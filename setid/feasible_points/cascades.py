@@ -31,7 +31,7 @@ __all__ = [
     "attained_result",
     "cascade_ends",
     "cascade_of",
-    "narrowed_cascade",
+    "tightened_cascade",
     "point_of",
 ]
 
@@ -42,7 +42,7 @@ _LEAST_WIDTH = 1e-9  # of a parameter's box: what its unit is at least
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CascadeEnds:
-    """Where simulations stay within the noise bounds.
+    """Parameters whose simulations stay within the noise bounds.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def cascade_ends(
     return CascadeEnds(fitting, frozen(best), level, ends)
 
 
-def narrowed_cascade(
+def tightened_cascade(
     found: CascadeEnds, box: ProvedBox | None, tol: float, deadline: Deadline
 ) -> SimulatedBox | None:
     """Prove a box near the ends that are attained.

@@ -67,7 +67,7 @@ def simulated_box(
     tol: float,
     deadline: Deadline,
 ) -> SimulatedBox | None:
-    """Narrow a finite box by simulations over regions.
+    """Tighten a finite box by simulations over regions.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ class _Grower:
         self.leaves: list[_Grown] = []
 
     def grow(self, root: _Grown) -> bool:
-        """Narrow and part regions, the one that reaches farthest first; whether time sufficed."""
-        self._narrow(root)
+        """Tighten and part regions, the one that reaches farthest first; whether time sufficed."""
+        self._tighten(root)
         if root.region is None:
             return True
         scale = np.maximum(_widths(root.region), 1e-300)
@@ -143,7 +143,7 @@ class _Grower:
             halves = parted(grown.region, grown.split, grown.at)
             grown.children = tuple(_Grown(half) for half in halves)
             for child in grown.children:
-                self._narrow(child)
+                self._tighten(child)
                 count += 1
                 self._file(child, waiting, count)
         return True
@@ -156,7 +156,7 @@ class _Grower:
             heapq.heappush(waiting, (-beyond, count, grown))
 
     def _beyond(self, region: Region | None) -> float:
-        """How far a region reaches beyond the attained ends, in their widths."""
+        """Measure how far a region reaches beyond the attained ends, in their widths."""
         if region is None:
             return 0.0
         if self._attained is None:
@@ -172,7 +172,7 @@ class _Grower:
         split = int(np.argmax((high - low) / scale))
         return split, float(low[split] / 2 + high[split] / 2)
 
-    def _narrow(self, grown: _Grown) -> None:
+    def _tighten(self, grown: _Grown) -> None:
         for _ in range(_STEPS):
             if grown.region is None or self._deadline.over:
                 return

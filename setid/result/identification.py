@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,13 +29,15 @@ from setid.proofs.verification import verify
 from setid.result.holdout import Holdout
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
     from pathlib import Path
 
     from matplotlib.axes import Axes
 
     from setid.analysis.sensitivity import Sensitivity
     from setid.bands.outputs import Comparison, Mode, OutputBand
-    from setid.bands.responses import Kind
+    from setid.bands.responses import FrequencyBand, Kind
+    from setid.bands.steps import StepBand
     from setid.export.python_control import ControlModels
     from setid.feasible_points.best import BestMember, Goal
     from setid.feasible_points.centre import Central
@@ -340,17 +342,21 @@ class Identification(FeasibleSet):
 
         return consistent(self.formulation, theta)
 
-    def sensitivity(self, factors: Iterable[float] | None = None) -> Sensitivity:
+    def sensitivity(
+        self, factors: Iterable[float] | None = None, executor: Executor | None = None
+    ) -> Sensitivity:
         """Widths and signs as functions of the noise bounds; see :func:`setid.sensitivity`.
 
         Parameters
         ----------
         factors : iterable of float, optional
             On all noise bounds; 1 to 2 in six steps when left out.
+        executor : concurrent.futures.Executor, optional
+            Each factor is a task of its own.
         """
         from setid.analysis.sensitivity import FACTORS, sensitivity
 
-        return sensitivity(self, FACTORS if factors is None else factors)
+        return sensitivity(self, FACTORS if factors is None else factors, executor=executor)
 
     # ---- one-line delegations -----------------------------------------------------------
 
@@ -371,8 +377,8 @@ class Identification(FeasibleSet):
         kind: Kind = "proved",
         output: int = 1,
         input: int = 1,
-    ) -> NDArray[Any] | Axes:
-        """Draw the band of gain and phase; see :func:`setid.frequency_band`.
+    ) -> FrequencyBand:
+        """Bound gain and phase, for ``.plot()`` as a Bode diagram; see :func:`frequency_band`.
 
         Parameters
         ----------
@@ -384,7 +390,7 @@ class Identification(FeasibleSet):
         """
         from setid.bands.responses import frequency_band
 
-        return frequency_band(self, omega, kind, output, input).plot("bode")
+        return frequency_band(self, omega, kind, output, input)
 
     def nyquist(
         self,
@@ -392,8 +398,8 @@ class Identification(FeasibleSet):
         kind: Kind = "proved",
         output: int = 1,
         input: int = 1,
-    ) -> NDArray[Any] | Axes:
-        """Draw the band of the frequency response; see :func:`setid.frequency_band`.
+    ) -> FrequencyBand:
+        """Bound the frequency response, for ``.plot()`` in the plane; see :func:`frequency_band`.
 
         Parameters
         ----------
@@ -405,7 +411,7 @@ class Identification(FeasibleSet):
         """
         from setid.bands.responses import frequency_band
 
-        return frequency_band(self, omega, kind, output, input).plot("nyquist")
+        return replace(frequency_band(self, omega, kind, output, input), view="nyquist")
 
     def nichols(
         self,
@@ -413,8 +419,8 @@ class Identification(FeasibleSet):
         kind: Kind = "proved",
         output: int = 1,
         input: int = 1,
-    ) -> NDArray[Any] | Axes:
-        """Draw gain over phase; see :func:`setid.frequency_band`.
+    ) -> FrequencyBand:
+        """Bound the response, for ``.plot()`` of gain over phase; see :func:`frequency_band`.
 
         Parameters
         ----------
@@ -426,12 +432,12 @@ class Identification(FeasibleSet):
         """
         from setid.bands.responses import frequency_band
 
-        return frequency_band(self, omega, kind, output, input).plot("nichols")
+        return replace(frequency_band(self, omega, kind, output, input), view="nichols")
 
     def step(
         self, length: int = 50, kind: Kind = "proved", output: int = 1, input: int = 1
-    ) -> Axes:
-        """Draw the band of step responses; see :func:`setid.step_band`.
+    ) -> StepBand:
+        """Bound step responses, for ``.plot()``; see :func:`setid.step_band`.
 
         Parameters
         ----------
@@ -443,7 +449,7 @@ class Identification(FeasibleSet):
         """
         from setid.bands.steps import step_band
 
-        return step_band(self, length, kind, output, input).plot()
+        return step_band(self, length, kind, output, input)
 
     def fps(self, first: str, second: str, directions: int = 16) -> Projection:
         """The feasible parameter set over two parameters; see :func:`setid.project`.

@@ -188,7 +188,7 @@ def _pictures(report: _Report, form: Form, result: Identification) -> None:
     report.stage("pictures")
     report.picture("Intervals", lambda: result.plot())
     report.stage("bands")
-    report.picture("Band of the frequency response, proved", lambda: result.bode())
+    report.picture("Band of the frequency response, proved", lambda: result.bode().plot())
     if form.validation is not None:
         report.stage("validation")
         validation = form.validation

@@ -147,6 +147,7 @@ class LinearTree:
     _least: float = np.inf
     _fathomed: float = 0.0
     _obbt_rounds: int = 0
+    _searched: bool = False
     _point: Floats | None = None
     _highs: LinearModel | None = None
 
@@ -174,7 +175,7 @@ class LinearTree:
 
     @property
     def goal(self) -> float:
-        """A bound at which a node is fathomed: above the cutoff by a margin for rounding."""
+        """A bound that fathoms a node: the cutoff and a margin for rounding."""
         return self.cutoff + LINEAR_TREE.margin * self.context.allowed
 
     @property
@@ -224,27 +225,38 @@ class LinearTree:
         self.nodes += 1
         spend(LINEAR_TREE.node_work)
         program: _Program | None = None
-        searched = False
+        self._searched = False
         rounds = LINEAR_TREE.root_rounds if node is self.root else LINEAR_TREE.rounds
         for number in range(rounds):
             self._propagate(node)
             program = self._solve(node) if node.bound < np.inf else None
             if program is None or program.t is None or node.bound >= self.goal:
                 break
-            if self._cut(node, program, number):
-                self._search_minimiser()
-                continue
-            if not searched and (self._worth_a_search() or self._promises(program.point)):
-                searched = True
-                self._search(program.point)
-            if node.bound >= self.goal:
-                break
-            if not self._reduce(node, program) and not self._tighten(node, program):
+            if not self._improve(node, program, number):
                 break
         if node.bound >= self.goal:
             self._fathom(node)
         else:
             self._branch(node, program)
+
+    def _improve(self, node: _Open, program: _Program, number: int) -> bool:
+        """Add cuts, search points and tighten the box; return whether another round may gain."""
+        if self._cut(node, program, number):
+            self._search_minimiser()
+            return node.bound < self.goal
+        if self._promises(program.point):
+            self._search(program.point)
+        elif number == LINEAR_TREE.search_round and self._worth_a_search():
+            self._search(program.point)  # tightening goes on with a better cutoff
+        if node.bound >= self.goal:
+            return False
+        if self._reduce(node, program) or self._tighten(node, program):
+            return True
+        if not self._worth_a_search():
+            return False
+        upper = self.context.upper
+        self._search(program.point)
+        return node.bound < self.goal and self.context.upper < upper
 
     def _fathom(self, node: _Open) -> None:
         """Record a leaf, and its share of the tree: a half of its parent's."""
@@ -361,9 +373,10 @@ class LinearTree:
 
     def _worth_a_search(self) -> bool:
         """Check for a node with a local search: that costs more than nodes do."""
-        if self.search_work > LINEAR_TREE.search_share * (spent() - self._begin):
+        if self._searched or self.search_work > LINEAR_TREE.search_share * (spent() - self._begin):
             return False
-        return self.nodes in LINEAR_TREE.searched
+        self._searched = self.nodes in LINEAR_TREE.searched  # once a node
+        return self._searched
 
     def _promises(self, point: Floats) -> bool:
         """Check for a point that is nearly feasible and better than the incumbent."""

@@ -210,7 +210,7 @@ class ProductModel:
 
     @cached_property
     def _parts(self) -> tuple[Ints, Ints, Ints, Ints, Floats]:
-        """Terms after x = c + s t: row, column, and positions of two factors in (1, c, s)."""
+        """Terms after x = c + s t: row, column, two of (1, c, s)."""
         n, linear = self.dimension, self.column < self.dimension
         centre, scale = 1, 1 + n
         row, v, a = self.row[linear], self.column[linear], self.coefficient[linear]
@@ -373,7 +373,7 @@ class ProductModel:
         return Identity(data.scaling, tuple(groups), dual.products)
 
     def cut(self, row: int, point: Floats) -> SquareCut | None:
-        """Build the cut of a convex row at a point, None where the row is not convex.
+        """Build the cut of a convex row at a point, None for others.
 
         Parameters
         ----------

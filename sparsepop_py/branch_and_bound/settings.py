@@ -89,6 +89,8 @@ class LinearTreeSettings:
         Share of the work that local searches may have taken before another one.
     searched : tuple of int
         Numbers of the nodes with a local search, from 1.
+    search_round : int
+        Round of tightening at the root that a local search comes before.
     worth_a_search : float
         Share of the allowed gap that a nearly feasible solution must gain for a local search.
     feasible : float
@@ -135,6 +137,7 @@ class LinearTreeSettings:
     infeasible: float = 1e-7
     search_share: float = 0.4
     searched: tuple[int, ...] = (1, 4, 16, 64)
+    search_round: int = 2
     worth_a_search: float = 0.5
     feasible: float = 1e-5
     cut_rounds: int = 8

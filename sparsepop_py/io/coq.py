@@ -67,7 +67,10 @@ def write_coq(certificate: Certificate, path: str | Path, problem: Problem) -> N
         )
         if done.returncode:
             found = done.stdout.strip() or done.stderr.strip()[-200:]
-            raise ProblemError(f"to_coq: {found}")
+            raise ProblemError(
+                f"to_coq: {found}; a certificate of fewer kinds of steps may do: solve with effort "
+                "'presolve', or with skip=['linear_tree']"
+            )
         write_text(path, text.read_text(encoding="utf-8"))
 
 

@@ -247,7 +247,7 @@ def combine(
 def _extract(
     matrices: NDArray[np.float64], words: Words, tolerance: float, members: int | None = None
 ) -> list[Points]:
-    """Extract the atoms behind each of several moment matrices (B, s, s) of the same words.
+    """Extract the atoms behind each of several moment matrices (B, s, s).
 
     Letters are those of :func:`_renamed`; ``members`` is the largest of them unless given.
     """
@@ -277,9 +277,9 @@ def _extract(
 def _single_atoms(
     factors: NDArray[np.float64], shifted: NDArray[np.int64]
 ) -> NDArray[np.float64] | None:
-    """Compute the only atom (B, k) of matrices f f' for rows f (B, s), None if not flat.
+    """Compute the only atom of matrices f f', None if not flat.
 
-    The atom of f = 0 is NaN.
+    Rows f are (B, s), atoms (B, k); the atom of f = 0 is NaN.
     """
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
     if not inner.size:
@@ -306,7 +306,7 @@ def _shifts(basis: Words, members: NDArray[Any]) -> NDArray[np.int64]:
 
 
 def _atoms(factor: NDArray[Any], shifted: NDArray[Any], tolerance: float) -> NDArray[Any] | None:
-    """Compute the atoms (rank, k) of the matrix factor factor', or None if it is not flat."""
+    """Compute the atoms (rank, k) of factor factor', None if not flat."""
     rank = factor.shape[1]
     inner = np.flatnonzero(np.all(shifted >= 0, axis=0))
     if inner.size < rank:

@@ -23,6 +23,7 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint, prove_point
 
 __all__ = ["prove_feasible"]
 
+_SOME_ROWS = 20  # equations from which exact repair comes second
 _MANY_ROWS = 60  # equations from which exact repair is not tried
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _CUTS = 12  # linear programs at most that pull a point into a matrix
@@ -159,11 +160,12 @@ def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], ND
     jacobian = system.dense_jacobian(x)
     distance = np.minimum(x - problem.lower, problem.upper - x)
     weight = np.clip(distance, 0.0, 1.0)
-    if equal.size > _MANY_ROWS:  # rationals would take too long, and so would their pivots
+    if equal.size > _SOME_ROWS:  # rationals take longer, and so do their pivots
         solved = _leading_columns(jacobian * weight)
         if solved is not None:
             yield equal, solved, "krawczyk"
-            return
+            if equal.size > _MANY_ROWS:
+                return
     couplings = _couplings(system)
     for blocked in (couplings, None):
         rows, solved = _pivots(jacobian, weight, blocked)

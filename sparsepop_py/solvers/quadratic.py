@@ -88,7 +88,7 @@ def minimise_on_box(
     rows: tuple[sps.csr_array, NDArray[np.float64], NDArray[np.bool_]],
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64] | None:
-    """Minimise cost'z + z' hessian z / 2 on a box with rows A z >= b.
+    """Minimise cost'z + z' hessian z / 2 on a box, A z >= b.
 
     Parameters
     ----------

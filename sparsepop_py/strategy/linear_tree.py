@@ -148,17 +148,19 @@ def _settled(tree: LinearTree, model: Model, known: dict[Any, Any]) -> Certifica
 
 
 def _wanted(context: SolveContext) -> bool:
-    """Check that nothing asks for other ways to a bound, a count of nodes, or workers."""
+    """Check that options ask for no other bounds, node counts or workers."""
     options = context.options
     return (
         _PARTS.isdisjoint(options.skip) and options.node_limit is None and options.executor is None
     )
 
 
-def from_convex_minimiser(context: SolveContext) -> SolveContext:
-    """Prove the minimiser of a convex quadratic objective over linear rows in a finite box.
+def from_convex_minimiser(
+    context: SolveContext,
+) -> tuple[SolveContext, list[NDArray[np.float64]]]:
+    """Minimise a convex quadratic objective over the linear relaxation, for a first point.
 
-    A local search would reach it by many steps.
+    Where all rows are linear the minimiser needs no local search, which would take many steps.
 
     Parameters
     ----------
@@ -166,34 +168,36 @@ def from_convex_minimiser(context: SolveContext) -> SolveContext:
 
     Returns
     -------
-    SolveContext
-        With the point as its incumbent, where one is found and proved.
+    context : SolveContext
+        With the minimiser as its incumbent, where it is proved to be feasible.
+    starts : list of (n,) float
+        The minimiser as a start of local searches, empty without one.
     """
-    problem = context.problem
-    linear = all(c.polynomial.degree <= 1 for c in problem.constraints)
-    if not linear or context.best is not None or problem.objective.degree != 2:
-        return context
-    if context.options.refine != "scipy" or not _wanted(context):
-        return context
+    problem, options = context.problem, context.options
+    other = context.best is not None or options.effort != "auto" or options.refine != "scipy"
+    if other or problem.objective.degree != 2 or not _wanted(context):
+        return context, []
     if not suits_linear_tree(problem):
-        return context
+        return context, []
     with context.stages.stage("presolve"):
         bounds = Interval(problem.lower, problem.upper)
         box, _ = tighten(Replay(problem, None), bounds, LINEAR_TREE.first_sweeps)
         if not finite(box) or is_empty(box):
-            return context
-        model = ProductModel.of(problem)
-        found = convex_minimiser(model, model.on_box(Scaling.of_box(box)))
+            return context, []
+        model, scaling = ProductModel.of(problem), Scaling.of_box(box)
+        found = convex_minimiser(model, model.on_box(scaling))
     if found is None:
-        return context
-    point = Scaling.of_box(box).point(np.clip(found[: problem.dimension], -1.0, 1.0))
-    return replace(context, best=prove_feasible(problem, point))
+        return context, []
+    point = scaling.point(np.clip(found[: problem.dimension], -1.0, 1.0))
+    linear = all(c.polynomial.degree <= 1 for c in problem.constraints)
+    proved = prove_feasible(problem, point) if linear else None
+    return replace(context, best=proved), [point]
 
 
 def bound_by_box(
     context: SolveContext, model: Model, candidates: list[NDArray[np.float64]]
 ) -> LinearTreeResult:
-    """Bound the objective by its range over a box, which closes the gap where the box is small.
+    """Bound the objective by its range over a small box.
 
     Parameters
     ----------

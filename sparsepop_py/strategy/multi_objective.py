@@ -133,13 +133,14 @@ class MultiObjectiveSearch:
                 self._tighten()
             except EARLY as cause:
                 self.deadline.ended(cause)  # the box is kept as it was
+        repair = None if self.repair is None else _remembered(self.repair)
         for number, objective in enumerate(self.objectives):
             context = SolveContext(
                 self.problem.with_objective(objective),
                 self.options,
                 self.stages.of_objective(number),
                 self.deadline,
-                repair=self.repair,
+                repair=repair,
                 objectives=len(self.objectives),
             )
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
@@ -242,6 +243,22 @@ class MultiObjectiveSearch:
                 box = again
                 steps.append(step)
             self.model = replace(self.model, proof=BoxProof(tuple(steps)), box=box)
+
+
+_Repair = Callable[[NDArray[Any]], NDArray[Any]]
+
+
+def _remembered(repair: _Repair) -> _Repair:
+    """Repair each vector once: all objectives search from the same starts."""
+    known: dict[bytes, NDArray[Any]] = {}
+
+    def once(x: NDArray[Any]) -> NDArray[Any]:
+        key = np.asarray(x, float).tobytes()
+        if key not in known:
+            known[key] = repair(x)
+        return known[key].copy()
+
+    return once
 
 
 def pairs(objectives: Sequence[Polynomial]) -> dict[int, int]:

@@ -20,10 +20,12 @@ from benchmarks.measuring.measure import Setting, method
 from benchmarks.measuring.records import PHASES, Row, read_rows
 from benchmarks.measuring.registry import Case, Family, Registry, Selection, Task
 from benchmarks.measuring.settings import options_from, switches, variants
+from benchmarks.peers import environments
 from benchmarks.peers import scip as peers
 from benchmarks.problems import identification, random_problems, soundness
 from benchmarks.problems.families import REGISTRY
-from benchmarks.tables.report import exponent, groups_of, report
+from benchmarks.tables.groups import exponent, groups_of
+from benchmarks.tables.report import report
 
 PROBLEMS = Path(__file__).resolve().parents[2] / "examples" / "problems"
 
@@ -109,13 +111,16 @@ def test_a_peer_that_runs_out_of_its_budget_says_so():
     assert row.status == "budget: timelimit" and row.closed == 0
 
 
-def test_a_peer_that_is_missing_says_so(monkeypatch):
+def test_a_peer_that_is_missing_says_so(monkeypatch, tmp_path):
+    monkeypatch.setattr(environments, "FOLDER", tmp_path)
     monkeypatch.setattr(peers, "scip_is_installed", lambda: False)
     (row,) = runner.measure(family(tiny()), tiny(), Setting(("scip",), repeats=3))
     assert row.status == "missing" and "pip install pyscipopt" in row.notes[0]
 
 
-def test_a_peer_that_breaks_off_says_so(monkeypatch):
+def test_a_peer_that_breaks_off_says_so(monkeypatch, tmp_path):
+    monkeypatch.setattr(environments, "FOLDER", tmp_path)
+
     class Broken:
         def optimize(self):
             raise Exception("SCIP: error in LP solver!")  # as pyscipopt does
@@ -302,7 +307,7 @@ def test_variants_switch_one_thing_off():
     ("command", "message"),
     [
         ("run nowhere", "family: found 'nowhere'"),
-        ("run zoo --solvers gurobi", "--solvers: found 'gurobi'"),
+        ("run zoo --solvers cplex", "--solvers: found 'cplex'"),
         ("run zoo --repeat 0", "--repeat: found 0"),
         ("run zoo --peer-limit 0", "--peer-limit: found 0"),
         ("run oe --sizes 0", "--sizes: found 0"),

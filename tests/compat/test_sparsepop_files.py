@@ -18,6 +18,13 @@ def problem() -> sp.Problem:
     return sp.Problem(x * y - z, [x + y == 1.5, z**2 <= x, x * z >= -2], [0, 0, -2], [1, 3, 2])
 
 
+def roomy() -> sp.Problem:
+    """A problem whose box stays wide when it is tightened, so that the program stays regular."""
+    x, y, z = sp.variables(3)
+    rows = [x + y + z == 1.5, z**2 <= x + 1, x * z >= -2]
+    return sp.Problem(x * y - z, rows, [-1, -2, -2], [1, 3, 2])
+
+
 def tiny() -> sp.Problem:
     (x,) = sp.variables(1)
     return sp.Problem(x**4 - x, (), -1, 1)
@@ -27,7 +34,7 @@ def tiny() -> sp.Problem:
 def test_the_sdpa_file_has_the_value_of_the_sdp(tmp_path: pathlib.Path, tighten: int) -> None:
     path = tmp_path / "relaxation.dat-s"
     param = {**QUIET, "relaxOrder": 2, "tighten": tighten, "sdpaDataFile": str(path)}
-    output = sp.sparsePOP(problem(), param)
+    output = sp.sparsePOP(roomy() if tighten else problem(), param)
     program = sp.read_sdpa(path)
     solution = sp.solve_conic(program)
     assert solution.status == "solved"

@@ -5,7 +5,13 @@ import time
 import gurobipy as gp
 from common import INF, Quadratic, Refused, answer, run
 
-_WORDS = {2: "optimal", 3: "infeasible", 4: "infeasible or unbounded", 5: "unbounded"}
+_WORDS = {
+    2: "optimal",
+    3: "infeasible",
+    4: "infeasible or unbounded",
+    5: "unbounded",
+    13: "suboptimal",
+}
 
 
 def solve(task, number):

@@ -3,7 +3,7 @@
 import time
 
 import sympy
-from common import answer, bounds_as_rows, run, value
+from common import INF, answer, bounds_as_rows, run, value
 from Irene import SDPRelaxations
 
 
@@ -25,7 +25,8 @@ def solve(task, number):
     middle = time.process_time()
     relaxation.Minimize()
     solution = relaxation.Solution
-    return answer(solution.Status, solution.Primal, begin=begin, middle=middle)
+    found = -INF if solution.Primal is None else solution.Primal
+    return answer(solution.Status, found, begin=begin, middle=middle)
 
 
 run(solve)

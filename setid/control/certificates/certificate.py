@@ -350,7 +350,7 @@ class Question:
         return replace(answer, identification=result, seconds=time.monotonic() - begin)
 
     def claim(self, factor: Transfer | None) -> Claim:
-        """What is proved cell by cell, F being the factor of small gain."""
+        """Find what holds cell by cell, F being the factor of small gain."""
         if self.method == "characteristic":
             return Characteristic(self.model, self.controller)
         assert factor is not None

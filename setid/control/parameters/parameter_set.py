@@ -182,7 +182,7 @@ def consistent_set(
     start = first_box(rows, frame, until)
     prior = _stable_rows(model, integrators, margin)
     if start is None:
-        start = _start(data, model, noise, margin, rows, frame, box)
+        start = _start(data, model, noise, margin, rows, frame, box, until)
         if start is None:
             return None
     found = ParameterSet(rows, frame, start)
@@ -199,6 +199,7 @@ def _start(
     rows: NoisyRows,
     frame: Frame,
     known: tuple[Reals, Reals] | None,
+    until: float,
 ) -> Polytope | None:
     """A polytope from a known box, or from that which rows and the margin give."""
     free = (np.count_nonzero(rows.basis, axis=1) == 1) & (rows.offset == 0.0)
@@ -217,7 +218,7 @@ def _start(
         begin[:, :na] = -size, size
     if formulation.regression is None:
         return None
-    box = setid.parameter_box(formulation.regression, begin)
+    box = setid.parameter_box(formulation.regression, begin, until)
     low, high = box.lower[kept], box.upper[kept]
     if np.any(low > high) or not np.all(np.isfinite([low, high])):
         return None
@@ -281,7 +282,7 @@ def priors_of(
     integrators: int = 0,
     margin: float | None = None,
 ) -> list[Any]:
-    """What is proved or assumed of the parameters, as priors.
+    """List what is proved or assumed of the parameters, as priors.
 
     Parameters
     ----------

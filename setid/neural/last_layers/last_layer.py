@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +34,7 @@ from setid import (
     Verification,
     parameter_box,
 )
+from setid.data.checks import FrozenMapping
 from setid.neural.arithmetic import Interval, down, require_ieee, up
 from setid.neural.last_layers.equation_error import rows_of
 from setid.neural.last_layers.polytope import (
@@ -300,7 +300,7 @@ def last_layer(
         assumptions.append("constraints of the noise are not used: the intervals hold without them")
     sets = tuple(_solve(part) for part in _rows(net, data, noise))
     intervals, status = _intervals(net, sets)
-    return LastLayer(net, data, noise, status, sets, MappingProxyType(intervals), (*assumptions,))
+    return LastLayer(net, data, noise, status, sets, FrozenMapping(intervals), (*assumptions,))
 
 
 def _noise_of(net: RegressorNetwork, data: IOData, factor: float) -> tuple[Noise, str]:

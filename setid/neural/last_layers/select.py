@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from setid import IOData, ModelError
 from setid.neural.last_layers.last_layer import LastLayer, last_layer
 from setid.neural.models.regressor import NNARX
 from setid.neural.training.train import initial, train
+from sparsepop_py.executors.dispatch import map_in_order
 
 __all__ = ["Candidate", "NetworkSelection", "select"]
 
@@ -72,6 +75,7 @@ def select(
     activation: str = "tanh",
     starts: int = 3,
     seed: int = 0,
+    executor: Executor | None = None,
 ) -> NetworkSelection:
     """Choose order and width by the narrowest proved band that no reading falsifies.
 
@@ -86,6 +90,8 @@ def select(
     activation : str
     starts, seed : int
         Of the training.
+    executor : concurrent.futures.Executor, optional
+        Trains and judges each structure as a task of its own; the selection is the same.
 
     Returns
     -------
@@ -107,18 +113,23 @@ def select(
     >>> len(found.log), found.chosen.order
     (2, 1)
     """
-    log: list[Candidate] = []
-    for order in orders:
-        for width in widths:
-            guess = initial(data, order, [width], activation, seed)
-            assert isinstance(guess, NNARX)
-            trained = train(guess, data, starts=starts)
-            assert isinstance(trained.net, NNARX)
-            log.append(_judge(trained.net, data, validation, order, width, factor))
+    settings = (data, validation, factor, activation, starts, seed)
+    tasks = [(order, width, settings) for order in orders for width in widths]
+    log = map_in_order(executor, _tried, tasks)
     if not log:
         raise ModelError("orders, widths: found no structure, expected at least one")
     chosen = min(log, key=lambda item: (item.outside, item.band_width))
     return NetworkSelection(chosen, tuple(log))
+
+
+def _tried(task: tuple[int, int, tuple[Any, ...]]) -> Candidate:
+    """Train and judge one structure; in a worker process if there is an executor."""
+    order, width, (data, validation, factor, activation, starts, seed) = task
+    guess = initial(data, order, [width], activation, seed)
+    assert isinstance(guess, NNARX)
+    trained = train(guess, data, starts=starts)
+    assert isinstance(trained.net, NNARX)
+    return _judge(trained.net, data, validation, order, width, factor)
 
 
 def _judge(

@@ -39,7 +39,7 @@ def optional(name: str, package: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise ImportError(
-            f"{name} is not installed; it is optional: pip install {package}"
+            f"{name} is not installed; it is optional: pip install 'sparsepop-py[{package}]'"
         ) from error
 
 
@@ -58,7 +58,7 @@ def by_ipopt(net: Model, data: IOData, x0: ArrayLike | None, max_steps: int) -> 
     net, x0, mean square
         Of the simulation with the weights found, not of the solver's trajectory.
     """
-    ca = optional("casadi", "casadi")
+    ca = optional("casadi", "ipopt")
     check_record(data, net.channels, net.outputs, single=True)
     if np.any(np.isnan(data.y)):
         raise ModelError("data.y: found a missing reading, expected a complete record")
@@ -171,9 +171,9 @@ def by_jax_sysid(net: Model, data: IOData, x0: ArrayLike | None, max_steps: int)
     max_steps : int
         Of L-BFGS; Adam takes as many.
     """
-    jnp = optional("jax.numpy", "jax")
+    jnp = optional("jax.numpy", "jax-sysid")
     models = optional("jax_sysid.models", "jax-sysid")
-    optional("jax", "jax").config.update("jax_enable_x64", True)
+    optional("jax", "jax-sysid").config.update("jax_enable_x64", True)
     check_record(data, net.channels, net.outputs, single=True)
     assert isinstance(net, NeuralStateSpace)
     parts = [net.transition, net.output]

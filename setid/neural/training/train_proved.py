@@ -2,8 +2,9 @@
 
 ReLU, leaky ReLU and identity networks are searched by activation patterns (module ``patterns``):
 their output weights are normalised to +-1 and neurons of equal sign are ordered, which removes the
-symmetries. Networks of tanh, sigmoid or algebraic activations are searched by boxes of hidden
-weights (module ``weight_boxes``), with signs moved inside.
+symmetries; ``method="engine"`` states the same as a polynomial problem with complementarity and
+asks :func:`sparsepop_py.solve`. Networks of tanh, sigmoid or algebraic activations are searched by
+boxes of hidden weights (module ``weight_boxes``), with signs moved inside.
 Both are exact: nothing is approximated but for rounding, which is enclosed.
 """
 
@@ -11,19 +12,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
+import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
 from setid.neural.arithmetic import LinearModel, activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed
+from setid.neural.training.engine import (
+    TrainingProblem,
+    proved_by_certificate,
+    search_by_engine,
+    training_problem,
+)
 from setid.neural.training.patterns import PatternNode, Patterns, PatternSearch, prove_tree
 from setid.neural.training.weight_boxes import WeightProgram, WeightSearch, prove_boxes
 
@@ -31,6 +39,7 @@ __all__ = ["ProvedTraining", "train_proved"]
 
 Reals = NDArray[np.float64]
 _PIECEWISE = ("relu", "leaky_relu", "identity")
+_STARTS = 20  # random weights whose errors are simulated before the engine is asked
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -53,10 +62,11 @@ class ProvedTraining:
         the largest reading.
     tolerance : float
     nodes : int
-    trees : mapping of tuple of float to PatternNode or WeightNode
+    trees : mapping of tuple of float to PatternNode, WeightNode or Certificate
         The proof, for each choice of output signs where there are several.
     cap : float
-        Error above which nothing was followed: that of the best constant.
+        Error above which nothing was followed: that of the best constant, or for the engine the
+        one that simulated weights attain.
     """
 
     net: RegressorNetwork
@@ -105,6 +115,7 @@ def train_proved(
     tolerance: float = 1e-4,
     time_limit: float = 60.0,
     nodes: int = 20_000,
+    method: Literal["patterns", "engine"] = "patterns",
 ) -> ProvedTraining:
     """Find the network of least equation error and prove that no other is better.
 
@@ -122,6 +133,10 @@ def train_proved(
         Seconds; the bounds hold when it is over, but need not meet.
     nodes : int
         Most sets of patterns that are bounded.
+    method : {"patterns", "engine"}
+        Search activation patterns, or let the engine branch on hidden weights of a polynomial
+        problem (ReLU and leaky ReLU). The error below which the engine searches is attained by
+        simulated weights.
 
     Returns
     -------
@@ -154,6 +169,10 @@ def train_proved(
     if not 0 < weights < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
     y, until = data.y[row, 0], time.monotonic() + time_limit
+    if method == "engine":
+        return _by_engine(net, data, phi, y, float(weights), tolerance, until)
+    if method != "patterns":
+        raise ModelError(f"method: found {method!r}, expected 'patterns' or 'engine'")
     if inner.activation[0] in _PIECEWISE:
         return _by_patterns(net, data, phi, y, float(weights), tolerance, until, nodes)
     return _by_boxes(net, data, phi, y, float(weights), tolerance, until, nodes)
@@ -211,6 +230,54 @@ def _by_patterns(
     return _result(
         net, data, best.network(), (min(lower, cap), weights, tolerance, count), trees, cap
     )
+
+
+def _by_engine(
+    net: RegressorNetwork, data: IOData, phi: Reals, y: Reals, weights: float, tolerance: float,
+    until: float,
+) -> ProvedTraining:  # fmt: skip
+    """Ask the engine for each choice of signs, below the error that simulated weights attain."""
+    network = net.network
+    if network.activation[0] not in ("relu", "leaky_relu"):
+        raise ModelError(
+            f"method='engine': found {network.activation[0]}, expected relu or leaky_relu"
+        )
+    best = _Best(network, phi, y, weights)
+    choices = _signs(network.weights[0].shape[0], False)
+    for signs in choices:
+        _simulated(best, _program(network, phi, y, signs, weights, _cap(y)), np.array(signs))
+    cap = best.value * (1.0 + 1e-9) + 1e-300
+    trees: dict[tuple[float, ...], Any] = {}
+    lower, count = cap, 0
+    for number, signs in enumerate(choices):
+        item = _stated(network, phi, y, signs, weights, cap)
+        share = (until - time.monotonic()) / (len(choices) - number)
+        result, point = search_by_engine(item, share)
+        if point is not None:
+            best.take(point, np.array(signs))
+        trees[signs] = result.certificate
+        lower = min(lower, proved_by_certificate(item, result.certificate))
+        count += 1 if result.certificate is None else result.certificate.leaves
+    found = _result(net, data, best.network(), (lower, weights, tolerance, count), trees, _cap(y))
+    return replace(found, cap=cap)
+
+
+def _simulated(best: _Best, program: Patterns, signs: Reals) -> None:
+    """Attain errors by random weights, whose patterns' programs are then solved."""
+    search, rng = PatternSearch(program), np.random.default_rng(0)
+    k, d = best.given.weights[0].shape
+    for _ in range(_STARTS):
+        best.take(best.weights * rng.uniform(-1.0, 1.0, k * (d + 1)), signs)
+        best.polish(search, signs)
+    search.add(np.zeros(program.pairs, np.int8))
+    best.take(search.known[0][-1], signs)
+    best.polish(search, signs)
+
+
+def _stated(
+    network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float, cap: float
+) -> TrainingProblem:
+    return training_problem(phi, y, signs, _leak(network), weights, _reaches(weights, y), cap)
 
 
 def _result(
@@ -318,9 +385,14 @@ def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> flo
     for signs in _signs(width, network.activation[0] == "identity"):
         if signs not in item.trees:
             return 0.0
+        tree = item.trees[signs]
+        if tree is None or isinstance(tree, sp.Certificate):
+            stated = _stated(network, phi, y, signs, item.weights, item.cap)
+            least = min(least, proved_by_certificate(stated, tree))
+            continue
         program = _program(network, phi, y, signs, item.weights, item.cap)
         none = np.zeros(program.pairs, np.int8)
-        least = min(least, prove_tree(program, item.trees[signs], none))
+        least = min(least, prove_tree(program, tree, none))
     return least
 
 

@@ -257,7 +257,7 @@ def cell_box(
     if not np.all(np.isfinite(poles)):
         return None
     data = formulation.data
-    noise = formulation.noise.bounds(data)[0][:, 0]
+    noise = _row_noise(formulation)
     known = ~np.isnan(data.y[:, 0])
     for lag in range(1, len(parts.past) + 1):
         known[lag:] &= ~np.isnan(data.y[:-lag, 0])
@@ -298,7 +298,13 @@ def _measured(
     before = rows[:, None] - lags
     past = -np.where(before < 0, 0.0, y[before]), np.where(before < 0, 0.0, noise[before])
     columns = tuple((column.lag, column.power) for column in parts.columns)
-    return found, fitted(found, rows, columns, past, y[rows], noise[rows])
+    return found, fitted(found, rows, columns, past, y[rows], _row_noise(formulation)[rows])
+
+
+def _row_noise(formulation: Formulation) -> Reals:
+    """Bound what output noise of the newest sample and equation errors change, (N,)."""
+    output, _, equation = formulation.noise.bounds(formulation.data)
+    return np.asarray((output[:, 0] + equation[:, 0]) * (1 + 1e-15), np.float64)
 
 
 def _pruned(
@@ -335,7 +341,7 @@ def _halved(
     rounds: int,
 ) -> tuple[Reals, int, bool]:
     """Halve cells until they are fine; return those left and the rounds used."""
-    noise = formulation.noise.bounds(formulation.data)[0][rows, 0]
+    noise = _row_noise(formulation)[rows]
     done: list[Reals] = []
     for used in range(rounds + 1):
         cells = cells[_allowed(parts, formulation, cells)]

@@ -1,1 +1,1 @@
-"""Cells of parameters that a simulation of the whole structure narrows or excludes."""
+"""Cells of parameters that a simulation of the whole structure tightens or excludes."""

@@ -31,14 +31,12 @@ class Recursion:
     known : mapping of str to (N,) float
         Signals that are known exactly.
     parameters : tuple of str
-    fixed : mapping of str to float
     outputs : tuple of str
     """
 
     equations: tuple[Equation, ...]
     known: Mapping[str, Reals]
     parameters: tuple[str, ...]
-    fixed: Mapping[str, float]
     outputs: tuple[str, ...]
 
     def run(self, region: Region) -> dict[str, Form]:
@@ -57,7 +55,7 @@ class Recursion:
                 factor = self._factor(item, region)
                 own = _own_lag(item, equation.defines)
                 if own:
-                    poles[own] = plus(poles[own], factor, region) if own in poles else factor
+                    poles[own] = factor
                     continue
                 part = _negated(factor)
                 for signal in item.signals:
@@ -72,11 +70,8 @@ class Recursion:
         d = len(self.parameters)
         found = constant(np.array(item.coefficient), d)
         for name in item.parameters:
-            if name in self.fixed:
-                other = constant(np.array(self.fixed[name]), d)
-            else:
-                place = self.parameters.index(name)
-                other = Form(region.middle[place], np.eye(d)[place], np.array(0.0))
+            place = self.parameters.index(name)  # fixed ones are in the coefficients
+            other = Form(region.middle[place], np.eye(d)[place], np.array(0.0))
             found = times(found, other, region)
         return found
 
@@ -123,15 +118,17 @@ def recursion_of(formulation: Formulation) -> Recursion | None:
         ordered.add(equation.defines)
     if not set(outputs) <= ordered:
         return None
-    return Recursion(tuple(equations), known, formulation.parameters, dict(model.fixed), outputs)
+    return Recursion(tuple(equations), known, formulation.parameters, outputs)
 
 
 def _solvable(equation: Equation, known: set[str]) -> bool:
     """Check that a signal is made of known ones and, linearly, of its own past."""
+    lags: list[int] = []
     for item in equation.terms[1:]:
-        own = [s for s in item.signals if s.signal == equation.defines]
-        if own and (len(item.signals) > 1 or own[0].lag < 1):
+        own = [s.lag for s in item.signals if s.signal == equation.defines]
+        if own and (len(item.signals) > 1 or own[0] < 1 or own[0] in lags):
             return False
+        lags += own
         if not {s.signal for s in item.signals} <= known | {equation.defines}:
             return False
     return True

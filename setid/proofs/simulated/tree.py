@@ -1,6 +1,6 @@
-"""A box of the parameters from cells that simulations narrow, with what proves it.
+"""A box of the parameters from cells that simulations tighten, with what proves it.
 
-A node of the tree is a region. Its steps narrow it: rows of the simulation over the region as it
+A node of the tree is a region. Its steps tighten it: rows of the simulation over the region as it
 is, and multipliers of them for the largest and least values of each parameter and direction. Then
 it is parted, or it is a leaf. Every consistent vector lies in a leaf that is not proved empty.
 """
@@ -37,7 +37,7 @@ _WIDER = 1e-12  # of the ends: what a claim leaves to sums in another order
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """Multipliers that narrow a region.
+    """Multipliers that tighten a region.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TreeNode:
-    """A region that is narrowed, then parted.
+    """A region that is tightened, then parted.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class TreeNode:
 
 
 def asked(directions: Reals) -> Reals:
-    """What is bounded from above in each region, shape (2 (d + q) + 1, d)."""
+    """Directions that are bounded from above in each region, shape (2 (d + q) + 1, d)."""
     every = np.concatenate([np.eye(directions.shape[1]), directions])
     return np.concatenate([every, -every, np.zeros((1, directions.shape[1]))])
 
@@ -92,7 +92,7 @@ def first_region(
 
 
 def tightened(region: Region, spaces: Cover, step: Step) -> Region | None:
-    """A region narrowed by multipliers of its rows; None where it is proved empty.
+    """A region tightened by multipliers of its rows; None where it is proved empty.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ class SimulatedBox(Bounds):
             if not 0 <= number < len(self.nodes):
                 return None
             node = self.nodes[number]
-            region = _narrowed(formulation, parts, region, node)
+            region = _after_steps(formulation, parts, region, node)
             if region is None:
                 continue
             if not node.children:
@@ -223,7 +223,7 @@ class SimulatedBox(Bounds):
         return f"{self.leaves} cells, {Bounds._text(self)}"
 
 
-def _narrowed(
+def _after_steps(
     formulation: Formulation, parts: Recursion, region: Region | None, node: TreeNode
 ) -> Region | None:
     for step in node.steps:

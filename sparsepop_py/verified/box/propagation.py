@@ -253,22 +253,21 @@ def _tighten_monomials(
     """Solve coefficient * product of powers in ``allowed`` for each factor."""
     coefficient = Interval.point(rows.system.coefficients[rows._quadratic[4]])
     slots = factors.variable.shape[1]
-    one = Interval.point(np.ones(factors.variable.shape[0]))
-    ahead = [one]
+    ahead = [coefficient]
     for slot in range(slots - 1):
         ahead.append(ahead[-1] * ranges[:, slot])
-    behind = one
+    behind: Interval | None = None
     for slot in reversed(range(slots)):
         real = factors.power[:, slot] > 0
         if real.any():
-            others = (coefficient * ahead[slot] * behind)[real]
+            others = (ahead[slot] if behind is None else ahead[slot] * behind)[real]
             power = factors.power[real, slot]
             variable = factors.variable[real, slot]
             x = Interval(lo, hi)[variable]
             wanted = _root(_quotient(allowed[real], others), power, x)
             np.maximum.at(lo, variable, wanted.lo)
             np.minimum.at(hi, variable, wanted.hi)
-        behind = behind * ranges[:, slot]
+        behind = ranges[:, slot] if behind is None else behind * ranges[:, slot]
 
 
 def _quotient(target: Interval, divisor: Interval) -> Interval:

@@ -51,8 +51,7 @@ def falling_ray(
     origin = exact_coordinates(problem, start.x, start.rows, start.solved)
     if origin is None:
         return None
-    tried = np.array([known]) if known is not None else np.array([*_directions(problem, start.x)])
-    for direction in tried[_recede(problem, tried)]:
+    for direction in _directions(problem, start.x) if known is None else (known,):
         check()
         if _promises(problem, start.x, direction) and _proves(problem, origin, direction):
             return direction
@@ -60,6 +59,12 @@ def falling_ray(
 
 
 def _directions(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
+    """Yield directions to try, without those that bounds or linear constraints soon end."""
+    tried = np.array([*_all_directions(problem, x)])
+    yield from tried[_recede(problem, tried)]
+
+
+def _all_directions(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
     gradient = problem.objective_row.gradient(x)
     yield -np.sign(np.where(np.abs(gradient) > 1e-9 * np.abs(gradient).max(initial=0), gradient, 0))
     for unit in np.eye(problem.dimension):

@@ -72,6 +72,45 @@ def test_one_neuron_against_enumeration(seed: int, activation: str) -> None:
     assert found.upper_bound == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.parametrize("activation", ["relu", "leaky_relu"])
+def test_the_engine_against_enumeration(activation: str) -> None:
+    data = record(5, 1, noise=0.5)
+    expected = enumerated(data, 1, 0.2 if activation == "leaky_relu" else 0.0, 3.0)
+    found = neural.train_proved(
+        structure(1, activation), data, weights=3.0, time_limit=10.0, method="engine"
+    )
+    assert found.lower_bound <= expected * (1 + 1e-7) + 1e-9
+    assert found.upper_bound == pytest.approx(expected, abs=1e-4)  # by simulated weights
+    assert found.verify()
+    assert not replace(found, lower_bound=expected * 1.01).verify()
+    if activation == "relu":  # the leaky form needs more nodes than fit into the time
+        assert found.lower_bound > 0.9 * expected
+        assert not replace(found, cap=0.5 * found.cap).verify()
+
+
+def test_points_of_the_training_problem_come_from_weights() -> None:
+    from setid.neural.training.engine import training_problem
+
+    data = record(8, 2, noise=0.5)
+    phi, y = regressors(data)
+    for leak in (0.0, 0.25):
+        item = training_problem(phi, y, [1.0, -1.0], leak, 3.0, 5.0, 10.0)
+        w, b = np.array([[1.0, 0.5, -0.5], [0.25, -1.0, 2.0]]), np.array([0.5, -0.25])
+        x = item.point(w, b)
+        assert item.problem.violation(x) < 1e-12
+        z = phi @ w.T + b
+        out = np.where(z > 0, z, leak * z) @ [1.0, -1.0]
+        assert x[9] == pytest.approx(np.ptp(y - out) / 2, rel=1e-12)
+    assert training_problem(phi, y, [1.0], 0.0, 3.0, 5.0, 1e-9).point(w[:1], b[:1]) is None
+
+
+def test_the_engine_refuses_other_activations() -> None:
+    with pytest.raises(setid.ModelError, match="relu"):
+        neural.train_proved(structure(1, "tanh"), record(5), method="engine")
+    with pytest.raises(setid.ModelError, match="patterns"):
+        neural.train_proved(structure(1, "relu"), record(5), method="other")
+
+
 @pytest.mark.slow
 def test_two_neurons_against_enumeration() -> None:
     data = record(5, 1, noise=1.0)

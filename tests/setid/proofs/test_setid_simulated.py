@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from fractions import Fraction
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import setid
+from setid.proofs.cells.arithmetic import Enclosed, fitted
 from setid.proofs.cells.output_cells import cell_box
 from setid.proofs.parameter_box import start_of
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
@@ -111,6 +113,33 @@ def test_the_reach_is_that_of_the_vertices() -> None:
     found = region.reach(np.array([[2.0, -1.0], [1.0, 1.0], [1.0, 0.0]]))
     assert found == pytest.approx([3.0, 0.1, 1.0], rel=1e-9)
     assert np.all(region.spread(np.array([[2.0, -1.0]])) >= 3.0)
+
+
+def test_the_reach_is_not_that_of_one_side() -> None:
+    # 0 <= x + y <= 0.1 stated as [-0.1, 0.1] and [0, 0.3]: the middle has x + y = 0.075
+    # by the mean of both, so that x + y moves by up to 0.075
+    w = np.array([[1.0, 1.0], [1.0, 1.0]])
+    region = Region(-np.ones(2), np.ones(2), w, np.array([-0.1, 0.0]), np.array([0.1, 0.3]))
+    assert region.middle.sum() == pytest.approx(0.075)
+    assert region.reach(np.array([[1.0, 1.0]]))[0] >= 0.075
+
+
+def test_directions_say_nothing_across_them() -> None:
+    # |x + y| <= 0.1 in the square [-1, 1]^2 lets x go from -1 to 1
+    w = np.array([[1.0, 1.0]])
+    region = Region(-np.ones(2), np.ones(2), w, np.array([-0.1]), np.array([0.1]))
+    found = region.reach(np.array([[1.0, 0.0], [1.0, 1.0]]))
+    assert found == pytest.approx([1.0, 0.1], rel=1e-9) and found[0] >= 1.0
+
+
+def test_numbers_that_are_fixed_act() -> None:
+    data = record(12)
+    model = cascade({"b[z,u1]1": 1.0, "gamma1": 2.0})
+    given = setid.formulate(data, model, setid.Noise(output=0.01), [setid.Stable()])
+    region = region_of((-0.4, -0.5, 0.4, 0.6), 0.0)  # 0.4 (2 z + 0.6 z^2) is 0.8 (z + 0.3 z^2)
+    form = recursion_of(given).run(region)["y1"]
+    exact = [float(v) for v in exact_outputs(TRUTH, data.u[:, 0])]
+    assert form.value == pytest.approx(exact, abs=1e-13)
 
 
 def test_products_and_sums_of_forms_hold_exact_values() -> None:
@@ -225,6 +254,19 @@ def test_a_cascade_closes_from_stability_and_a_normalisation(result) -> None:
         assert item.status == "certified" and item.gap <= 0.05
     assert result.verify()
     assert result.notes == ()
+
+
+def test_progress_tells_proved_and_attained_ends(result) -> None:
+    seen: dict[str, tuple] = {}
+    setid.identify(
+        record(),
+        cascade(),
+        setid.Noise(output=0.01),
+        setid.Stable(),
+        QUICK,
+        on_progress=lambda name, outer, inner: seen.update({name: (outer, inner)}),
+    )
+    assert seen == {name: (i.outer, i.inner) for name, i in result.intervals.items()}
 
 
 def test_attained_ends_simulate_within_the_noise(result) -> None:
@@ -371,6 +413,11 @@ EQUAL = [
         ["dcgain[z,u1]", "gamma1"],
         {"b[z,u1]1": 0.6, "b[y1,w]1": 4 / 3, "gamma2": 0.5},
     ),  # k = l = 3/5
+    ({"b[z,u1]1": 1.0, "gamma1": 2.0}, {"b[y1,w]1": 0.4, "gamma2": 0.6}),  # k = 1, l = 2
+    (  # k = 2/5, l = 4/5
+        {"gamma1": 2.0, "b[y1,w]1": 1.0},
+        {"b[z,u1]1": 0.4, "gamma2": 1.5},
+    ),
     (  # k = 3/5, l = 8/5
         ["dcgain"],
         {"b[z,u1]1": 0.6, "b[y1,w]1": 0.5, "gamma1": 8 / 3, "gamma2": 4 / 3},
@@ -391,6 +438,78 @@ def test_cells_of_the_first_block_hold_the_truth(normalise, others) -> None:
         assert np.all((box.lower <= theta) & (theta <= box.upper)), (box, theta)
         widths.append(np.max(box.upper - box.lower))
     assert widths[1] < 0.05 * widths[0]
+
+
+def test_rows_with_past_readings_hold_all_noise() -> None:
+    """y_k = -a y_(k-1) + gamma z_k with every pattern of extreme noise on the readings."""
+    a, gamma, width = -0.5, 1.0, 0.02
+    z = np.array([0.3, -0.7, 0.9, 0.2, -0.4, 0.8, -0.9])
+    y = np.zeros(7)
+    for k in range(7):
+        y[k] = (0.5 * y[k - 1] if k else 0.0) + gamma * z[k]
+    known = Enclosed(z[None, :], np.zeros((1, 7)), np.zeros((1, 0, 7)), np.zeros((1, 0)))
+    rows, spread = np.arange(1, 7), np.full(6, width)
+    largest = 0.0
+    for signs in itertools.product([-1.0, 1.0], repeat=7):
+        read = y + width * np.array(signs)
+        past = -read[:-1, None], np.full((6, 1), width)
+        found = fitted(known, rows, ((0, 1),), past, read[1:], spread)
+        assert found.bounded[0] and not found.empty[0]
+        off = np.abs(found.gamma[0] - [a, gamma])
+        assert np.all(off <= found.radius[0])
+        largest = max(largest, float(np.max(off / found.radius[0])))
+        exact = fitted(known, rows, ((0, 1),), (past[0], 0 * past[1]), read[1:], spread)
+        assert np.all(found.radius >= exact.radius + 0.2 * width)
+    assert largest > 0.2
+
+
+def test_the_gain_of_the_last_block_is_not_that_of_the_first() -> None:
+    # k = l = 8/5: b_z = 8/5, b_y = 1/2, gamma2 = (8/5) (3/10) / (8/5)^2 = 3/16
+    data, model = record(), cascade(["dcgain[y1,w]", "gamma1"])
+    formulation = setid.formulate(data, model, setid.Noise(output=0.01), [setid.Stable()])
+    box = cell_box(formulation, start_of(formulation))
+    known = {"a[z,u1]1": -0.4, "a[y1,w]1": -0.5, "b[z,u1]1": 1.6, "b[y1,w]1": 0.5}
+    theta = np.array([(known | {"gamma2": 0.1875})[name] for name in formulation.parameters])
+    assert np.all((box.lower <= theta) & (theta <= box.upper)), box
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_cells_allow_for_equation_errors(seed: int) -> None:
+    """Errors at their bounds in y = gamma1 z + gamma2 z^2 + e, with hardly any output noise."""
+    random = np.random.default_rng(seed)
+    u, z = random.uniform(-1.0, 1.0, 30), np.zeros(30)
+    for k in range(1, 30):
+        z[k] = 0.4 * z[k - 1] + u[k - 1]
+    basis = np.stack([z, z**2])
+    error = 0.05 * np.sign(np.linalg.pinv(basis.T)[0])  # moves gamma1 as far as it can
+    data = setid.IOData(u, 0.8 * z + 0.3 * z**2 + error)
+    model = setid.Wiener(setid.TransferFunction(1, 1, 1), 2, normalise="b1", initial="zero")
+    noise = setid.Noise(output=1e-4, equation=0.05)
+    formulation = setid.formulate(data, model, noise, [setid.Stable()])
+    box = cell_box(formulation, start_of(formulation))
+    truth = np.array([-0.4, 0.8, 0.3])
+    assert not box.empty and np.all((box.lower <= truth) & (truth <= box.upper)), box
+
+
+def test_a_cascade_beside_a_linear_block_closes_on_a_box() -> None:
+    random = np.random.default_rng(0)
+    u, (z, v, x) = random.uniform(-1.0, 1.0, (25, 2)), np.zeros((3, 25))
+    for k in range(1, 25):
+        z[k] = 0.4 * z[k - 1] + u[k - 1, 0]
+        v[k] = 0.5 * v[k - 1] + 0.8 * (z[k - 1] + 0.3 * z[k - 1] ** 2)
+        x[k] = 0.3 * x[k - 1] + 0.6 * u[k - 1, 1]
+    data = setid.IOData(u, v + x + 0.01 * random.uniform(-1.0, 1.0, 25))
+    shape, maps = setid.TransferFunction(1, 1, 1), {"w": setid.StaticMap("z", 2)}
+    blocks = {("z", "u1"): shape, ("y1", "w"): shape, ("y1", "u2"): shape}
+    model = setid.BlockStructured(blocks, maps, inputs=2, normalise=NORMS, initial="zero")
+    truth = {"a[z,u1]1": -0.4, "a[y1,w]1": -0.5, "b[y1,w]1": 0.8, "gamma2": 0.3}
+    truth |= {"a[y1,u2]1": -0.3, "b[y1,u2]1": 0.6}
+    box = setid.Box({n: (t - 0.2 * abs(t), t + 0.2 * abs(t)) for n, t in truth.items()})
+    loose = setid.Options(tol=0.2, time_limit=60.0, progress=False)
+    found = setid.identify(data, model, setid.Noise(output=0.01), [setid.Stable(), box], loose)
+    assert found.verify()
+    for name, item in found.intervals.items():
+        assert truth[name] in item and item.inner is not None and item.gap <= 0.2
 
 
 def test_missing_readings_are_left_out() -> None:

@@ -1,0 +1,164 @@
+"""Trees of linear programs: known minima, proofs that stand alone, and when they are left out."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from search_cases import bilinear, least_on_a_grid
+from solved import check
+
+import sparsepop_py as sp
+from sparsepop_py import Options, Problem, Status
+from sparsepop_py.branch_and_bound.linear_tree import LinearTree, suits_linear_tree
+from sparsepop_py.budget import Deadline
+from sparsepop_py.context import SolveContext
+from sparsepop_py.progress import Stages
+from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.certificate.steps import BoxProof
+
+AUTO = Options(effort="auto")
+
+
+def names(result):
+    return [entry.name for entry in result.history]
+
+
+def concave():
+    """min -(x - y)^2 - (y - z)^2 - x on [-1, 1]^3 with x + y + z <= 2: at a vertex."""
+    x, y, z = sp.variables(3)
+    return Problem(-((x - y) ** 2) - (y - z) ** 2 - x, [x + y + z <= 2], -1, 1)
+
+
+def pooling():
+    """Haverly's first pooling problem in Ben-Tal's form; the optimum is -400.
+
+    C. A. Haverly, Studies of the behavior of recursion for the pooling problem, ACM SIGMAP
+    Bulletin 25, 1978. A has 3 % sulphur, B 1 %, C 2 %; costs 6, 16, 10; prices 9, 15.
+    """
+    a, b, px, py, cx, cy, s = sp.variables(7)
+    rows = [
+        a + b == px + py,
+        3 * a + b == s * (px + py),
+        s * px + 2 * cx <= 2.5 * (px + cx),
+        s * py + 2 * cy <= 1.5 * (py + cy),
+        px + cx <= 100,
+        py + cy <= 200,
+    ]
+    profit = 9 * (px + cx) + 15 * (py + cy) - 6 * a - 16 * b - 10 * (cx + cy)
+    return Problem(-1 * profit, rows, [0.0] * 6 + [1.0], [300.0] * 6 + [3.0])
+
+
+def test_a_bilinear_problem_against_a_grid():
+    problem = bilinear()
+    result = check(problem, sp.solve(problem, Options(effort="auto", gap=1e-3)))
+    assert names(result) == ["linear tree"] and result.status is Status.OPTIMAL
+    assert result.certificate.leaves > 1
+    assert result.lower_bound <= least_on_a_grid(problem, 21)
+
+
+def test_a_concave_objective_against_all_vertices():
+    """Vertices of the box in x + y + z <= 2, and those of the cut corner (1, 1, 0)."""
+    problem = concave()
+    corners = [c for c in product((-1.0, 1.0), repeat=3) if sum(c) <= 2]
+    corners += [(1.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0)]
+    least = min(problem.objective(np.array(c)) for c in corners)
+    result = check(problem, sp.solve(problem, AUTO), least, 2e-6)
+    assert result.status is Status.OPTIMAL
+
+
+def test_haverlys_pooling_problem():
+    result = check(pooling(), sp.solve(pooling(), AUTO), -400.0, 2e-6)
+    assert result.status is Status.OPTIMAL and names(result) == ["linear tree"]
+
+
+def test_a_convex_program_is_closed_by_cuts():
+    """min (x - 2)^2 + (y - 1)^2 + x y with x + y <= 1: 2x + y = 4, x + 2y = 2 lies outside.
+
+    On x + y = 1 the objective is x^2 - 3 x + 4, so at x = 1 on [0, 1]: it is 2 (Lagrange).
+    """
+    x, y = sp.variables(2)
+    problem = Problem((x - 2) ** 2 + (y - 1) ** 2 + x * y, [x + y <= 1], 0, 1)
+    result = check(problem, sp.solve(problem, AUTO), 2.0, 2e-6)
+    assert result.status is Status.OPTIMAL and result.certificate.leaves == 1
+
+
+def test_a_convex_objective_with_binaries():
+    """min (x - 0.4)^2 + (y - 0.7)^2 over binaries with x + y >= 1: (0, 1) has 0.16 + 0.09."""
+    x, y = sp.variables(2)
+    rows = [x * x - x == 0, y * y - y == 0, x + y >= 1]
+    problem = Problem((x - 0.4) ** 2 + (y - 0.7) ** 2, rows, 0, 1)
+    result = check(problem, sp.solve(problem, AUTO), 0.25, 2e-6)
+    assert result.status is Status.OPTIMAL
+
+
+def test_an_infeasible_problem():
+    """On the unit circle x + y is at most sqrt(2) < 1.45."""
+    x, y = sp.variables(2)
+    problem = Problem(x * y, [x * x + y * y == 1, x + y >= 1.45], -2, 2)
+    result = check(problem, sp.solve(problem, AUTO))
+    assert result.status is Status.INFEASIBLE
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_problems_against_samples(seed):
+    rng = np.random.default_rng(seed)
+    x = sp.variables(3)
+    pairs = [(0, 1), (1, 2), (0, 2), (0, 0), (2, 2)]
+    some = [
+        sum(float(c) * x[i] * x[j] for c, (i, j) in zip(rng.normal(size=5), pairs, strict=True))
+    ]
+    some += [
+        sum(float(c) * v for c, v in zip(rng.normal(size=3), x, strict=True)) for _ in range(2)
+    ]
+    problem = Problem(some[0] + some[1], [some[2] >= -0.2, x[0] * x[1] + some[2] <= 0.5], -1, 1)
+    result = check(problem, sp.solve(problem, AUTO))
+    points = rng.uniform(-1, 1, (4000, 3))
+    feasible = [p for p in points if problem.violation(p) == 0]
+    assert result.lower_bound <= min(map(problem.objective, feasible))
+    assert result.status is Status.OPTIMAL
+
+
+def test_an_unfinished_tree_proves_what_it_has():
+    problem = pooling()
+    context = SolveContext(problem, AUTO, Stages(), Deadline(None))
+    tree = LinearTree(
+        context, Interval(problem.lower, problem.upper), lambda now, starts, proof: now
+    )
+    tree._process(tree.root)
+    certificate = tree.certificate(BoxProof()).settled(problem)
+    assert -np.inf < certificate.bound <= -400.0
+    assert certificate.verify(problem).ok
+
+
+def test_the_certificate_goes_through_json():
+    problem = bilinear()
+    result = sp.solve(problem, Options(effort="auto", gap=1e-3))
+    again = sp.from_json(sp.to_json(result))
+    assert again.certificate.verify(problem).ok
+    assert again.certificate.bound == result.lower_bound
+
+
+@pytest.mark.parametrize("left_out", ["linear_tree", "linear", "branch", "cutoff", "obbt_lp"])
+def test_whoever_leaves_out_a_part_gets_other_ways(left_out):
+    problem = concave()
+    result = check(problem, sp.solve(problem, Options(effort="auto", skip=(left_out,))))
+    assert "linear tree" not in names(result)
+
+
+def test_runs_with_a_work_limit_repeat():
+    runs = [sp.solve(pooling(), Options(effort="auto", work_limit=0.02)) for _ in range(2)]
+    assert runs[0].lower_bound == runs[1].lower_bound
+    assert runs[0].upper_bound == runs[1].upper_bound
+    for run in runs:
+        check(pooling(), run)
+
+
+def test_only_small_problems_of_degree_two_without_matrices_suit():
+    x, y = sp.variables(2)
+    assert suits_linear_tree(concave())
+    assert not suits_linear_tree(Problem(x**3 + y, lower=-1, upper=1))
+    assert not suits_linear_tree(Problem(x + y, [sp.psd([[1, x], [x, 1 + y]])], -1, 1))
+    many = sp.variables(200)
+    assert not suits_linear_tree(Problem(sp.total(many), lower=-1, upper=1))
