@@ -16,6 +16,7 @@ from .measuring.records import Row, read_rows, write_row
 from .measuring.registry import Selection
 from .measuring.settings import parsed, switches
 from .peers.environments import PEERS, make
+from .problems.attack import attack
 from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
 from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of
@@ -96,6 +97,13 @@ def _short(row: Row) -> list[str]:
     seconds = "" if math.isnan(row.cpu_seconds) else f"{row.cpu_seconds:.3f}"
     done = f"{row.closed}/{row.objectives}"
     return [row.problem + size, str(row.seed), by, row.status, done, gap, seconds]
+
+
+def _soundness(chosen: argparse.Namespace) -> None:
+    *found, counts = attack(chosen.minutes, chosen.first)
+    print("\n".join([*found, counts]))
+    if found:
+        raise BenchmarkError(f"{len(found)} contradictions")
 
 
 def _environments(chosen: argparse.Namespace) -> None:
@@ -200,6 +208,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     _limits_parser(commands.add_parser("limits", help="wall time over time limits, under load"))
     _auto_parser(commands.add_parser("auto", help="effort auto beside plain orders"))
+    sound = commands.add_parser("soundness", help="random problems with planted answers")
+    sound.add_argument("--minutes", type=float, default=60.0, help="CPU time; 60")
+    sound.add_argument("--first", type=int, default=0, help="seed of the first problem; 0")
+    sound.set_defaults(act=_soundness)
     walking = commands.add_parser("walks", help="folders, imports, traces and words of the code")
     walking.set_defaults(act=_walks)
     return parser

@@ -30,6 +30,7 @@ from .options import Options
 from .pipeline import solve, solve_each
 from .problem.problem import Problem
 from .problem.rational_problem import RationalProblem
+from .problem.rounding import Rounding
 from .rational.result import RationalResult
 from .relaxation.assemble import assemble
 from .relaxation.moment import Relaxation, relax
@@ -72,6 +73,7 @@ __all__ = [
     "RationalResult",
     "Relaxation",
     "Result",
+    "Rounding",
     "SolverNotFound",
     "SparsePOPError",
     "SparsePOPOutput",
