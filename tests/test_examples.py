@@ -59,7 +59,12 @@ def test_every_example_is_tested() -> None:
     records = {f"identify_{name}" for name in studied}
     found = {path.stem for path in EXAMPLES.glob("*.py")}
     added = {"control_hairdryer", "neural_gradients", "neural_records"}
-    added |= {"order_comparison", "interval_script", "structs_from_identification"}
+    added |= {
+        "order_comparison",
+        "interval_script",
+        "structs_from_identification",
+        "measured_records",
+    }
     assert found == named | records | added
 
 
@@ -73,6 +78,15 @@ def test_interval_script(tmp_path) -> None:
         assert low <= true <= high
         assert low <= first <= last <= high
         assert (first - low) + (high - last) <= 1e-4 * (high - low)
+
+
+@pytest.mark.slow
+def test_measured_records(tmp_path: Path) -> None:
+    pytest.importorskip("jinja2")
+    text = run("measured_records", tmp_path, "--record", "heating_system", "--output", ".")
+    # warm metal stays warm for a while: a1 < -1; that sample 104 refutes the bound is on the page
+    assert re.search(r"a1 +-1\.\d+ +-1\.\d+", text) and "falsified" in text
+    assert (tmp_path / "heating_system.html").stat().st_size > 100_000
 
 
 # Minima (the maximum of pooling) that follow by hand or from enumeration; chain, quartic

@@ -40,4 +40,4 @@ def draw():
     )
 
 
-draw()
+_ = draw()

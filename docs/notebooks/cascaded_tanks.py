@@ -45,4 +45,4 @@ def draw():
     return figure
 
 
-draw()
+_ = draw()

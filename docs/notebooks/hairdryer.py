@@ -28,13 +28,13 @@ print(bool(result.verify()), "verified again from the record, without a solver")
 # The intervals: proved ends in blue, attained ones in orange.
 
 # %%
-result.plot()
+_ = result.plot()
 # %% [markdown]
 # All consistent models together have this frequency response. The band is proved for every frequency.
 
 # %%
 band = result.bode()
-band.plot()
+_ = band.plot()
 
 # %% [markdown]
 # The next 100 samples were not used. The band holds each reading that a consistent model allows.
@@ -45,4 +45,4 @@ def draw():
     return result.compare(second, "prediction").plot()[0].get_figure(root=True)
 
 
-draw()
+_ = draw()

@@ -39,4 +39,4 @@ def draw():
     return result.step(60).plot().get_figure(root=True)
 
 
-draw()
+_ = draw()

@@ -36,4 +36,4 @@ def draw():
     return figure
 
 
-draw()
+_ = draw()

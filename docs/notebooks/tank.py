@@ -41,4 +41,4 @@ def draw():
     return result.plot().get_figure(root=True)
 
 
-draw()
+_ = draw()
