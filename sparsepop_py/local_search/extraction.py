@@ -80,7 +80,7 @@ def means(relaxation: Relaxation, y: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 class _Block(NamedTuple):
-    """The words of a moment block, in letters 1..k for its k members and as they are."""
+    """Words of a moment block: in letters 1..k of its members, and as they are."""
 
     clique: int
     members: NDArray[np.int64]

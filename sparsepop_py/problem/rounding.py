@@ -145,11 +145,11 @@ def note(records: Sequence[Rounding]) -> list[str]:
     """Say in one sentence what was rounded, none where nothing was."""
     goal = [record for record in records if record.place == OBJECTIVE]
     rows = [record for record in records if record.place != OBJECTIVE]
-    parts = [f"objective: {_told(goal)}"] if goal else []
+    parts = [f"objective: {_counts(goal)}"] if goal else []
     if len(rows) == 1:
-        parts.append(f"{rows[0].place}: {_told(rows)}")
+        parts.append(f"{rows[0].place}: {_counts(rows)}")
     elif rows:
-        parts.append(f"{len(rows)} constraints: {_told(rows)}")
+        parts.append(f"{len(rows)} constraints: {_counts(rows)}")
     if not parts:
         return []
     return [
@@ -157,7 +157,7 @@ def note(records: Sequence[Rounding]) -> list[str]:
     ]
 
 
-def _told(records: Sequence[Rounding]) -> str:
+def _counts(records: Sequence[Rounding]) -> str:
     count = sum(record.coefficients for record in records)
     shift = max(record.shift for record in records)
     moved = f", which moves it by at most {_short(shift)} within the bounds of the variables"
