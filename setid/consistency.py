@@ -7,7 +7,7 @@ parameters are consistent with the data; at the upper end some are, with a witne
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from math import inf
@@ -22,6 +22,7 @@ from setid.data.noise import EstimatedBound, Noise
 from setid.data.record import IOData
 from setid.errors import ModelError, NoiseError, SetidError
 from setid.feasible_points.estimators import least_squares, linf
+from setid.feasible_points.output_error import least_largest_error
 from setid.feasible_points.witness import consistent, least_noise
 from setid.formulation.formulation import Formulation, formulate, settled
 from setid.formulation.printing import rounded
@@ -382,9 +383,16 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
     """A factor with which some estimate is consistent, a little more than its least one."""
     best, x = inf, None
     low, high = formulation.problem.lower, formulation.problem.upper
-    for estimate in (linf, least_squares):
+    estimates: list[Callable[[], NDArray[np.float64]]] = [
+        lambda: linf(data, formulation.model).theta,
+        lambda: least_squares(data, formulation.model).theta,
+    ]
+    output = formulation.noise.bounds(data)[0]
+    if np.any(output > 0):
+        estimates.append(lambda: least_largest_error(data, formulation.model, output))
+    for estimate in estimates:
         try:
-            theta = estimate(data, formulation.model).theta
+            theta = estimate()
             p = theta.size
             witness = least_noise(formulation, np.clip(theta, low[:p], high[:p]))
         except (ModelError, ValueError):

@@ -91,6 +91,7 @@ _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contrad
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
 _LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
+_LONG = 1000  # equations beyond which the engine solves no system at once
 
 
 def identify(
@@ -596,12 +597,20 @@ def _solve(
 def _start(
     formulation: Formulation, problem: sp.Problem, scaled: InUnits
 ) -> tuple[NDArray[np.float64] | None, list[sp.ProvedPoint]]:
-    """Find a consistent vector, and proved points at the ends where rows couple samples."""
+    """Find a consistent vector, and proved points where the engine would find none.
+
+    Those are ends where rows couple samples, and any point of a long record, whose equations are
+    solved one after the other for their newest samples.
+    """
     start = first_point(formulation, problem)
-    if start is None or not coupled(formulation):
+    if start is None:
+        return None, []
+    found = [start]
+    if coupled(formulation):
+        found = [end.x for end in search_ends(formulation, problem, start)]
+    elif np.count_nonzero(problem.equality) <= _LONG:
         return start, []
-    ends = search_ends(formulation, problem, start)
-    again = (proved_point(formulation, scaled.problem, end.x / scaled.units) for end in ends)
+    again = (proved_point(formulation, scaled.problem, x / scaled.units) for x in found)
     return start, [point for point in again if point is not None]
 
 

@@ -13,15 +13,14 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sps
 from numpy.typing import NDArray
-from scipy.optimize import least_squares as gauss_newton
 
 import sparsepop_py as sp
 from setid.data.checks import FrozenMapping, frozen
 from setid.data.record import IOData
-from setid.errors import ModelError, SetidError
+from setid.errors import SetidError
 from setid.feasible_points.best import fit as fit_of
 from setid.feasible_points.best import predicted
-from setid.feasible_points.estimators import least_squares
+from setid.feasible_points.output_error import output_error_fit
 from setid.feasible_set.start import find_box
 from setid.formulation.formulation import Formulation
 from setid.formulation.printing import rounded
@@ -44,7 +43,6 @@ from setid.proofs.least_noise.least_error import (
     stated,
     verify_output,
 )
-from setid.simulation.responses import run
 from sparsepop_py.lp.scaled import solve_scaled
 
 if TYPE_CHECKING:
@@ -57,8 +55,6 @@ Errors = Literal["output", "equation"]
 
 _MARGIN = 1e-4  # of the radius within which parameters are looked for, over the error of a fit
 _ULPS = 1e-12  # by which a value may change where its proof is repeated
-_STEPS = 200  # evaluations of a local search
-_HUGE = 1e100  # stands for errors that overflow
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -364,7 +360,7 @@ def _output(
     data: IOData, model: Structure, norm: Norm, priors: tuple[Any, ...], settings: Options
 ) -> Fit:
     until = settings.deadline()
-    theta, outputs = _local(data, model)
+    theta, outputs = output_error_fit(data, model)
     error = _norm(data.y - outputs, norm)
     radius = float(error * (1.0 + _MARGIN))
     known: OutputErrors | None = None
@@ -454,44 +450,3 @@ def _norm(errors: Reals, norm: Norm) -> float:
     if norm == "l2":
         return float(np.linalg.norm(size))
     return float(size.sum() if norm == "l1" else size.max())
-
-
-def _local(data: IOData, model: Structure) -> tuple[Reals, Reals]:
-    """A local output-error fit by Gauss-Newton, free initial values included."""
-    theta = _first(data, model)
-    p = theta.size
-    free = _free_samples(data, model)
-    values = np.where(np.isnan(data.y), 0.0, data.y)
-
-    def outputs(x: Reals) -> Reals:
-        y = values.copy()
-        y[free] = x[p:].reshape(-1, data.outputs)
-        given = IOData(data.u, y, data.Ts, starts=data.starts)
-        with np.errstate(over="ignore", invalid="ignore"):
-            return run(model, x[:p], given)
-
-    def residuals(x: Reals) -> Reals:
-        try:
-            errors = (outputs(x) - data.y)[~np.isnan(data.y)]
-        except (ModelError, OverflowError):
-            return np.full(int((~np.isnan(data.y)).sum()), _HUGE)
-        return np.nan_to_num(errors, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE).clip(-_HUGE, _HUGE)
-
-    start = np.concatenate([theta, values[free].ravel()])
-    if np.all(np.abs(residuals(start)) < _HUGE):
-        start = gauss_newton(residuals, start, x_scale="jac", max_nfev=_STEPS).x
-    return np.asarray(start[:p], np.float64), outputs(start)
-
-
-def _first(data: IOData, model: Structure) -> Reals:
-    try:
-        return np.asarray(least_squares(data, model).theta, np.float64)
-    except ModelError:
-        return np.zeros(len(model.parameters))
-
-
-def _free_samples(data: IOData, model: Structure) -> NDArray[np.bool_]:
-    if model.initial != "free" or not model.regression():
-        return np.zeros(data.samples, bool)
-    lag = max(equation.lag for equation in model.regression())
-    return np.asarray(np.arange(data.samples) - data.first < lag)

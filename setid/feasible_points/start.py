@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import chain
 from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
-from setid.errors import ModelError
+from setid.errors import ModelError, SetidError
+from setid.feasible_points.output_error import least_largest_error
 from setid.feasible_points.witness import least_noise
 from setid.formulation.formulation import Formulation
 from sparsepop_py.uncertain_rows.sign_tree import left_inverse
@@ -34,14 +36,30 @@ def candidates(formulation: Formulation, problem: sp.Problem) -> list[NDArray[np
 def first_point(formulation: Formulation, problem: sp.Problem) -> NDArray[np.float64] | None:
     """The candidate that needs the least noise, with that noise."""
     best: tuple[float, NDArray[np.float64] | None] = (inf, None)
-    for theta in candidates(formulation, problem):
+    for theta in chain(candidates(formulation, problem), _simulated(formulation, problem)):
         try:
             witness = least_noise(formulation, theta)
         except ModelError:
             return None
         if witness.level < best[0]:
             best = witness.level, np.clip(witness.x, problem.lower, problem.upper)
+        if best[0] <= 1.0:
+            break
     return best[1]
+
+
+def _simulated(formulation: Formulation, problem: sp.Problem) -> Iterator[NDArray[np.float64]]:
+    """Parameters whose simulation has a small largest error, where outputs are noisy."""
+    data, p = formulation.data, len(formulation.parameters)
+    output = formulation.noise.bounds(data)[0]
+    if not np.any(output > 0) or np.isnan(data.u).any():
+        return
+    try:
+        theta = least_largest_error(data, formulation.model, output)
+    except SetidError:
+        return
+    if theta.size == p and np.all(np.isfinite(theta)):
+        yield np.clip(theta, problem.lower[:p], problem.upper[:p])
 
 
 def repair(

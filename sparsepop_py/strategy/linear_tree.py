@@ -42,6 +42,7 @@ from sparsepop_py.verified.certificate.steps import BoxProof, Replay, tighten
 
 __all__ = ["LinearTreeResult", "bound_by_box", "by_linear_tree", "from_convex_minimiser"]
 
+_WIDEST = 1e150  # of boxes: products of wider ones overflow
 # who leaves out one of these compares other ways to a bound
 _PARTS = frozenset({"linear_tree", "linear", "branch", "cutoff", "obbt_lp"})
 
@@ -97,7 +98,7 @@ def by_linear_tree(
         bounds = Interval(context.problem.lower, context.problem.upper)
         box, step = tighten(context.replay(), bounds, LINEAR_TREE.first_sweeps)
         model = Model(BoxProof((step,)), box)
-    if not finite(box):
+    if not finite(box) or not np.all(box.hi / 2 - box.lo / 2 < _WIDEST):
         return LinearTreeResult(context, candidates)
     by_box = bound_by_box(context, model, candidates)
     if by_box.final or is_empty(box):

@@ -1,0 +1,170 @@
+"""Local output-error fits: parameters and initial values of a simulation with small errors.
+
+Gauss-Newton on the squares, from the least squares of equation errors (L. Ljung, System
+Identification, 2nd ed., 1999, section 10.2), then sequential linear programming for the largest
+error (K. Madsen, An algorithm for minimax solution of overdetermined systems of non-linear
+equations, IMA Journal of Applied Mathematics 16, 1975). Nothing proved rests on either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+from scipy.optimize import least_squares as gauss_newton
+
+from setid.data.record import IOData
+from setid.errors import ModelError
+from setid.feasible_points.estimators import least_squares
+from setid.models.equations import Structure
+from setid.simulation.responses import run
+from sparsepop_py.lp.scaled import solve_scaled
+
+__all__ = ["least_largest_error", "output_error_fit"]
+
+Reals = NDArray[np.float64]
+_STEPS = 200  # evaluations of a local search
+_PROGRAMS = 12  # linear programs
+_HUGE = 1e100  # stands for errors that overflow
+
+
+class _Simulation:
+    """Errors of a simulation as a function of parameters and free initial values."""
+
+    def __init__(self, data: IOData, model: Structure) -> None:
+        self.data, self.model = data, model
+        self.free = _free_samples(data, model)
+        self.values = np.where(np.isnan(data.y), 0.0, data.y)
+        self.known = ~np.isnan(data.y)
+        theta = _first(data, model)
+        self.count = theta.size
+        self.first = np.concatenate([theta, self.values[self.free].ravel()])
+
+    def outputs(self, x: Reals) -> Reals:
+        """Outputs (N, ny)."""
+        y = self.values.copy()
+        y[self.free] = x[self.count :].reshape(-1, self.data.outputs)
+        given = IOData(self.data.u, y, self.data.Ts, starts=self.data.starts)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return run(self.model, x[: self.count], given)
+
+    def errors(self, x: Reals) -> Reals:
+        """Errors at the known readings; huge where the simulation overflows."""
+        try:
+            errors = (self.outputs(x) - self.data.y)[self.known]
+        except (ModelError, OverflowError):
+            return np.full(int(self.known.sum()), _HUGE)
+        errors = np.nan_to_num(errors, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE)
+        return np.asarray(errors.clip(-_HUGE, _HUGE), np.float64)
+
+    def fitted(self) -> Reals:
+        """Local minimiser of the squares."""
+        if np.all(np.abs(self.errors(self.first)) < _HUGE):
+            found = gauss_newton(self.errors, self.first, x_scale="jac", max_nfev=_STEPS)
+            return np.asarray(found.x, np.float64)
+        return self.first
+
+
+def output_error_fit(data: IOData, model: Structure) -> tuple[Reals, Reals]:
+    """Fit the simulation of a structure by least squares, free initial values included.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+
+    Returns
+    -------
+    theta : (p,) float
+    outputs : (N, ny) float
+        Of the model; far away where simulations overflow.
+    """
+    simulation = _Simulation(data, model)
+    x = simulation.fitted()
+    return np.asarray(x[: simulation.count], np.float64), simulation.outputs(x)
+
+
+def least_largest_error(data: IOData, model: Structure, bound: Reals) -> Reals:
+    """Fit the simulation of a structure so that its largest error is small.
+
+    Parameters
+    ----------
+    data : IOData
+    model : Structure
+    bound : (N, ny) float
+        Noise bounds: errors count as parts of them. Readings whose bound is 0 are left out.
+
+    Returns
+    -------
+    (p,) float
+    """
+    simulation = _Simulation(data, model)
+    x = simulation.fitted()
+    sizes = np.broadcast_to(bound, data.y.shape)[simulation.known]
+    counted = np.flatnonzero(sizes > 0)
+
+    def shares(at: Reals) -> Reals:
+        return np.asarray(simulation.errors(at)[counted] / sizes[counted], np.float64)
+
+    if counted.size and np.all(np.abs(shares(x)) < _HUGE):
+        x = _minimax(shares, x)
+    return np.asarray(x[: simulation.count], np.float64)
+
+
+def _minimax(shares: Callable[[Reals], Reals], x: Reals) -> Reals:
+    """Local minimiser of the largest absolute value, by linear programs in a trust region."""
+    values, radius = shares(x), 0.1
+    for _ in range(_PROGRAMS):
+        slope = _slopes(shares, x, values)
+        size = np.maximum(np.linalg.norm(slope, axis=0) / np.sqrt(values.size), 1e-12)
+        largest = float(np.abs(values).max())
+        step = _linear_step(values, slope, radius * largest / size)
+        if step is None:
+            break
+        moved = shares(x + step)
+        expected = largest - float(np.abs(values + slope @ step).max())
+        gained = largest - float(np.abs(moved).max())
+        if gained > 0:
+            x, values = x + step, moved
+        if expected <= 1e-4 * largest:
+            break
+        radius *= 2.0 if gained > 0.7 * expected else 1.0 if gained > 0.2 * expected else 0.25
+    return x
+
+
+def _slopes(shares: Callable[[Reals], Reals], x: Reals, values: Reals) -> Reals:
+    """Derivatives (R, k) by differences."""
+    found = np.zeros((values.size, x.size))
+    for place in range(x.size):
+        step = 1e-7 * max(abs(float(x[place])), 1e-3)
+        moved = x.copy()
+        moved[place] += step
+        found[:, place] = (shares(moved) - values) / step
+    return found
+
+
+def _linear_step(values: Reals, slope: Reals, room: Reals) -> Reals | None:
+    """Step within abs(d) <= room for the least largest abs(values + slope d)."""
+    count, k = slope.shape
+    ones, eye, nothing = np.ones((count, 1)), np.eye(k), np.zeros((k, 1))
+    parts = [[slope, -ones], [-slope, -ones], [eye, nothing], [-eye, nothing]]
+    below = sps.csr_array(np.block(parts))
+    cost = np.append(np.zeros(k), 1.0)
+    found = solve_scaled(cost, (below, np.concatenate([-values, values, room, room])))
+    return np.asarray(found.x[:k], np.float64) if found.status == "solved" else None
+
+
+def _first(data: IOData, model: Structure) -> Reals:
+    try:
+        return np.asarray(least_squares(data, model).theta, np.float64)
+    except ModelError:
+        return np.zeros(len(model.parameters))
+
+
+def _free_samples(data: IOData, model: Structure) -> NDArray[np.bool_]:
+    if model.initial != "free" or not model.regression():
+        return np.zeros(data.samples, bool)
+    lag = max(equation.lag for equation in model.regression())
+    return np.asarray(np.arange(data.samples) - data.first < lag)

@@ -1,0 +1,66 @@
+"""Output-error fits: the largest error they need, and long records that rest on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import setid
+from setid.feasible_points.output_error import least_largest_error, output_error_fit
+
+TRUTH = [-0.7, 1.5]
+MODEL = setid.TransferFunction(1, 1, nk=1)
+
+
+def record(samples: int, bound: float, seed: int = 0) -> setid.IOData:
+    """Samples of y(k) = .7 y(k-1) + 1.5 u(k-1), read with errors up to a bound."""
+    rng = np.random.default_rng(seed)
+    u, y = rng.uniform(-1, 1, samples), np.zeros(samples)
+    for k in range(1, samples):
+        y[k] = 0.7 * y[k - 1] + 1.5 * u[k - 1]
+    return setid.IOData(u, y + rng.uniform(-bound, bound, samples))
+
+
+def largest_error(data: setid.IOData, theta: np.ndarray, first: float) -> float:
+    """Largest error of a simulation from a first sample, by hand."""
+    y, u = data.y.ravel(), data.u.ravel()
+    errors, state = [abs(first - y[0])], first
+    for k in range(1, y.size):
+        state = -theta[0] * state + theta[1] * u[k - 1]
+        errors.append(abs(state - y[k]))
+    return max(errors)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_largest_error_is_no_larger_than_that_of_the_truth(seed: int) -> None:
+    data = record(80, 0.2, seed)
+    theta = least_largest_error(data, MODEL, np.full((80, 1), 0.2))
+    firsts = np.linspace(data.y[0, 0] - 0.25, data.y[0, 0] + 0.25, 2001)
+    assert min(largest_error(data, theta, v) for v in firsts) <= largest_error(
+        data, np.array(TRUTH), 0.0
+    )
+
+
+def test_exact_readings_give_the_truth() -> None:
+    data = record(40, 0.0)
+    theta, outputs = output_error_fit(data, MODEL)
+    assert theta == pytest.approx(TRUTH, abs=1e-6)
+    assert outputs == pytest.approx(data.y, abs=1e-6)
+
+
+def test_no_readings_with_a_bound_leave_the_fit_of_least_squares() -> None:
+    data = record(40, 0.1)
+    found = least_largest_error(data, MODEL, np.zeros((40, 1)))
+    assert found == pytest.approx(output_error_fit(data, MODEL)[0])
+
+
+@pytest.mark.slow
+def test_a_long_record_has_attained_points() -> None:
+    """More equations than Krawczyk's test takes at once are solved one after the other."""
+    data = record(1010, 0.05)
+    options = setid.Options(time_limit=30.0, progress=False)
+    result = setid.identify(data, MODEL, setid.Noise(output=0.05), options=options)
+    for value, interval in zip(TRUTH, result.intervals.values(), strict=True):
+        assert interval.inner is not None
+        assert interval.outer[0] <= value <= interval.outer[1]
+    assert result.verify().ok
