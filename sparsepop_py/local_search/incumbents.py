@@ -149,11 +149,18 @@ def first_incumbent(
 
 
 def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Put the repaired forms of starts before them, as far as these differ."""
+    """Put the repaired forms of starts before them; those that are feasible replace them."""
     if context.repair is None:
         return starts
     better = [np.asarray(context.repair(x), float) for x in starts]
-    return [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)] + starts
+    first = [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)]
+    tolerance = context.options.tolerance
+    left = [
+        x
+        for x, y in zip(starts, better, strict=True)
+        if np.array_equal(x, y) or context.problem.violation(y) > tolerance
+    ]
+    return first + left
 
 
 def update_incumbent(
