@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 _MANY = 2000  # variables from which no atoms are extracted: first moments start a search, too
-_GAIN = 0.01  # of the allowed gap: a point that gains less is not proved while the gap is open
+_GAIN = 0.05  # of the allowed gap: a point that gains less is not proved while the gap is open
 
 
 def search_incumbent(

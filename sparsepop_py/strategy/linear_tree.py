@@ -105,10 +105,12 @@ def by_linear_tree(
         return by_box
     seen = list(candidates)
 
-    def search(now: SolveContext, starts: list[NDArray[Any]], proof: bool) -> SolveContext:
+    def search(
+        now: SolveContext, starts: list[NDArray[Any]], proof: bool, bound: float
+    ) -> SolveContext:
         alone = proof and now.options.refine != "none"
         options = replace(now.options, refine="prove") if alone else now.options
-        found, more = update_incumbent(replace(now, options=options), starts, tree.bound)
+        found, more = update_incumbent(replace(now, options=options), starts, bound)
         seen.extend(more)
         return replace(now, best=found.best)
 
