@@ -306,7 +306,7 @@ class LinearTree:
             return False
         own = program.point
         made = [
-            model.cut(row, self._minimiser(program) if row == model.rows else own)
+            model.cut(row, self._minimiser(program, number) if row == model.rows else own)
             for row in model.convex
         ]
         new = tuple(cut for cut in made if cut is not None and self._violates(cut, program))
@@ -314,12 +314,18 @@ class LinearTree:
             self.model = replace(model, cuts=(*model.cuts, *new))
         return bool(new)
 
-    def _minimiser(self, program: _Program) -> Floats:
-        """Minimise a convex objective over the rows of a node, else take the solution."""
+    def _minimiser(self, program: _Program, number: int) -> Floats:
+        """Minimise a convex objective over the rows of a node.
+
+        Where that fails, take the incumbent in the first round, then the solution.
+        """
         model, data = self.model, program.data
         assert program.t is not None
         n, point = model.dimension, program.t
         found = convex_minimiser(model, data)
+        best = self.context.best
+        if found is None and number == 0 and best is not None:
+            return best.x
         if found is not None:
             point = found
         minimiser = data.scaling.point(np.clip(point[:n], -1.0, 1.0))

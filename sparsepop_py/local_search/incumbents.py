@@ -222,15 +222,30 @@ def first_moments(
     return scaling.point(means(relaxation, solution.y))
 
 
-def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
-    """Choose starting points in a box: many in few variables, none in very many."""
+def random_starts(
+    problem: Problem, box: Interval, options: Options, *, tightened: bool = False
+) -> list[NDArray[Any]]:
+    """Choose starting points in a box: many in few variables, none in very many.
+
+    Parameters
+    ----------
+    problem : Problem
+    box : Interval
+    options : Options
+    tightened : bool
+        Whether the rows were propagated to this box already.
+
+    Returns
+    -------
+    list of (n,) float
+    """
     n = problem.dimension
     if options.refine in ("prove", "none"):
         return []
     count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
     if options.effort == "auto":  # relaxations bring better ones
         count = 0 if Products.of(problem).has_star else count // 3
-    if options.effort != "plain":
+    if options.effort != "plain" and not tightened:
         _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
         box = box if is_empty(tighter) else tighter
     return starting_points(problem, box, count, options.seed)
