@@ -41,7 +41,10 @@ def test_ranges_over_boxes_hold_the_exact_ones() -> None:
     low = RNG.normal(size=(200, 4))
     high = low + np.abs(RNG.normal(size=(200, 4)))
     for ends, direction in zip(zip(low, high, strict=True), RNG.normal(size=(200, 4)), strict=True):
-        pairs = [sorted((d * a, d * b)) for d, a, b in zip(*map(rationals, (direction, *ends)))]
+        pairs = [
+            sorted((d * a, d * b))
+            for d, a, b in zip(*map(rationals, (direction, *ends)), strict=True)
+        ]
         (found,) = box_ranges(box_of(*ends), direction[None, :])
         assert Fraction(float(found[0])) <= sum(pair[0] for pair in pairs)
         assert Fraction(float(found[1])) >= sum(pair[1] for pair in pairs)
