@@ -106,7 +106,12 @@ def test_zero_coefficients_stay_zero() -> None:
 
 def test_priors_are_asked_about_all_parameters_near_a_point() -> None:
     seen: list[dict[str, tuple[float, float]]] = []
-    prior = SimpleNamespace(admits=lambda model, box: seen.append(box) or True)
+
+    def admits(model: object, box: dict[str, tuple[float, float]]) -> bool:
+        seen.append(box)
+        return True
+
+    prior = SimpleNamespace(admits=admits)
     known: Any = SimpleNamespace(parameters=("a", "b"), priors=[prior], model=None)
     random = np.random.default_rng(2)
     for centre, reach in random.uniform(0.1, 1.0, (100, 2, 2)):

@@ -35,7 +35,7 @@ def at_corners(constant: float, slopes: Any) -> list[Fraction]:
 
 def test_rectangles_hold_the_rounding_of_their_constants() -> None:
     """Constants a thousand times the rest: what supports allows for rounding does not cover it."""
-    constants = 1e3 * (RNG.normal(size=100) + 1j * RNG.normal(size=100))
+    constants: Any = 1e3 * (RNG.normal(size=100) + 1j * RNG.normal(size=100))
     weights = RNG.normal(size=(100, 2)) + 1j * RNG.normal(size=(100, 2))
     low, high = _rectangles(unit_box(2), constants, weights, 2.0**-48, Proposer)
     for k in range(100):
