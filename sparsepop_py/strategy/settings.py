@@ -43,6 +43,8 @@ class StrategySettings:
         Constraints that linear programs start with where few variables complicate many.
     gained : float
         Share of a width: another round of OBBT follows where one fell below it.
+    before_squares : int
+        Steps of an objective before it is bounded on the whole space.
     turn : int
         Steps of an objective before it is the next one's turn.
     rounding : float
@@ -83,6 +85,7 @@ class StrategySettings:
     most_shared_variables: int = 24
     window: int = 40
     gained: float = 0.8
+    before_squares: int = 1
     turn: int = 5
     rounding: float = 1e-12
     order_rounds: int = 3
