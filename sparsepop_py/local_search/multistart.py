@@ -31,6 +31,7 @@ _SMALL = 12  # variables up to which several methods are tried from each start
 _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
+_NEAR, _NOISE = 1e-5, 1e-9  # relative: about the best value; what rounding moves
 _STARTS = 3  # from at least so many starts
 
 
@@ -188,9 +189,16 @@ def _candidates(
         ended = _rated(rows, [found], aim)
         kept += ended
         known = number > 1 and min((value for value, _ in kept), default=np.inf) <= aim.enough
-        if known or (number and ended and aim.any):
+        again = number and any(_same(value, aim.known) for value, _ in ended)
+        if known or again or (number and ended and aim.any):
             break
     return kept
+
+
+def _same(value: float, known: float) -> bool:
+    """Check whether a search came back to the incumbent: others from there seldom do better."""
+    size = 1.0 + abs(known)
+    return bool(np.isfinite(known)) and -_NOISE * size <= value - known <= _NEAR * size
 
 
 def _rated(
@@ -249,7 +257,7 @@ def best_attained(
             best = _best_proved(problem, ends, best, aim, end)
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
-        about_best = best_value + 1e-5 * (1.0 + abs(best_value))
+        about_best = best_value + _NEAR * (1.0 + abs(best_value))
         starts_there = sum(value <= about_best for value in reached)
         if starts_there >= _STARTS and sum(value <= about_best for value, _ in found) >= _ENOUGH:
             break

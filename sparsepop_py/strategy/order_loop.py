@@ -121,7 +121,7 @@ def run_orders(
     if finite(Interval(context.problem.lower, context.problem.upper)):
         state = _by_relaxations(context, candidates, shared, more_starts)
         early = shared is not None or context.options.effort == "auto"
-        return state if early else _by_squares(state)
+        return state if early else _without_box(state)
     if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
         state = _by_relaxations(context, candidates, shared, more_starts)
         return _proved_otherwise(state)
@@ -155,19 +155,22 @@ def _by_relaxations(
     return state
 
 
-def _by_squares(state: SearchState) -> SearchState:
-    """Bound an objective that may be a sum of squares on the whole space, where a gap is left.
+def _without_box(state: SearchState) -> SearchState:
+    """Bound the objective by arguments that need no box, where a gap is left on one.
 
-    Its Gram matrix knows no box, and so none of the sizes that wide bounds give to powers.
+    Such are rational multipliers of convex quadratic problems, and Gram matrices of objectives that
+    may be sums of squares. They know none of the sizes that wide bounds give to powers.
     """
     context, f = state.context, state.context.problem.objective
-    late = context.deadline.over or context.closed(lower_bound(state.outcome.certificate))
-    if late or f.degree < 4 or not may_be_squares(f):
+    if context.deadline.over or context.closed(lower_bound(state.outcome.certificate)):
+        return state
+    if context.problem.degree <= 2:
+        return _added(state, _by_exact_multipliers(context, state.candidates))
+    if f.degree < 4 or not may_be_squares(f):
         return state
     options = replace(context.options, effort="presolve", order=None, switches=None)
-    context = replace(context, options=options)
-    found = _by_gram_matrices(context, state.candidates, iter(()))
-    return replace(_added(state, found), context=state.context)
+    found = _by_gram_matrices(replace(context, options=options), state.candidates, iter(()))
+    return replace(_added(state, found), context=context)
 
 
 def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:
@@ -377,7 +380,7 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
         if finite(Interval(auto.context.problem.lower, auto.context.problem.upper)):
             auto.run(STRATEGY.before_squares)
             if not auto.over:
-                state = _by_squares(_state_of(auto))
+                state = _without_box(_state_of(auto))
                 auto.outcome, auto.history = state.outcome, list(state.history)
         auto.run()
     except EARLY as cause:

@@ -19,8 +19,8 @@ class StrategySettings:
     ----------
     nodes_per_effort : float
         Nodes that branch and bound is expected to need, over ``SharedState.effort``.
-    slice_seconds : float
-        Most seconds that a tree grows before relaxations are considered again.
+    least_slice, slice_seconds : float
+        Least and most seconds that a tree grows before relaxations are considered again.
     over_time : float
         Times the time left: relaxations expected to take longer are left out.
     stopped_program : float
@@ -73,6 +73,7 @@ class StrategySettings:
     """
 
     nodes_per_effort: float = 4.0
+    least_slice: float = 0.1
     slice_seconds: float = 3.0
     over_time: float = 2.0
     stopped_program: float = 20.0
