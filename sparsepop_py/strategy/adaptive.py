@@ -208,7 +208,7 @@ class AdaptiveSearch:
             if self.search.done or (limit is not None and self.search.seen >= limit):
                 return None
             return self.rate
-        if not self.shared_state.variables or not self.history or limit == self.seen:
+        if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
         seen = self.shared_state.cost_model
         if _BRANCH in seen.progress:
