@@ -18,7 +18,6 @@ from .reading import (
     finite,
     item,
     items,
-    number,
     polynomial,
     problem,
     whole,
@@ -288,7 +287,7 @@ def upper(found: Any, got: Any, proof: RationalCertificate) -> list[str]:
             raise NotProved("the objective is unbounded: no feasible ray is known to prove it")
         return ["proved: the objective falls without limit along a feasible ray"]
     reason = attained.fails()
-    if not reason and proof.translated(number(attained.value, "value"), -1) > claim:
+    if not reason and proof.translated(attained.value, -1) > claim:
         reason = "the point attains more"
     if reason:
         raise NotProved(f"objective <= {shown(claim)} is attained: {reason}")

@@ -12,8 +12,16 @@ from .point import ProvedPoint, falls_without_limit
 from .polynomial import INF
 from .reading import Malformed, Problem, fields, finite, item, problem
 
-STATUSES = ("OPTIMAL", "BOUNDED", "UNPROVED", "INFEASIBLE", "UNBOUNDED")
-STATUSES += ("LIMIT", "FAILED", "INTERRUPTED")
+STATUSES = (
+    "OPTIMAL",
+    "BOUNDED",
+    "UNPROVED",
+    "INFEASIBLE",
+    "UNBOUNDED",
+    "LIMIT",
+    "FAILED",
+    "INTERRUPTED",
+)
 
 
 class NotProved(Exception):
