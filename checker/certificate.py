@@ -11,7 +11,8 @@ from .exact_dual import ExactDual
 from .gram import ExactGram
 from .identity import Identity, LinearDual, Row
 from .interval import Interval
-from .polynomial import INF, Polynomial, Word, dyadic
+from .left_inverse import contracts
+from .polynomial import INF, Polynomial, Word
 from .propagation import Box, Rows
 from .propagation import Row as BoxRow
 from .reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
@@ -208,7 +209,7 @@ class LeftInverse(Step):
         got = self.given
         below(got.rows, len(replay.problem.constraints), f"{got.where}.rows")
         table = self._table(replay.problem, box)
-        if table is None or not self._holds(table):
+        if table is None or not contracts(got.inverse, table, got.centre, got.radius):
             replay.notes.append("a left inverse gives no box")
             return
         for v, middle, reach in zip(got.variables, got.centre, got.radius, strict=True):
@@ -232,38 +233,6 @@ class LeftInverse(Step):
                 return None
             found.append(ranges)
         return found
-
-    def _holds(self, table: list[list[Interval]]) -> bool:
-        """Whether G v + d < v, with G = |I - M C| and d = |M (r + C centre)|, v = radius."""
-        got = self.given
-        centre, exp = dyadic(got.centre)
-        p, one = len(centre), iv.scaled(1, 0)[0]
-        offset = [_dot([*centre, 1 << -exp], row) for row in table]  # (r + C centre) * 2**-exp
-        for i, radius in enumerate(got.radius):
-            weights, below_ = dyadic(got.inverse[i])
-            unit = one << -below_
-            reached = Fraction(_size(_dot(weights, offset)), unit << -exp)
-            for j in range(p):
-                low, high = _dot(weights, [row[j] for row in table])
-                own = unit if i == j else 0
-                size = _size((own - high, own - low))
-                reached += Fraction(size, unit) * Fraction(got.radius[j])
-            if not reached < Fraction(radius):
-                return False
-        return True
-
-
-def _dot(weights: list[int], column: list[Interval]) -> Interval:
-    """The sum of whole numbers times intervals, exactly."""
-    pairs = [
-        (c * low, c * high) if c >= 0 else (c * high, c * low)
-        for c, (low, high) in zip(weights, column, strict=True)
-    ]
-    return sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs)
-
-
-def _size(x: Interval) -> Any:
-    return max(abs(x[0]), abs(x[1]))
 
 
 class Tightening(Step):

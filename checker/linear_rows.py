@@ -8,6 +8,8 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+from . import interval as iv
+from .left_inverse import contracts
 from .polynomial import INF, Word
 from .reading import Malformed, alike, below, fields, finite, item, items, rational, whole
 from .result import NotProved
@@ -99,31 +101,19 @@ class Regression:
 
 
 def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """|theta - c| <= v, since |theta - c| <= d + G |theta - c| and d + G v < v.
-
-    G = |I - M R| + |M| W and d = |M| (|Y + R c| + w0 + W |c|).
-    """
+    """|m - centre| <= radius, as rows with the intervals Y +- w0 and R +- W prove it."""
     got = fields(step, "box", 0, rows="l", inverse="l", centre="l", radius="l")
-    table = [[Fraction(finite(v, "box")) for v in items(row, "box")] for row in got.inverse]
-    c, v = ([Fraction(finite(x, "box")) for x in side] for side in (got.centre, got.radius))
-    pairs, p = [rows.row(*items(row, "box")) for row in got.rows], rows.count
-    alike("box", table, c, v, range(p))
-    alike("box", pairs, *table)
-    reach = []
-    for y, w in pairs:
-        drive = y[p] + sum((y[j] * c[j] for j in range(p)), ZERO)
-        reach.append(abs(drive) + w[p] + sum((w[j] * abs(c[j]) for j in range(p)), ZERO))
-    for i, inverse in enumerate(table):
-        total = sum((abs(m) * r for m, r in zip(inverse, reach, strict=True)), ZERO)
-        for j in range(p):
-            rest, spread = Fraction(i == j), ZERO
-            for m, (y, w) in zip(inverse, pairs, strict=True):
-                rest -= m * y[j]
-                spread += abs(m) * w[j]
-            total += (abs(rest) + spread) * v[j]
-        if not total < v[i]:
-            raise NotProved("the left inverse of the rows does not give its box")
-    ball = list(zip(c, v, strict=True))
+    inverse = [[finite(v, "box") for v in items(row, "box")] for row in got.inverse]
+    c, v = ([finite(x, "box") for x in side] for side in (got.centre, got.radius))
+    table = []
+    for place in got.rows:
+        pairs = list(zip(*rows.row(*items(place, "box")), strict=True))
+        table.append([(iv.below(a - r), iv.above(a + r)) for a, r in pairs])
+    alike("box", inverse, c, v, range(rows.count))
+    alike("box", table, *inverse)
+    if any(not r > 0 for r in v) or not contracts(inverse, table, c, v):
+        raise NotProved("the left inverse of the rows does not give its box")
+    ball = [(Fraction(m), Fraction(r)) for m, r in zip(c, v, strict=True)]
     return met(ends, [m - r for m, r in ball], [m + r for m, r in ball])
 
 
