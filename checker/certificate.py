@@ -98,6 +98,25 @@ class Replay:
         self.notes += [] if good else [f"{what} is about a smaller box"]
         return bool(good)
 
+    def bounds(
+        self, argument: Any, box: Box, cutoff: Fraction | None, asked: list[Polynomial], what: str
+    ) -> list[Any]:
+        """What an argument proves of objectives on a box, -INF where that is nothing."""
+        if isinstance(argument, ExactGram):
+            return [argument.prove(objective) for objective in asked]
+        exact = isinstance(argument, ExactDual)
+        if not self.fits(argument if exact else argument.scaling, box, what):
+            return [-INF] * len(asked)
+        system = self.system(cutoff)
+        if exact:
+            return [argument.prove(system, objective) for objective in asked]
+        if isinstance(argument, LinearDual):
+            return argument.prove(system, asked)
+        constraints = self.problem.constraints
+        proved = [argument.prove(system, constraints, objective) for objective in asked]
+        self.notes += [one.reason for one in proved if one.reason]
+        return [one.bound for one in proved]
+
 
 def constant(value: Fraction) -> Polynomial:
     """A double as a polynomial."""
@@ -258,17 +277,9 @@ class Tightening(Step):
     def apply(self, replay: Replay, box: Box) -> None:
         """See the class."""
         got = self.given
-        exact = isinstance(got.argument, ExactDual)
-        if not replay.fits(got.argument if exact else got.argument.scaling, box, "a tightening"):
-            return
-        system = replay.system(replay.cutoff if self.uses_cutoff else None)
+        cutoff = replay.cutoff if self.uses_cutoff else None
         asked = [Polynomial({(v + 1,): s}) for v, s in zip(got.variable, got.side, strict=True)]
-        if isinstance(got.argument, LinearDual):
-            bounds = got.argument.prove(system, asked)
-        elif exact:
-            bounds = [got.argument.prove(system, asked[0])]
-        else:
-            bounds = [got.argument.prove(system, replay.problem.constraints, asked[0]).bound]
+        bounds = replay.bounds(got.argument, box, cutoff, asked, "a tightening")
         given = zip(got.variable, got.side, got.value, bounds, strict=True)
         for v, side, value, bound in given:
             if value not in (INF, -INF) and bound >= value:
@@ -381,21 +392,10 @@ class Certificate:
         least = iv.exact(iv.range_over(problem.objective, box.ends)[0])
         if replay.constant is not None:
             least = max(least, replay.constant)
-        objective = Polynomial() if part.empty else problem.objective
-        if isinstance(argument, ExactGram):
-            value = argument.prove(objective)
-        elif isinstance(argument, ExactDual):
-            if not replay.fits(argument, box, "the argument"):
-                return least
-            value = argument.prove(replay.system(None), objective)
-        elif argument is None or not replay.fits(argument.scaling, box, "the argument"):
+        if argument is None:
             return least
-        elif isinstance(argument, LinearDual):
-            value = argument.prove(replay.system(None), [objective])[0]
-        else:
-            proved = argument.prove(replay.system(None), problem.constraints, objective)
-            value = proved.bound
-            replay.notes += [proved.reason] if proved.reason else []
+        objective = Polynomial() if part.empty else problem.objective
+        (value,) = replay.bounds(argument, box, None, [objective], "the argument")
         if part.empty:
             value = INF if value > 0 else -INF
         return max(least, value)

@@ -5,11 +5,39 @@ Then |theta - centre| <= G |theta - centre| + d, with G = |I - M C| and d = |M (
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
+from typing import Any
 
 from . import interval as iv
 from .interval import Interval
 from .polynomial import dyadic
+
+
+def reached(
+    inverse: Sequence[Sequence[float | Fraction]],
+    table: Sequence[list[Interval]],
+    centre: Sequence[float],
+    radius: Sequence[Any],
+) -> list[Fraction]:
+    """G radius + d; the rest r of a row stands behind its coefficients.
+
+    Where it is below the radius, |theta - centre| <= radius for each solution theta.
+    """
+    middle, exp = dyadic(centre)
+    one = iv.scaled(1, 0)[0]
+    offset = [dot([*middle, 1 << -exp], row) for row in table]  # (r + C centre) * 2**-exp
+    found = []
+    for i, row in enumerate(inverse):
+        weights, bits = dyadic(row)
+        unit = one << -bits
+        total = Fraction(size(dot(weights, offset)), unit << -exp)
+        for j, reach in enumerate(radius):
+            low, high = dot(weights, [line[j] for line in table])
+            own = unit if i == j else 0
+            total += Fraction(size((own - high, own - low)), unit) * Fraction(reach)
+        found.append(total)
+    return found
 
 
 def contracts(
@@ -18,21 +46,9 @@ def contracts(
     centre: list[float],
     radius: list[float],
 ) -> bool:
-    """Whether G radius + d < radius, so that |theta - centre| <= radius; r stands last in rows."""
-    middle, exp = dyadic(centre)
-    one = iv.scaled(1, 0)[0]
-    offset = [dot([*middle, 1 << -exp], row) for row in table]  # (r + C centre) * 2**-exp
-    for i, reach in enumerate(radius):
-        weights, bits = dyadic(inverse[i])
-        unit = one << -bits
-        reached = Fraction(size(dot(weights, offset)), unit << -exp)
-        for j, other in enumerate(radius):
-            low, high = dot(weights, [row[j] for row in table])
-            own = unit if i == j else 0
-            reached += Fraction(size((own - high, own - low)), unit) * Fraction(other)
-        if not reached < Fraction(reach):
-            return False
-    return True
+    """Whether |theta - centre| <= radius is proved."""
+    pairs = zip(reached(inverse, table, centre, radius), radius, strict=True)
+    return all(total < reach for total, reach in pairs)
 
 
 def dot(weights: list[int], column: list[Interval]) -> Interval:
