@@ -10,6 +10,7 @@ from typing import Any
 from . import interval as iv
 from .gram import semidefinite
 from .interval import Interval
+from .left_inverse import dot, reached
 from .polynomial import INF, Polynomial, power_of_two
 from .reading import Constraint, Malformed, Problem, alike, below, fields
 from .substitution import substituted
@@ -116,58 +117,34 @@ class ProvedPoint:
         inverse = _inverse(jacobian)
         if inverse is None:
             return None
-        for _ in range(6):
-            move = _product(inverse, [iv.range_over(p, middle) for p in system])
-            for v, (low, high) in zip(self.solved, move, strict=True):
-                at = middle[v][0] - (low + high) // 2
+        one = iv.scaled(1, 0)[0]
+        for _ in range(7):  # Newton's method; nothing rests on how good it is
+            residual = [iv.range_over(p, middle) for p in system]
+            for v, weights in zip(self.solved, inverse, strict=True):
+                at = middle[v][0] - sum(dot(weights, residual)) // (2 * one)
                 middle[v] = at, at
-        move = _product(inverse, [iv.range_over(p, middle) for p in system])
+        residual = [iv.range_over(p, middle) for p in system]
+        matrix = [[Fraction(a, one) for a in weights] for weights in inverse]
+        nothing = [0.0] * len(self.solved)
         for bits in RADII:
-            found = self._image(slopes, middle, inverse, move, iv.scaled(1, -bits)[1])
-            if found is not None:
-                return found
+            radius = [Fraction(1, 1 << bits)] * len(self.solved)
+            box = _around(middle, self.solved, radius)
+            table = [
+                [*(iv.range_over(p, box) for p in row), rest]
+                for row, rest in zip(slopes, residual, strict=True)
+            ]
+            image = reached(matrix, table, nothing, radius)  # K(X) lies so near to the middle
+            if all(a < b for a, b in zip(image, radius, strict=True)):
+                return _around(middle, self.solved, image)
         return None
 
-    def _image(
-        self,
-        slopes: list[list[Polynomial]],
-        middle: list[Interval],
-        inverse: list[list[int]],
-        move: list[Interval],
-        radius: int,
-    ) -> list[Interval] | None:
-        """K(X) for the box X of that radius, None if it does not lie inside X."""
-        box = list(middle)
-        for v in self.solved:
-            box[v] = middle[v][0] - radius, middle[v][1] + radius
-        ranges = [[iv.range_over(p, box) for p in row] for row in slopes]
-        one = iv.scaled(1, 0)[0]
-        image = list(middle)
-        for i, v in enumerate(self.solved):
-            low, high = -move[i][1], -move[i][0]
-            for j in range(len(self.solved)):
-                column = [row[j] for row in ranges]
-                part = _row_times(inverse[i], column)
-                rest = iv.minus((one, one) if i == j else iv.ZERO, part)
-                spread = iv.times(rest, (-radius, radius))
-                low, high = low + spread[0], high + spread[1]
-            if not -radius < low <= high < radius:
-                return None
-            image[v] = middle[v][0] + low, middle[v][1] + high
-        return image
 
-
-def _row_times(row: list[int], column: list[Interval]) -> Interval:
-    """The sum of numbers times intervals."""
-    found: Interval = iv.ZERO
-    for a, pair in zip(row, column, strict=True):
-        if a:
-            found = iv.plus(found, iv.times((a, a), pair))
-    return found
-
-
-def _product(matrix: list[list[int]], column: list[Interval]) -> list[Interval]:
-    return [_row_times(row, column) for row in matrix]
+def _around(middle: list[Interval], solved: list[int], radius: list[Fraction]) -> list[Interval]:
+    """The box around a point that is wide in the solved variables only."""
+    box = list(middle)
+    for v, size in zip(solved, map(iv.above, radius), strict=True):
+        box[v] = middle[v][0] - size, middle[v][1] + size
+    return box
 
 
 def _inverse(matrix: list[list[int]]) -> list[list[int]] | None:
