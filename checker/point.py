@@ -1,4 +1,4 @@
-"""Attained points: feasible in rationals, or near zeros that Krawczyk's test proves; rays."""
+"""Attained points: in rationals, near zeros of Krawczyk's test, or row by row; rays."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from .gram import semidefinite
 from .interval import Interval
 from .polynomial import INF, Polynomial, power_of_two
 from .reading import Constraint, Malformed, Problem, alike, below, fields
+from .substitution import substituted
 
 RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first
 
@@ -31,12 +32,20 @@ class ProvedPoint:
         below(got.rows, m, f"{place}.rows")
         below(got.solved, n, f"{place}.solved")
         twice = any(len(set(v)) < len(v) for v in (got.rows, got.solved))
-        if twice or got.proof not in ("exact", "krawczyk"):
+        if twice or got.proof not in ("exact", "krawczyk", "substitution"):
             raise Malformed(f"{place}: a row or variable twice, or proof {got.proof!r:.20}")
 
     def fails(self) -> str:
         """Why the claims about the point are not proved; empty where they are."""
-        return self._exactly() if self.proof == "exact" else self._by_krawczyk()
+        if self.proof == "exact":
+            return self._exactly()
+        if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
+            return "a row of the system is no equation"
+        if self.proof == "krawczyk":
+            box = self._enclosed()
+            return "Krawczyk's test fails" if box is None else self._over(box)
+        box = self._by_rows()
+        return "the rows are not solved one after the other" if box is None else self._over(box)
 
     # ---- rational points ------------------------------------------------------------------
 
@@ -62,26 +71,41 @@ class ProvedPoint:
 
     # ---- Krawczyk's test ------------------------------------------------------------------
 
-    def _by_krawczyk(self) -> str:
-        if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
-            return "a row of the system is no equation"
-        box = self._enclosed()
-        if box is None:
-            return "Krawczyk's test fails"
-        problem = self.problem
+    def _over(self, box: list[Interval]) -> str:
+        """Why what is claimed may fail in a box that holds a zero of the rows."""
+        problem, rows = self.problem, set(self.rows)
         for (low, high), x, a, b in zip(box, self.x, problem.lower, problem.upper, strict=True):
             if iv.exact(low) < a or iv.exact(high) > b:
                 return "the box of the point leaves the bounds"
             if max(iv.exact(high) - x, x - iv.exact(low)) > self.radius:
                 return "the point lies farther away than its radius"
         for k, c in enumerate(problem.constraints):
-            low, high = iv.range_over(c.polynomial, box)
-            if k not in self.rows and (low < 0 or (c.equality and high > 0)):
+            if k not in rows and not self._holds(c, box):
                 return f"constraint {k} may fail near the point"
             if c.side and not _semidefinite_over(c, box):
                 return f"matrix {k} may fail near the point"
         most = iv.exact(iv.range_over(problem.objective, box)[1])
         return "" if most <= self.value else "the objective may be larger"
+
+    def _holds(self, c: Constraint, box: list[Interval]) -> bool:
+        """Whether a constraint holds over a box, exactly where none of its variables is solved."""
+        letters = {v - 1 for word in c.polynomial.terms for v in word}
+        if letters.isdisjoint(self.solved):
+            value = c.polynomial.at(self.x)
+            return value == 0 or (value > 0 and not c.equality)
+        low, high = iv.range_over(c.polynomial, box)
+        return bool(low >= 0 and not (c.equality and high > 0))
+
+    def _by_rows(self) -> list[Interval] | None:
+        """A box around x that holds the zero of rows that are solved one after the other."""
+        rows = [self.problem.constraints[k].polynomial for k in self.rows]
+        found = substituted(rows, self.solved, self.x)
+        if found is None:
+            return None
+        box = [(iv.below(x), iv.above(x)) for x in self.x]
+        for v, (low, high) in zip(self.solved, found, strict=True):
+            box[v] = iv.below(low), iv.above(high)
+        return box
 
     def _enclosed(self) -> list[Interval] | None:
         """A box around x, wide in the solved variables only, that holds a zero of the rows."""

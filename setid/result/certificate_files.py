@@ -33,7 +33,7 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import (
 
 __all__ = ["certificate_files"]
 
-_FORMAT, _VERSION = "setid", 1
+_FORMAT, _VERSION = "setid", 2
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:

@@ -34,6 +34,7 @@ _SAME = 1e-9  # difference from a vector near which a point was proved: another 
 _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
+_NEAR = 1e-5  # relative: about the best value
 _STARTS = 3  # from at least so many starts
 
 
@@ -256,7 +257,7 @@ def best_attained(
             best = _best_proved(problem, ends, best, aim, end)
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
-        about_best = best_value + 1e-5 * (1.0 + abs(best_value))
+        about_best = best_value + _NEAR * (1.0 + abs(best_value))
         starts_there = sum(value <= about_best for value in reached)
         if starts_there >= _STARTS and sum(value <= about_best for value, _ in found) >= _ENOUGH:
             break

@@ -208,7 +208,7 @@ def from_convex_minimiser(
 
 
 def _first_model(context: SolveContext) -> Model:
-    """Take the bounds of a problem where they are finite, else propagate: a tree does so itself."""
+    """Take the bounds of a problem where they are finite, else propagate."""
     box = Interval(context.problem.lower, context.problem.upper)
     if finite(box):
         return Model(BoxProof(), box)

@@ -146,7 +146,7 @@ class MultiObjectiveSearch:
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
 
     def _first_points(self) -> None:
-        """Run local searches from the first start that leads to a point; try points on all."""
+        """Run local searches from the first start that leads to a point."""
         if not self.starts or self.points:
             self._share_points(self.points)
             return
