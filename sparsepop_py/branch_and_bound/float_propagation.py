@@ -62,7 +62,7 @@ class FloatPropagation:
 
     @cached_property
     def _pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Floats]:
-        """Terms a x + b x^2 of one row: those of x and of x^2, the variable, and -a / (2 b)."""
+        """Pairs of terms, a x and b x^2 of one row, their variable, and the vertex."""
         model, (linear, variable) = self.model, self._linear
         terms, squared = self._squares
         width = model.dimension
@@ -169,7 +169,7 @@ class FloatPropagation:
             np.minimum.at(new[1], variable[sure], ends.max(axis=0))
 
     def _join_pairs(self, box: tuple[Floats, Floats], ends: tuple[Floats, Floats]) -> None:
-        """Put the range of a x + b x^2 at its square, in place; nothing is left at x."""
+        """Move the range of both terms of a pair to its square, in place."""
         one, two, v, vertex = self._pairs
         if not one.size:
             return
@@ -187,7 +187,7 @@ class FloatPropagation:
         below: Floats,
         above: Floats,
     ) -> None:
-        """Solve below <= a x + b x^2 <= above, that is for (x - vertex)^2, in place.
+        """Solve each pair of terms for (x - vertex)^2, in place.
 
         The proof knows the old box only: a sweep must not be ahead of it.
         """
@@ -214,7 +214,7 @@ class FloatPropagation:
         down: Floats,
         up: Floats,
     ) -> None:
-        """Solve down <= (x_v - vertex)^2 <= up in place, on the sides that a known box leaves."""
+        """Solve down <= (x_v - vertex)^2 <= up, in place, from a known box."""
         (low, high), (v, vertex) = known, about
         far, near = np.sqrt(np.maximum(up, 0.0)), np.sqrt(np.maximum(down, 0.0))
         sure = near * (1.0 - _ROUNDING) - _ROUNDING  # a fixed variable is not beyond its root

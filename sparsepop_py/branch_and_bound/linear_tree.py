@@ -533,7 +533,7 @@ class LinearTree:
             heapq.heappush(self._heap, (child.bound, 2 * self.nodes + number, child))
 
     def _undecided(self, node: _Open, program: _Program | None) -> int | None:
-        """Find the variable of two values that is farthest from both, None where none is far."""
+        """Find the variable of two values that is farthest from both, if far."""
         assert self.variables is not None
         v = np.intersect1d(self.model.two_valued, self.variables)
         if not v.size or program is None or program.t is None:

@@ -207,7 +207,7 @@ class ProductModel:
 
     @cached_property
     def two_valued(self) -> Ints:
-        """Variables of equations a x + b x^2 + c == 0: each has two values at most."""
+        """Variables with two values at most, by an equation in one variable."""
         terms = np.bincount(self.row, minlength=self.rows + 1)
         squares = np.flatnonzero(self.column >= self.dimension)
         squares = squares[self.square[self.column[squares] - self.dimension]]
