@@ -214,7 +214,7 @@ class FloatPropagation:
         down: Floats,
         up: Floats,
     ) -> None:
-        """Solve down <= (x_v - vertex)^2 <= up, in place, from a known box."""
+        """Solve for squares about a vertex, in place, from a known box."""
         (low, high), (v, vertex) = known, about
         far, near = np.sqrt(np.maximum(up, 0.0)), np.sqrt(np.maximum(down, 0.0))
         sure = near * (1.0 - _ROUNDING) - _ROUNDING  # a fixed variable is not beyond its root
