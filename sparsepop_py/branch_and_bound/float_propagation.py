@@ -62,7 +62,7 @@ class FloatPropagation:
 
     @cached_property
     def _pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Floats]:
-        """Pairs of terms, a x and b x^2 of one row, their variable, and the vertex."""
+        """Pairs of terms a x and b x^2, their variable, and the vertex."""
         model, (linear, variable) = self.model, self._linear
         terms, squared = self._squares
         width = model.dimension
