@@ -311,33 +311,64 @@ class Attempt:
     size: float
     share: float
 
-    def box_bound(self, z: NDArray[np.float64]) -> BoxBound:
-        """Certify the bound that multipliers z prove."""
+    def box_bound(self, z: NDArray[np.float64], needed: float | None = None) -> BoxBound:
+        """Certify the bound that multipliers z prove.
+
+        Parameters
+        ----------
+        z : (m,) float
+        needed : float, optional
+            A bound that is enough: shortened multipliers are tried first where they may reach it.
+        """
         empty = self.solution.status == "infeasible"
         identity: Identity = identity_of(
             self.relaxation, self.scaled, z, 1.0 if empty else self.size, floor=self.share
         )
+        if needed is not None and not empty:
+            short = self._proved(shortened(identity, BOUNDING.short_shares[0]), empty)
+            if claim(short.proved) >= needed:
+                return short
+        return self._proved(identity, empty)
+
+    def _proved(self, identity: Identity, empty: bool) -> BoxBound:
         proved = prove(self.replay, self.box, identity, empty)
         value = self.size * self.solution.primal
-        node = Node(argument=identity, empty=empty)
-        return BoxBound(proved, node, self.solution, value)
+        return BoxBound(proved, Node(argument=identity, empty=empty), self.solution, value)
 
 
 def _certified(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> BoxBound:
     """Keep the best of the old bound, the solver's multipliers and repaired ones."""
-    new = attempt.box_bound(attempt.solution.z)
+    new = attempt.box_bound(attempt.solution.z, _enough_at_once(context, attempt, outcome))
+    gained = new.proved.bound - outcome.proved.bound
     outcome = stronger(outcome, new)
     if attempt.solution.status == "infeasible" or context.options.effort == "plain":
         return outcome
     loss = np.inf if new.proved.bound == -np.inf else new.proved.correction
     scale = max(1.0, abs(attempt.size * attempt.solution.primal))
-    if context.deadline.late:
+    if context.deadline.late or (context.aim is not None and loss <= BOUNDING.short_loss * gained):
         return outcome
     if loss > 1e-9 * scale and not context.closed(outcome.proved.bound):
         outcome = stronger(
             outcome, attempt.box_bound(repaired(attempt.program, attempt.solution.z))
         )
     return outcome
+
+
+def _enough_at_once(context: SolveContext, attempt: Attempt, outcome: BoxBound) -> float | None:
+    """Return a bound that is enough and that shortened multipliers are expected to prove.
+
+    One proof is saved where they do. None where the solver's value promises no such bound.
+    """
+    if attempt.solution.status == "infeasible" or context.deadline.late:
+        return None
+    expected = attempt.size * attempt.solution.dual
+    if context.options.effort == "auto" and context.best is not None:
+        likely = expected >= context.target + BOUNDING.likely * context.allowed
+        return context.target if likely else None
+    least = outcome.proved.bound
+    if context.aim is None or not -np.inf < least < expected < context.aim:
+        return None
+    return float(expected - BOUNDING.short_loss * (expected - least))
 
 
 def stronger(old: BoxBound, new: BoxBound) -> BoxBound:

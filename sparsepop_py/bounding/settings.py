@@ -26,6 +26,11 @@ class BoundingSettings:
         Weight of the trace beside the constant: it prefers few squares.
     short_shares : tuple of float
         Shares of the largest multiplier; smaller ones may be left out.
+    likely : float
+        Share of the allowed gap by which a solver's value closes it, for multipliers to be
+        shortened before any proof.
+    short_loss : float
+        Share of its gain that a bound of a variable may lose to shorter multipliers.
     rough_accuracy : float
         Accuracy that is enough of a solver whose gap is that of its safe value.
     moments : int
@@ -59,6 +64,8 @@ class BoundingSettings:
     shift: float = 1e-10
     trace: float = 0.1
     short_shares: tuple[float, ...] = (1e-5, 1e-7, 1e-9)
+    likely: float = 0.05
+    short_loss: float = 0.01
     rough_accuracy: float = 1e-4
     moments: int = 100
     margins: tuple[float, ...] = (1e-8, 1e-6, 1e-4)

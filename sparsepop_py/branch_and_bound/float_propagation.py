@@ -60,6 +60,21 @@ class FloatPropagation:
         terms = terms[model.square[product[terms]]]
         return terms, model.first[product[terms]]
 
+    @cached_property
+    def _pairs(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Floats]:
+        """Pairs of terms a x and b x^2, their variable, and the vertex."""
+        model, (linear, variable) = self.model, self._linear
+        terms, squared = self._squares
+        width = model.dimension
+        _, one, two = np.intersect1d(
+            model.row[linear] * width + variable,
+            model.row[terms] * width + squared,
+            return_indices=True,
+        )
+        one, two = linear[one], terms[two]
+        vertex = -0.5 * model.coefficient[one] / model.coefficient[two]
+        return one, two, model.column[one], vertex
+
     def sweeps(
         self, low: Floats, high: Floats, cutoff: float, most: int, gain: float = 0.02
     ) -> tuple[Floats, Floats, int, bool]:
@@ -97,6 +112,7 @@ class FloatPropagation:
         value, column, row = model.coefficient, model.column, model.row
         p, q = value * bottom[column], value * top[column]
         least, most = np.minimum(p, q), np.maximum(p, q)
+        self._join_pairs((low, high), (least, most))
         count = model.rows + 1
         under = model.constant + np.bincount(row, least, minlength=count)
         over = model.constant + np.bincount(row, most, minlength=count)
@@ -111,12 +127,16 @@ class FloatPropagation:
         up = np.where(value > 0, above / value, below / value)
         down = np.where(value > 0, below / value, above / value)
         down, up = np.maximum(down, bottom[column]), np.minimum(up, top[column])
+        one, two, _, _ = self._pairs
+        for terms in (one, two):
+            down[terms], up[terms] = bottom[column[terms]], top[column[terms]]
         new_low, new_high = low.copy(), high.copy()
         terms, variable = self._linear
         np.maximum.at(new_low, variable, down[terms])
         np.minimum.at(new_high, variable, up[terms])
         self._solve_mixed((low, high), (new_low, new_high), down, up)
         self._solve_squares((new_low, new_high), down, up)
+        self._solve_pairs((low, high), (new_low, new_high), below[two], above[two])
         low, high = new_low, new_high
         slack = _ROUNDING * (1.0 + np.abs(low))
         empty = bool(np.any(low > high + slack))
@@ -148,15 +168,57 @@ class FloatPropagation:
             np.maximum.at(new[0], variable[sure], ends.min(axis=0))
             np.minimum.at(new[1], variable[sure], ends.max(axis=0))
 
+    def _join_pairs(self, box: tuple[Floats, Floats], ends: tuple[Floats, Floats]) -> None:
+        """Move the range of both terms of a pair to its square, in place."""
+        one, two, v, vertex = self._pairs
+        if not one.size:
+            return
+        a, b = self.model.coefficient[one], self.model.coefficient[two]
+        low, high = box[0][v], box[1][v]
+        inner = np.clip(vertex, low, high)
+        values = np.stack([x * (a + b * x) for x in (low, high, inner)])
+        ends[0][one] = ends[1][one] = 0.0
+        ends[0][two], ends[1][two] = values.min(axis=0), values.max(axis=0)
+
+    def _solve_pairs(
+        self,
+        old: tuple[Floats, Floats],
+        new: tuple[Floats, Floats],
+        below: Floats,
+        above: Floats,
+    ) -> None:
+        """Solve each pair of terms for (x - vertex)^2, in place.
+
+        The proof knows the old box only: a sweep must not be ahead of it.
+        """
+        _, two, v, vertex = self._pairs
+        if not two.size:
+            return
+        b = self.model.coefficient[two]
+        up = np.where(b > 0, above, below) / b + vertex**2
+        down = np.where(b > 0, below, above) / b + vertex**2
+        shift = _DIGITS * _ROUNDING * (1.0 + vertex**2)  # what is 0 but for rounding
+        self._solve_roots(old, new, (v, vertex), down - shift, up + shift)
+
     def _solve_squares(self, new: tuple[Floats, Floats], down: Floats, up: Floats) -> None:
         """Solve down <= x_i^2 <= up, in place."""
         terms, v = self._squares
-        if not terms.size:
-            return
-        low, high = new
-        far, near = np.sqrt(np.maximum(up[terms], 0.0)), np.sqrt(np.maximum(down[terms], 0.0))
+        if terms.size:
+            self._solve_roots(new, new, (v, 0.0), down[terms], up[terms])
+
+    @staticmethod
+    def _solve_roots(
+        known: tuple[Floats, Floats],
+        new: tuple[Floats, Floats],
+        about: tuple[NDArray[np.int64], Floats | float],
+        down: Floats,
+        up: Floats,
+    ) -> None:
+        """Solve for squares about a vertex, in place, from a known box."""
+        (low, high), (v, vertex) = known, about
+        far, near = np.sqrt(np.maximum(up, 0.0)), np.sqrt(np.maximum(down, 0.0))
         sure = near * (1.0 - _ROUNDING) - _ROUNDING  # a fixed variable is not beyond its root
-        at_least = np.where((near > 0) & (low[v] > -sure), near, -far)
-        at_most = np.where((near > 0) & (high[v] < sure), -near, far)
-        np.maximum.at(low, v, at_least)
-        np.minimum.at(high, v, at_most)
+        at_least = np.where((near > 0) & (low[v] - vertex > -sure), near, -far)
+        at_most = np.where((near > 0) & (high[v] - vertex < sure), -near, far)
+        np.maximum.at(new[0], v, vertex + at_least)
+        np.minimum.at(new[1], v, vertex + at_most)

@@ -512,7 +512,8 @@ class LinearTree:
         if not chosen.size or score.max() < 0:
             self._least = min(self._least, node.bound)
             return
-        v = int(chosen[np.argmax(score)])
+        v = self._undecided(node, program)
+        v = int(chosen[np.argmax(score)]) if v is None else v
         low, high = float(node.low[v]), float(node.high[v])
         point = middle = 0.5 * low + 0.5 * high
         if program is not None and program.t is not None:
@@ -530,6 +531,19 @@ class LinearTree:
         )
         for number, child in enumerate(node.children):
             heapq.heappush(self._heap, (child.bound, 2 * self.nodes + number, child))
+
+    def _undecided(self, node: _Open, program: _Program | None) -> int | None:
+        """Find the variable of two values that is farthest from both, if far."""
+        assert self.variables is not None
+        v = np.intersect1d(self.model.two_valued, self.variables)
+        if not v.size or program is None or program.t is None:
+            return None
+        width = node.high[v] - node.low[v]
+        point = program.point[v]
+        far = np.minimum(point - node.low[v], node.high[v] - point)
+        far = np.where(width > 0.5 * self._width[v], far / np.maximum(width, 1e-300), 0.0)
+        place = int(np.argmax(far))
+        return int(v[place]) if far[place] > LINEAR_TREE.undecided else None
 
     def _errors(self, program: _Program) -> Floats:
         """Errors of products at the solution, weighted by prices, summed by variable."""

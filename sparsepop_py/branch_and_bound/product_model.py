@@ -40,6 +40,7 @@ __all__ = ["LinearData", "ProductModel", "SquareCut"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+_LEAST_SIZE = 1e-7  # of the largest term: where variables are nearly fixed the rest is rounding
 
 # Envelopes of w = t_i t_j: coefficients of w, t_i, t_j, and the bound families of both factors,
 # 1 for t - (-1) and 2 for 1 - t. Each row is the product of two such factors, >= -1 without its
@@ -205,6 +206,19 @@ class ProductModel:
         return np.unique(np.concatenate([self.first, self.second]))
 
     @cached_property
+    def two_valued(self) -> Ints:
+        """Variables with two values at most, by an equation in one variable."""
+        terms = np.bincount(self.row, minlength=self.rows + 1)
+        squares = np.flatnonzero(self.column >= self.dimension)
+        squares = squares[self.square[self.column[squares] - self.dimension]]
+        v, row = self.first[self.column[squares] - self.dimension], self.row[squares]
+        linear = np.flatnonzero(self.column < self.dimension)
+        width = self.dimension
+        both = np.isin(row * width + v, self.row[linear] * width + self.column[linear])
+        equal = np.append(self.equality, False)
+        return np.unique(v[both & (terms[row] == 2) & equal[row]])
+
+    @cached_property
     def least(self) -> Floats:
         """Least values of the columns over the box of t: 0 for squares, else -1."""
         return np.concatenate([-np.ones(self.dimension), np.where(self.square, 0.0, -1.0)])
@@ -291,6 +305,7 @@ class ProductModel:
             row[fixed], part[fixed], minlength=self.constant.size
         )
         sizes = np.zeros(self.rows + 1)
+        np.maximum.at(sizes, row, _LEAST_SIZE * np.abs(part))  # below it is rounding
         np.maximum.at(sizes, rows, np.abs(values))
         sizes = np.where(sizes > 0, sizes, 1.0)
         values /= sizes[rows]

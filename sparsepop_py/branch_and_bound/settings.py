@@ -116,6 +116,8 @@ class LinearTreeSettings:
         Share of half a width that claims leave for the rounding of their proofs.
     others : float
         Preference of variables that are not needed to cover all products, in branching.
+    undecided : float
+        Share of its width by which a variable of two values misses both, to be branched first.
     middle : float
         Weight of the middle of the interval in the branching point.
     edge : float
@@ -155,6 +157,7 @@ class LinearTreeSettings:
     obbt_again: float = 0.8
     slack: float = 1e-6
     others: float = 0.3
+    undecided: float = 0.1
     middle: float = 0.4
     edge: float = 0.2
 

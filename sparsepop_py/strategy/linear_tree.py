@@ -236,7 +236,7 @@ def box_of_starts(context: SolveContext) -> Interval | None:
 
 @lru_cache(maxsize=2)
 def _propagated(problem: Problem) -> Interval | None:
-    """Propagate the rows of a problem of degree 2 without a cutoff; None without a finite box."""
+    """Propagate the rows of a problem of degree 2, without a cutoff."""
     box = Interval(problem.lower, problem.upper)
     if not finite(box):
         box, _ = tighten(Replay(problem, None), box, LINEAR_TREE.first_sweeps)

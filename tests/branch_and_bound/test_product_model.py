@@ -120,3 +120,34 @@ def test_propagation_in_doubles_narrows_and_empties():
     assert low_now == pytest.approx([0.5, 0.5]) and high_now == pytest.approx([2.0, 2.0])
     sweeps = FloatPropagation(ProductModel.of(Problem(x, [x * y == 1, x + y <= 0.9]))).sweeps
     assert sweeps(low, high, np.inf, 5)[3]
+
+
+def test_propagation_in_doubles_solves_for_x_and_its_square_together():
+    """x - x^2 >= 3/16 on [0, 1] says x in [1/4, 3/4]; apart, both terms say nothing."""
+    x, y = sp.variables(2)
+    sweeps = FloatPropagation(ProductModel.of(Problem(y, [x - x * x >= 0.1875]))).sweeps
+    low, high, count, empty = sweeps(np.zeros(2), np.ones(2), np.inf, 1)
+    assert count == 1 and not empty
+    assert low == pytest.approx([0.25, 0.0]) and high == pytest.approx([0.75, 1.0])
+    sweeps = FloatPropagation(ProductModel.of(Problem(y, [x - x * x >= 0.26]))).sweeps
+    assert sweeps(np.zeros(2), np.ones(2), np.inf, 1)[3]  # the largest value is 1/4
+
+
+def test_propagation_in_doubles_decides_a_variable_of_two_values():
+    x, y = sp.variables(2)
+    problem = Problem(y, [x * x - x == 0, y * y - y >= 0, x * y + x * x == 0, y * y - 3.0 * y == 0])
+    model = ProductModel.of(problem)
+    assert model.two_valued.tolist() == [0, 1]
+    assert ProductModel.of(Problem(y, problem.constraints[1:3])).two_valued.size == 0
+    sweeps = FloatPropagation(ProductModel.of(Problem(y, [x * x - x == 0]))).sweeps
+    low, high, _, _ = sweeps(np.array([0.4, 0.0]), np.ones(2), np.inf, 1)
+    assert low == pytest.approx([1.0, 0.0]) and high == pytest.approx([1.0, 1.0])
+
+
+def test_rows_of_nearly_fixed_variables_are_not_scaled_to_their_rounding():
+    """With x within 1e-12 of 1, what is left of 1 - x is no size to divide rounding by."""
+    x, y = sp.variables(2)
+    model = ProductModel.of(Problem(y, [1.0 - x + 0.0 * y >= 0]))
+    box = Interval(np.array([1.0 - 1e-12, 0.0]), np.ones(2))
+    data = model.on_box(Scaling.of_box(box))
+    assert data.sizes[0] == pytest.approx(1e-7)

@@ -11,6 +11,7 @@ from random_cases import SEEDS, random_case
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
+from sparsepop_py.local_search import slp
 from sparsepop_py.local_search.slp import restored, sequential_search
 
 INF = np.inf
@@ -96,3 +97,20 @@ def test_a_search_without_time_ends_at_once():
     problem = Problem(-x, [y == 50 * x**2], [-3.0, 0.0], [2.0, 450.0])
     found = sequential_search(problem, np.array([-2.0, 200.0]), end=time.monotonic())
     assert found == pytest.approx([-2.0, 200.0])  # with time it comes to x = 2, see above
+
+
+def test_a_search_ends_where_rounding_is_all_that_is_left(monkeypatch):
+    """A step that promises less than 1e-9 of the value is the last one."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [x * y >= 1], 0.5, 2.0)
+    steps = []
+    own = slp._Search.ahead
+
+    def ahead(self, at, penalty, bounds):
+        steps.append(at)
+        return 2e-10, own(self, at, penalty, bounds)[1]
+
+    monkeypatch.setattr(slp._Search, "ahead", ahead)
+    found = sequential_search(problem, np.array([2.0, 0.5]), (0,))
+    assert len(steps) == 1
+    assert found.sum() < 2.5  # the better of both ends of the step
