@@ -619,7 +619,8 @@ def _solve(
     engine = settings.for_engine(until=task.deadline.wall_end)
     if task.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=task.deadline.cpu_left)
-    engine = replace(engine, refine="none") if points else engine
+    attained = known or coupled(formulation) or _equations(formulation) > _LONG
+    engine = replace(engine, refine="none") if points and attained else engine
     try:
         found = sp.solve_each(
             scaled.problem,
@@ -631,9 +632,22 @@ def _solve(
             branch_on=branch_on,
             on_progress=progress.report,
         )
-        return recheck_results(scaled.problem, found) if points else tuple(found)
+        return recheck_results(scaled.problem, _attained(found, points)) if points else tuple(found)
     finally:
         progress.close()
+
+
+def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) -> list[sp.Result]:
+    """Results that claim the best of known points where time ended before one was adopted."""
+    made = []
+    for found in results:
+        if found.attained is None and found.status is not sp.Status.INFEASIBLE:
+            again = (point.recheck(found.problem) for point in points)
+            best = min((p for p in again if p is not None), key=lambda p: p.value, default=None)
+            if best is not None:
+                found = replace(found, attained=best, upper_bound=best.value)
+        made.append(found)
+    return made
 
 
 def _start(
@@ -650,7 +664,7 @@ def _start(
     found = [start]
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
-    elif _equations(formulation) <= _LONG:
+    elif _equations(formulation) <= _MANY:
         return start, []
     again = (proved_point(formulation, scaled.problem, x / scaled.units) for x in found)
     return start, [point for point in again if point is not None]
