@@ -66,7 +66,7 @@ def substituted(
 
 
 class _Term(NamedTuple):
-    """A term of a row: whole * 2**exponent, times solved variables, times its own or not."""
+    """A term: whole * 2**exponent, times solved variables, times its own or not."""
 
     whole: int
     exponent: int

@@ -253,7 +253,7 @@ def _within(
     rows: NDArray[Any],
     solved: NDArray[Any],
 ) -> ProvedPoint | None:
-    """The point near x in a box, with the largest value of the objective over the box."""
+    """The point near x, with the largest value of the objective over a box."""
     value = float(range_over(problem.objective_row, box).hi[0])
     if not np.isfinite(value):
         return None
