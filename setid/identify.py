@@ -83,7 +83,8 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_FITS = 0.25  # of the time left, for fits of a cascade
+_FITS = 0.25  # of the time left, for fits of a cascade from many starts
+_FIT = 0.6  # ... and of a long record from one
 _MORE = 1.5  # times what the proof of one point took: what is kept for each
 _OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
@@ -466,13 +467,12 @@ def _by_simulation(
 
     Regions are parted where the engine has no better way.
     """
-    found = task.kept(
-        "start", lambda: cascade_ends(formulation, parts, box, task.deadline.part(_FITS)), None
-    )
+    fits = task.deadline.part(_FITS if cascade_of(formulation) is not None else _FIT)
+    found = task.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
     if found is None:
         return None
     begin, number = time.monotonic(), 2 * len(formulation.parameters)
-    task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
+    task.timed("points", lambda: _attained_ends(formulation, box, found, [0], task.deadline))
     last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
     deadline, cells = task.deadline.part(share), _CELLS if _parted(formulation) else 0
@@ -485,7 +485,9 @@ def _by_simulation(
     box = box if tightened is None else tightened
     problem = problem_on_box(formulation, box)
     every = range(number)
-    results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
+    results = task.timed(
+        "points", lambda: _attained_ends(formulation, box, found, every, task.deadline)
+    )
     items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
     task.kept("report", lambda: _report(formulation, task, items), None)
     return task.result(
@@ -513,14 +515,21 @@ def _left(task: _Task) -> float:
 
 
 def _attained_ends(
-    formulation: Formulation, box: ProvedBox | None, found: CascadeEnds, ends: Iterable[int]
+    formulation: Formulation,
+    box: ProvedBox | None,
+    found: CascadeEnds,
+    ends: Iterable[int],
+    deadline: Deadline,
 ) -> tuple[sp.Result, ...]:
-    """Prove the points at which simulations reach ends; nothing else is claimed of them."""
+    """Prove the points at which simulations reach ends; nothing else is claimed of them.
+
+    When time is over only the first is proved.
+    """
     scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
     made = []
     for number in ends:
         about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
-        if found.ends:
+        if found.ends and not (made and deadline.over):
             x = point_of(formulation, found.fitting, found.ends[number])
             point = proved_point(formulation, about, x / scaled.units)
         made.append(attained_result(about, point))
