@@ -526,7 +526,7 @@ def _attained_ends(
     When time is over only the first is proved.
     """
     scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
-    made = []
+    made: list[sp.Result] = []
     for number in ends:
         about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
         if found.ends and not (made and deadline.over):
@@ -648,7 +648,7 @@ def _solve(
 
 def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) -> list[sp.Result]:
     """Results that claim the best of known points where time ended before one was adopted."""
-    made = []
+    made: list[sp.Result] = []
     for found in results:
         if found.attained is None and found.status is not sp.Status.INFEASIBLE:
             again = (point.recheck(found.problem) for point in points)
