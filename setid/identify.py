@@ -83,7 +83,8 @@ _DIRECT = (
     "keeps every consistent parameter vector (and may keep more)"
 )
 _SHARE = 0.7  # of the time, for the problem with all priors, where fewer make an easier one
-_FITS = 0.25  # of the time left, for fits of a cascade
+_FITS = 0.25  # of the time left, for fits of a cascade from many starts
+_FIT = 0.6  # ... and of a long record from one
 _MORE = 1.5  # times what the proof of one point took: what is kept for each
 _OPEN = "time ended before all cells of the parameters were small: give more time"
 _NO_BOX = "time ended in the search for a box from the data: give more time"
@@ -466,13 +467,12 @@ def _by_simulation(
 
     Regions are parted where the engine has no better way.
     """
-    found = task.kept(
-        "start", lambda: cascade_ends(formulation, parts, box, task.deadline.part(_FITS)), None
-    )
+    fits = task.deadline.part(_FITS if cascade_of(formulation) is not None else _FIT)
+    found = task.kept("start", lambda: cascade_ends(formulation, parts, box, fits), None)
     if found is None:
         return None
     begin, number = time.monotonic(), 2 * len(formulation.parameters)
-    task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
+    task.timed("points", lambda: _attained_ends(formulation, box, found, [0], task.deadline))
     last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
     deadline, cells = task.deadline.part(share), _CELLS if _parted(formulation) else 0
@@ -485,7 +485,9 @@ def _by_simulation(
     box = box if tightened is None else tightened
     problem = problem_on_box(formulation, box)
     every = range(number)
-    results = task.timed("points", lambda: _attained_ends(formulation, box, found, every))
+    results = task.timed(
+        "points", lambda: _attained_ends(formulation, box, found, every, task.deadline)
+    )
     items = _intervals(formulation, in_units(problem, formulation), results, task.settings.tol)
     task.kept("report", lambda: _report(formulation, task, items), None)
     return task.result(
@@ -513,14 +515,21 @@ def _left(task: _Task) -> float:
 
 
 def _attained_ends(
-    formulation: Formulation, box: ProvedBox | None, found: CascadeEnds, ends: Iterable[int]
+    formulation: Formulation,
+    box: ProvedBox | None,
+    found: CascadeEnds,
+    ends: Iterable[int],
+    deadline: Deadline,
 ) -> tuple[sp.Result, ...]:
-    """Prove the points at which simulations reach ends; nothing else is claimed of them."""
+    """Prove the points at which simulations reach ends; nothing else is claimed of them.
+
+    When time is over only the first is proved.
+    """
     scaled, asked = in_units(problem_on_box(formulation, box), formulation), objectives(formulation)
-    made = []
+    made: list[sp.Result] = []
     for number in ends:
         about, point = scaled.problem.with_objective(scaled.asked(asked[number])[0]), None
-        if found.ends:
+        if found.ends and not (made and deadline.over):
             x = point_of(formulation, found.fitting, found.ends[number])
             point = proved_point(formulation, about, x / scaled.units)
         made.append(attained_result(about, point))
@@ -619,7 +628,8 @@ def _solve(
     engine = settings.for_engine(until=task.deadline.wall_end)
     if task.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=task.deadline.cpu_left)
-    engine = replace(engine, refine="none") if points else engine
+    attained = known or coupled(formulation) or _equations(formulation) > _LONG
+    engine = replace(engine, refine="none") if points and attained else engine
     try:
         found = sp.solve_each(
             scaled.problem,
@@ -631,9 +641,22 @@ def _solve(
             branch_on=branch_on,
             on_progress=progress.report,
         )
-        return recheck_results(scaled.problem, found) if points else tuple(found)
+        return recheck_results(scaled.problem, _attained(found, points)) if points else tuple(found)
     finally:
         progress.close()
+
+
+def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) -> list[sp.Result]:
+    """Results that claim the best of known points where time ended before one was adopted."""
+    made: list[sp.Result] = []
+    for found in results:
+        if found.attained is None and found.status is not sp.Status.INFEASIBLE:
+            again = (point.recheck(found.problem) for point in points)
+            best = min((p for p in again if p is not None), key=lambda p: p.value, default=None)
+            if best is not None:
+                found = replace(found, attained=best, upper_bound=best.value)
+        made.append(found)
+    return made
 
 
 def _start(
@@ -650,7 +673,7 @@ def _start(
     found = [start]
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
-    elif _equations(formulation) <= _LONG:
+    elif _equations(formulation) <= _MANY:
         return start, []
     again = (proved_point(formulation, scaled.problem, x / scaled.units) for x in found)
     return start, [point for point in again if point is not None]

@@ -56,7 +56,8 @@ def principal_directions(slopes: Reals, units: Reals) -> Reals:
     units : (p,) float
         Sizes of the parameters.
     """
-    right = np.linalg.svd(slopes * units, full_matrices=True)[2]
+    small = np.linalg.qr(slopes * units, mode="r")  # the left factor of many rows is large
+    right = np.linalg.svd(small, full_matrices=True)[2]
     return np.asarray(right / units, np.float64)
 
 
