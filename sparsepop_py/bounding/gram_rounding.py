@@ -92,8 +92,8 @@ def interior_grams(
         for share in BOUNDING.interior_steps:
             z = sharp + share * (solution.z - sharp)
             basis, first, second, value = _entries(sparse, rows * z)
-            digits = 2.0**BOUNDING.interior_bits
-            yield ExactGram(basis, first, second, np.round(value * digits) / digits)
+            for bits in BOUNDING.interior_bits:
+                yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
 def _normed(
