@@ -185,11 +185,12 @@ def _candidates(
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """List nearly feasible (value, vector) pairs that one start leads to."""
     kept: list[tuple[float, NDArray[np.float64]]] = []
+    accurate = not rows.given.equality.any()  # else linear programs come first, which are not
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
         kept += ended
         known = number > 1 and min((value for value, _ in kept), default=np.inf) <= aim.enough
-        again = number and any(_same(value, aim.known) for value, _ in ended)
+        again = number and accurate and any(_same(value, aim.known) for value, _ in ended)
         if known or again or (number and ended and aim.any):
             break
     return kept
