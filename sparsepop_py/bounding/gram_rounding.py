@@ -99,7 +99,7 @@ def interior_grams(
 def _normed(
     objective: Polynomial, sparse: Relaxation, trace: float
 ) -> tuple[ConicProgram, NDArray[np.float64]]:
-    """Scale the program by the coefficients of squares; return it with the weights of its rows."""
+    """Scale the program by coefficients of squares; return it and its rows' weights."""
     program = assemble(sparse, objective)
     rows = _row_weights(objective, sparse)
     matrix = sps.csc_array(sps.diags_array(rows) @ program.A)
