@@ -43,7 +43,7 @@ from setid.proofs.least_noise.noise_scale import (
     last_variable,
     linear_problem,
     problem_with_factor,
-    proved_share,
+    proved_factor,
     scaled_noise,
     verify_scale,
 )
@@ -342,7 +342,7 @@ def _by_engine(
         formulation, limit, box, result = least_factor(stated, (low, limit), x, settings, until)
     problem = problem_with_factor(formulation, box)
     if result is not None:
-        low = max(low, float(np.nextafter(proved_share(result) * limit, 0.0)))
+        low = max(low, proved_factor(result, limit))
         units = in_units(problem, formulation).units
         if result.attained is not None and admitted_point(formulation, units, result.attained):
             z = result.attained.x * units

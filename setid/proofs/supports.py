@@ -35,6 +35,7 @@ Reals = NDArray[np.float64]
 _EPS = float(np.finfo(float).eps)
 _TINY = 1e-300  # more than all products that underflow
 _LEAST = 2.0**-1074  # more than one product that underflows, which a wide box then multiplies
+_NORMAL = 2.0**-1022  # smaller products are rounded by more than their size times _EPS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,13 +190,17 @@ def supports(
 
 def box_ranges(cover: Cover, directions: Reals) -> Reals:
     """Ranges over the box alone, rounded outwards, shape (K, 2)."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         ends = np.stack([directions * cover.lower, directions * cover.upper])
-    ends = np.where(directions == 0.0, 0.0, ends)
-    sizes = np.abs(np.where(np.isfinite(ends), ends, 0.0)).max(axis=0).sum(axis=1)
-    slack = 2 * (directions.shape[1] + 2) * _EPS * sizes
-    low, high = ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1)
-    return np.stack([low - slack, high + slack], axis=1)
+        ends = np.where(directions == 0.0, 0.0, ends)
+        sizes = np.abs(np.where(np.isfinite(ends), ends, 0.0)).max(axis=0)
+        small = (directions != 0.0) & (cover.magnitude > 0.0) & (sizes < _NORMAL)
+        slack = 2 * (directions.shape[1] + 2) * _EPS * sizes.sum(axis=1)
+        slack += 2 * _LEAST * small.sum(axis=1)
+        low, high = ends.min(axis=0).sum(axis=1), ends.max(axis=0).sum(axis=1)
+        low = np.where(low < np.inf, low - slack, -np.inf)  # what overflows is not known
+        high = np.where(high > -np.inf, high + slack, np.inf)
+    return np.stack([low, high], axis=1)
 
 
 # ---- rows -------------------------------------------------------------------------------
@@ -228,12 +233,12 @@ def _regression_rows(formulation: Formulation, lower: Reals, upper: Reals) -> tu
     rows = formulation.smoothed
     assert rows is not None
     slope, level = _chords(lower, upper)
-    usable = ~np.any(np.isinf(level) & (rows.radii > 0), axis=1)
-    level = np.where(np.isinf(level), 0.0, level)
+    size = np.maximum(np.abs(lower), np.abs(upper))
+    # Without bounds there is no chord, or its rounding grows with the parameter.
+    usable = ~np.any(np.isinf(size) & (rows.radii > 0), axis=1)
+    size, level = np.where(np.isfinite(size), size, 0.0), np.where(np.isinf(level), 0.0, level)
     target, radii, regressors = (x[usable] for x in (rows.target, rows.radii, rows.regressors))
     width = rows.radius[usable] + radii @ level
-    size = np.maximum(np.abs(lower), np.abs(upper))
-    size = np.where(np.isfinite(size), size, 0.0)
     slack = 8 * (lower.size + 4) * _EPS
     slack = slack * (np.abs(target) + width + (np.abs(regressors) + radii) @ size)
     matrix = np.concatenate([regressors - radii * slope, -regressors - radii * slope])

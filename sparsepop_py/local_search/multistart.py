@@ -28,10 +28,13 @@ __all__ = ["Aim", "best_attained", "starting_points"]
 
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
 _SMALL = 12  # variables up to which several methods are tried from each start
+_AGAIN = 1e-7  # of the incumbent's value: a search that ends this near has led to it again
+_CLOSE = 0.02  # of that value: a bound this near says that the incumbent is hardly beaten
+_SAME = 1e-9  # difference from a vector near which a point was proved: another proof says no more
 _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
-_NEAR, _NOISE = 1e-5, 1e-9  # relative: about the best value; what rounding moves
+_NEAR = 1e-5  # relative: about the best value
 _STARTS = 3  # from at least so many starts
 
 
@@ -185,21 +188,17 @@ def _candidates(
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """List nearly feasible (value, vector) pairs that one start leads to."""
     kept: list[tuple[float, NDArray[np.float64]]] = []
-    accurate = not rows.given.equality.any()  # else linear programs come first, which are not
+    size = 1.0 + abs(aim.known)
+    close = np.isfinite(size) and aim.known - aim.enough <= _CLOSE * size  # else others lead away
+    near = _AGAIN * size if close else -1.0
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
         kept += ended
         known = number > 1 and min((value for value, _ in kept), default=np.inf) <= aim.enough
-        again = number and accurate and any(_same(value, aim.known) for value, _ in ended)
+        again = number > 0 and any(abs(value - aim.known) <= near for value, _ in ended)
         if known or again or (number and ended and aim.any):
             break
     return kept
-
-
-def _same(value: float, known: float) -> bool:
-    """Check whether a search came back to the incumbent: others from there seldom do better."""
-    size = 1.0 + abs(known)
-    return bool(np.isfinite(known)) and -_NOISE * size <= value - known <= _NEAR * size
 
 
 def _rated(
@@ -284,11 +283,16 @@ def _best_proved(
 
     When time is over one proof is still tried: without any point no gap is known.
     """
+    tried: list[NDArray[Any]] = []
     for number, (value, x) in enumerate(sorted(found, key=lambda entry: entry[0])):
         known = aim.known if best is None else min(best.value, aim.known)
         if value >= known - aim.gain or (number and time.monotonic() >= end):
             break
+        if any(np.all(np.abs(x - other) <= _SAME * (1.0 + np.abs(x))) for other in tried):
+            continue
         proved = prove_feasible(problem, x)
+        if proved is not None:
+            tried.append(x)
         if proved is not None and (best is None or proved.value < best.value):
             best = proved
     return best

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Any
 
@@ -25,7 +25,7 @@ __all__ = [
     "last_variable",
     "linear_problem",
     "problem_with_factor",
-    "proved_share",
+    "proved_factor",
     "scaled_noise",
     "verify_scale",
 ]
@@ -172,10 +172,11 @@ def attained_factor(formulation: Formulation, s: float) -> float:
 # ---- the check ---------------------------------------------------------------------------
 
 
-def proved_share(result: sp.Result) -> float:
-    """The part of the limit below which the engine proves that nothing is consistent."""
+def proved_factor(result: sp.Result, limit: float) -> float:
+    """The factor below which the engine proves that nothing is consistent, rounded down."""
     proof = result.certificate
-    return 0.0 if proof is None else min(max(0.0, proof.bound), 1.0)
+    share = 0.0 if proof is None else min(max(0.0, proof.bound), 1.0)
+    return float(np.nextafter(share * limit, 0.0))
 
 
 def verify_scale(found: NoiseScale) -> Verification:
@@ -188,11 +189,9 @@ def verify_scale(found: NoiseScale) -> Verification:
     again = _stated(found, found.limit)
     if again.problem.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the problem is not that of the data, the noise and the limit")
+    found = replace(found, formulation=again)  # what a fingerprint does not hold is stated again
     if found.bound is not None:
-        problem = linear_problem(found.formulation)
-        verdict = found.bound.verify(problem, last_variable(problem))
-        same = found.scale == (found.bound.lower, found.bound.upper)
-        return Verification(verdict.ok and same, verdict.reason)
+        return _verify_linear(found, found.bound)
     proved, attained = 0.0, False
     if found.refuted is not None:
         factor, box = found.refuted
@@ -205,11 +204,32 @@ def verify_scale(found: NoiseScale) -> Verification:
         reason, attained = _result_fails(found)
         if reason:
             return Verification(False, reason)
-        proved = max(proved, proved_share(found.result) * found.limit)
+        proved = max(proved, proved_factor(found.result, found.limit))
     if not attained and found.scale[1] < inf and not _explained(found):
         return Verification(False, "nothing attains the upper end")
     good = found.scale[0] <= proved
     return Verification(good, "" if good else "the lower end does not follow")
+
+
+def _verify_linear(found: NoiseScale, bound: sp.LinearBound) -> Verification:
+    """Check the optimum of the linear problem, whose factor is that on the noise as given."""
+    linear = found.formulation.problem.dimension == len(found.formulation.parameters)
+    if not linear or found.limit != 1.0:
+        return Verification(False, "the linear problem is not that of the noise as given")
+    problem = linear_problem(found.formulation)
+    verdict = bound.verify(problem, last_variable(problem))
+    if not verdict.ok:
+        return Verification(False, verdict.reason)
+    if found.scale != (bound.lower, bound.upper):
+        return Verification(False, "the ends are not those of the linear problem")
+    if bound.x is not None and not _attained_by(found, bound.x):
+        return Verification(False, "the parameters are not those of the linear problem")
+    return Verification(True)
+
+
+def _attained_by(found: NoiseScale, x: NDArray[np.float64]) -> bool:
+    """Check that the parameters are those of a point."""
+    return found.theta is not None and np.array_equal(found.theta, x[: found.theta.size])
 
 
 def admitted_point(
@@ -263,5 +283,7 @@ def _result_fails(found: NoiseScale) -> tuple[str, bool]:
         return "the attained point could not be proved again", False
     reached = attained_factor(found.formulation, point.value) * found.limit
     if not admitted_point(found.formulation, scaled.units, point):
+        return "", False
+    if not _attained_by(found, point.x * scaled.units):
         return "", False
     return ("", True) if reached <= found.scale[1] else ("the upper end is not attained", False)

@@ -1,0 +1,145 @@
+"""The least factor on noise bounds: its problem by hand, and forged claims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from math import inf
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from identification_cases import laboratory_two_first
+
+import setid
+import sparsepop_py as sp
+from setid.proofs.least_noise.noise_scale import (
+    last_variable,
+    linear_problem,
+    problem_with_factor,
+    proved_factor,
+    scaled_noise,
+)
+
+FIRST = setid.TransferFunction(1, 1)
+QUICK = setid.Options(time_limit=60.0, progress=False)
+
+
+def with_limit(found: setid.Consistency, limit: float, rows: float = 1.0) -> setid.Consistency:
+    """The optimum of the linear problem at another limit, or of other rows, as a claim."""
+    bounds = found.noise.bounds(found.formulation.data)
+    given, known = found.formulation, found.formulation.regression
+    assert known is not None
+    noise = scaled_noise(bounds, limit)
+    other = setid.formulate(given.data, given.model, noise, given.priors)
+    regression = replace(known, target=rows * known.target)
+    other = other if rows == 1.0 else replace(other, regression=regression)
+    problem = linear_problem(other)
+    (bound,) = sp.linear_bounds(problem, [last_variable(problem)])
+    assert bound.x is not None
+    return replace(
+        found,
+        scale=(bound.lower, bound.upper),
+        theta=bound.x[:2],
+        formulation=other,
+        limit=limit,
+        problem=problem,
+        bound=bound,
+    )
+
+
+def test_exact_factors_are_those_of_the_noise_and_rows_as_given() -> None:
+    """Half the noise needs twice the factor, and rows three times as large need three times."""
+    found = setid.consistency(laboratory_two_first(), FIRST, setid.Noise(equation=1.0))
+    assert with_limit(found, 1.0).verify().ok
+    for limit, rows, factor in ((0.5, 1.0, 2.0), (2.0, 1.0, 0.5), (1.0, 3.0, 3.0)):
+        claim = with_limit(found, limit, rows)
+        assert claim.scale[0] == pytest.approx(factor * 0.3390283401, rel=1e-9)
+        assert not claim.verify().ok
+    low, high = found.scale
+    assert not replace(found, scale=(high, high)).verify().ok
+    assert not replace(found, scale=(low, low / 2)).verify().ok
+    assert found.theta is not None
+    for theta in (None, found.theta + 1.0):
+        assert not replace(found, theta=theta).verify().ok
+    assert found.bound is not None
+    forged = replace(found.bound, lower=2 * low, upper=2 * low, value=2 * found.bound.value)
+    assert not replace(found, scale=(2 * low, 2 * low), bound=forged).verify().ok
+
+
+def test_what_is_proved_of_a_share_is_rounded_down() -> None:
+    for share, limit in np.random.default_rng(0).uniform(0.1, 1.0, (200, 2)):
+        proof = SimpleNamespace(certificate=SimpleNamespace(bound=float(share)))
+        exact = Fraction(float(share)) * Fraction(float(limit))
+        assert Fraction(proved_factor(proof, float(limit))) <= exact  # type: ignore[arg-type]
+    beyond = SimpleNamespace(certificate=SimpleNamespace(bound=7.0))
+    assert proved_factor(beyond, 0.5) <= 0.5  # type: ignore[arg-type]
+    assert proved_factor(SimpleNamespace(certificate=None), 0.5) == 0.0  # type: ignore[arg-type]
+
+
+def test_scaled_bounds_are_no_smaller_than_their_products() -> None:
+    bounds = tuple(np.random.default_rng(k).uniform(0.0, 1.0, (50, 1)) for k in range(3))
+    factor = 0.7
+    found = scaled_noise(bounds, factor)
+    for given, scaled in zip(bounds, (found.output, found.input, found.equation), strict=True):
+        for one, other in zip(given.ravel(), np.ravel(scaled), strict=True):  # type: ignore[arg-type]
+            assert Fraction(float(other)) >= Fraction(float(one)) * Fraction(factor)
+
+
+@pytest.fixture(scope="module")
+def bracket() -> setid.Consistency:
+    """A factor that the engine has enclosed, of a short record with output noise."""
+    data = setid.IOData([4, -3, 2, 1, 2, -1.5], [0, -6.25, 1.175, 2.0875, 1.0, 4.0])
+    box = setid.Box({"a1": (-0.5, -0.499), "b0": (2.0, 2.001)})
+    return setid.consistency(data, FIRST, setid.Noise(output=0.5), [box], options=QUICK)
+
+
+def test_lies_about_enclosed_factors_are_refused(bracket: setid.Consistency) -> None:
+    low, high = bracket.scale
+    assert bracket.verify().ok and bracket.result is not None and bracket.theta is not None
+    assert not replace(bracket, scale=(1.001 * high, 2 * high)).verify().ok
+    assert not replace(bracket, scale=(low, 0.999 * low)).verify().ok
+    assert not replace(bracket, theta=bracket.theta + 1e-6, witness=None).verify().ok
+    proof = bracket.result.certificate
+    assert proof is not None
+    better = replace(bracket.result, certificate=replace(proof, bound=1.0))
+    assert not replace(bracket, result=better, scale=(bracket.limit * 0.99, inf)).verify().ok
+    bare = replace(bracket, result=None, refuted=None, witness=None)
+    assert replace(bare, scale=(0.0, inf)).verify().ok
+    assert not replace(bare, scale=(low, inf)).verify().ok
+    assert not replace(bare, scale=(0.0, high)).verify().ok
+    nothing = SimpleNamespace(empty=True, verify=lambda *_: False)
+    claim = replace(bare, scale=(2 * high, inf), refuted=(2 * high, nothing))  # type: ignore[arg-type]
+    assert not claim.verify().ok
+    claim = replace(bracket, scale=(low, inf), box=nothing)  # type: ignore[arg-type]
+    assert not claim.verify().ok
+
+
+def test_the_factor_multiplies_every_bound() -> None:
+    """Noise of 1 and errors of a half: at s = 1/4 unknowns and rows have a quarter of it."""
+    data = setid.IOData([4.0, -3.0, 2.0], [1.0, -6.25, 1.175])
+    noise = setid.Noise(output=1.0, equation=0.5)
+    known = setid.formulate(data, FIRST, noise)
+    problem, layout = problem_with_factor(known, None), known.layout
+    assert problem.lower[-1] == 0.0 and problem.upper[-1] == 1.0
+    assert problem.objective(np.append(np.zeros(known.problem.dimension), 0.25)) == 0.25
+    eta = layout.group("eta")
+    eta = eta[eta >= 0]
+    count = known.problem.dimension
+    base = np.zeros(count + 1)
+    base[:2] = -0.5, 2.0
+    rows = {i for i, origin in enumerate(known.rows.origin) if origin == "model"}
+    for number in eta:
+        for sign in (1.0, -1.0):
+            for size, good in ((0.25, True), (0.2500001, False)):
+                x = base.copy()
+                x[-1], x[number] = 0.25, sign * size
+                values = problem.rows.values(x)[len(known.problem.constraints) :]
+                assert (values.min() >= 0.0) == good
+    x = base.copy()
+    one, quarter = base.copy(), base.copy()
+    one[-1], quarter[-1] = 1.0, 0.25
+    for row in rows:
+        full = problem.constraints[row].polynomial
+        assert full(one) - full(quarter) == pytest.approx(0.375, rel=1e-12)
+        assert full(one) == pytest.approx(known.problem.constraints[row].polynomial(x[:-1]))
