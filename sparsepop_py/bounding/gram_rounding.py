@@ -92,14 +92,14 @@ def interior_grams(
         for share in BOUNDING.interior_steps:
             z = sharp + share * (solution.z - sharp)
             basis, first, second, value = _entries(sparse, rows * z)
-            digits = 2.0**BOUNDING.interior_bits
-            yield ExactGram(basis, first, second, np.round(value * digits) / digits)
+            for bits in BOUNDING.interior_bits:
+                yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
 def _normed(
     objective: Polynomial, sparse: Relaxation, trace: float
 ) -> tuple[ConicProgram, NDArray[np.float64]]:
-    """Scale the program by the coefficients of squares; return it with the weights of its rows."""
+    """Scale the program by coefficients of squares; return it and its rows' weights."""
     program = assemble(sparse, objective)
     rows = _row_weights(objective, sparse)
     matrix = sps.csc_array(sps.diags_array(rows) @ program.A)

@@ -67,7 +67,9 @@ class LinearCoordinates:
                     place = number[m], number[k]
                     if place[0] <= place[1]:
                         sums[place] = sums.get(place, Fraction(0)) + value * left * right
-        pairs = sorted(sums, key=lambda pair: pair[0] != pair[1])
+        # the first entry of a monomial takes what rounding leaves: none of a row of high degree
+        degree = [sum(name) for name in names]
+        pairs = sorted(sums, key=lambda p: (p[0] != p[1], max(degree[p[0]], degree[p[1]])))
         width = max(1, max(map(sum, names)))
         basis = [[0] * (width - i - j) + [1] * i + [2] * j for i, j in names]
         return ExactGram(

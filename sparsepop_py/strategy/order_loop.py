@@ -156,7 +156,7 @@ def _by_relaxations(
 
 
 def _without_box(state: SearchState) -> SearchState:
-    """Bound the objective by arguments that need no box, where a gap is left on one.
+    """Bound the objective without a box, where a gap is left on one.
 
     Such are rational multipliers of convex quadratic problems, and Gram matrices of objectives that
     may be sums of squares. They know none of the sizes that wide bounds give to powers.

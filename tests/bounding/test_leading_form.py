@@ -88,3 +88,14 @@ def test_squares_on_a_wide_box(effort):
 )
 def test_highest_powers_tell_what_is_no_sum_of_squares(text, may):
     assert may_be_squares(sp.parse(f"min {text}").objective) is may
+
+
+def test_coefficients_of_lower_degree_may_be_rounded():
+    """With z = 4 x + y: z^4 + x^2 + y^2 + 0.1 x y is 0 at 0; 0.7 more of x moves it below."""
+    x, y = sp.variables(2)
+    problem = sp.Problem((4 * x + y) ** 4 + x**2 + y**2 + 0.1 * x * y + 0.7 * x)
+    result = sp.solve(problem)
+    grid = np.array(list(product(np.linspace(-0.5, 0.5, 201), repeat=2)))
+    assert result.status == "OPTIMAL"
+    assert result.lower_bound <= problem.objective(grid).min() <= result.upper_bound + 1e-3
+    assert result.certificate.verify(problem).ok
