@@ -4,8 +4,8 @@ One hidden layer of ReLU or leaky ReLU (slope leak below 0) is positively homoge
 output weights can be normalised to s_j = +-1. With a = a+ - a-, a+, a- >= 0 and a+ a- = 0 the
 output is sum_j s_j (a+_j - leak a-_j) + c, linear, and the least equation error D is a linear
 program but for the complementarity a+ a- = 0. A node fixes some pairs (a+ = 0 or a- = 0) and drops
-the others; row u- a+ + u+ a- <= u+ u-, with a+ <= u+ and a- <= u-, is valid for all of them. The goal is
-D, or one weight with a sign, below a largest D.
+the others; row u- a+ + u+ a- <= u+ u-, with a+ <= u+ and a- <= u-, is valid for all of them. The
+goal is D, or one weight with a sign, below a largest D.
 
 Every variable is boxed, so multipliers y of the rows r_l <= A x <= r_u prove
 
