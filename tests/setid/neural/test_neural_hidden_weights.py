@@ -81,7 +81,9 @@ def test_forged_intervals_are_found() -> None:
     assert found.verify()
     kept, gone = found.choices
     assert gone.empty
+    corner = np.vstack([kept.members, kept.members.max(axis=0)])  # the intervals stay the same
     forged = [
+        replace(found, choices=(replace(kept, members=corner), gone)),
         replace(found, choices=(kept,)),
         replace(found, choices=(gone, kept)),
         replace(found, choices=(replace(kept, steps=kept.steps[1:]), gone)),
