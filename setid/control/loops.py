@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from math import asin, inf, pi
 
@@ -13,13 +13,15 @@ from scipy.signal import lfilter
 from setid.control.certificates.arcs import Family, ratio_on_arcs
 from setid.control.certificates.certificate import StabilityCertificate
 from setid.control.certificates.small_gain import lags_of
-from setid.control.engine import SetidError, frozen, natural
+from setid.control.certificates.stored import plants_of
+from setid.control.engine import SetidError, Verification, frozen, natural
 from setid.control.parameters.parameter_set import ParameterSet
 
 __all__ = ["LoopMargins", "LoopStep", "loop_margins", "loop_step"]
 
 Reals = NDArray[np.float64]
 _EPS = 2.0**-52
+_ROOM = 1.0 + 1e-9  # so that bounds that are proved again elsewhere stay within
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +36,26 @@ class LoopMargins:
         The loop stays stable when its gain is multiplied by any factor between these.
     phase : float
         And when its phase is turned by less than this, in rad.
+    certificate : StabilityCertificate
+        What they are about.
     """
 
     sensitivity: float
     gain: tuple[float, float]
     phase: float
+    certificate: StabilityCertificate = field(repr=False, compare=False)
+
+    def verify(self) -> Verification:
+        """Verify the certificate, and prove the margins again from its record."""
+        verdict = _certified(self.certificate)
+        if not verdict:
+            return verdict
+        again = loop_margins(self.certificate)
+        low, high = again.gain
+        inside = low <= self.gain[0] <= 1.0 <= self.gain[1] <= high and self.phase <= again.phase
+        if not (inside and self.sensitivity >= again.sensitivity):
+            return Verification(False, "a margin is larger than what is proved")
+        return Verification(True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,26 +66,46 @@ class LoopStep:
     ----------
     time, nominal, low, high : (N,) float
         ``low`` and ``high`` are proved; infinite where nothing is.
+    certificate : StabilityCertificate
+        What they are about.
     """
 
     time: Reals
     nominal: Reals
     low: Reals
     high: Reals
+    certificate: StabilityCertificate
+
+    def verify(self) -> Verification:
+        """Verify the certificate, and prove the band again from its record."""
+        verdict = _certified(self.certificate)
+        if not verdict:
+            return verdict
+        again = loop_step(self.certificate, max(self.low.size, 1))
+        same = self.low.shape == self.high.shape == again.low.shape
+        if not same or np.any(self.low > again.low) or np.any(self.high < again.high):
+            return Verification(False, "the band is narrower than what is proved")
+        return Verification(True)
+
+
+def _certified(certificate: StabilityCertificate) -> Verification:
+    if certificate.verdict != "certified":
+        return Verification(False, "the certificate is not certified")
+    return certificate.verify()
 
 
 def _families(certificate: StabilityCertificate) -> tuple[ParameterSet, Family, Family, Family]:
     """The set of plants, and D_K A, N_K B and their sum."""
     if not isinstance(certificate, StabilityCertificate) or certificate.verdict != "certified":
         raise SetidError("certificate: expected one with the verdict 'certified'")
-    assert certificate.parameters is not None
+    found = plants_of(certificate)
     na, lags, k = certificate.model.na[0][0], lags_of(certificate.model), certificate.controller
     none = [Fraction(0)]
     whole = Family.of_products(k.denominator, k.numerator, na, lags)
     size = whole.constants.size
     first = Family.of_products(k.denominator, none, na, lags).padded(size)
     second = Family.of_products(none, k.numerator, na, lags).padded(size)
-    return certificate.parameters, first, second, whole
+    return found, first, second, whole
 
 
 def loop_margins(certificate: StabilityCertificate) -> LoopMargins:
@@ -104,10 +141,10 @@ def loop_margins(certificate: StabilityCertificate) -> LoopMargins:
     arcs = ratio_on_arcs(found, first, whole, theta, 1.05 * nominal)
     top = max(bound for *_, bound in arcs)
     if not top < inf:
-        return LoopMargins(inf, (1.0, 1.0), 0.0)
-    top = max(top, 1.0 + 1e-9)
+        return LoopMargins(inf, (1.0, 1.0), 0.0, certificate)
+    top = max(top * _ROOM, _ROOM)
     gain = (top / (top + 1.0) * (1 + 1e-12), top / (top - 1.0) * (1 - 1e-9))
-    return LoopMargins(top, gain, 2.0 * asin(0.5 / top) * (1.0 - 1e-12))
+    return LoopMargins(top, gain, 2.0 * asin(0.5 / top) * (1.0 - 1e-12), certificate)
 
 
 def loop_step(certificate: StabilityCertificate, samples: int = 50) -> LoopStep:
@@ -174,4 +211,6 @@ def loop_step(certificate: StabilityCertificate, samples: int = 50) -> LoopStep:
     time = np.arange(count) * certificate.controller.Ts
     below, above = nominal + low - rest, nominal + high + rest
     edge = 8 * _EPS * (np.abs(nominal) + np.abs(below) + np.abs(above))
-    return LoopStep(frozen(time), frozen(nominal), frozen(below - edge), frozen(above + edge))
+    edge += (_ROOM - 1.0) * (above - below)
+    ends = frozen(below - edge), frozen(above + edge)
+    return LoopStep(frozen(time), frozen(nominal), *ends, certificate)

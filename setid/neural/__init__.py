@@ -12,6 +12,7 @@ from setid.neural.simulations.output_error import OutputError, output_error
 from setid.neural.simulations.simulation import SimulationBand, simulate_band
 from setid.neural.status import Status
 from setid.neural.training.envelope import Envelope, envelope
+from setid.neural.training.hidden_weights import HiddenWeights, SignChoice, hidden_weights
 from setid.neural.training.train import Trained, initial, train
 from setid.neural.training.train_proved import ProvedTraining, train_proved
 
@@ -23,12 +24,14 @@ __all__ = [
     "Elman",
     "Envelope",
     "EquationError",
+    "HiddenWeights",
     "LastLayer",
     "Network",
     "NetworkSelection",
     "NeuralStateSpace",
     "OutputError",
     "ProvedTraining",
+    "SignChoice",
     "SimulationBand",
     "Stability",
     "Status",
@@ -40,6 +43,7 @@ __all__ = [
     "from_jax_sysid",
     "from_onnx",
     "from_torch",
+    "hidden_weights",
     "initial",
     "last_layer",
     "output_error",

@@ -139,6 +139,8 @@ class StabilityCertificate:
     def summary(self) -> str:
         """Verdict, conditions, assumptions and advice as text."""
         lines = [f"{self.verdict}: {self.reason}"]
+        if self.plant is not None:
+            lines.append(f"  consistent plant with an unstable loop: {self.plant!r}")
         lines += [f"  condition {c}" for c in self.conditions]
         lines += [f"  assumed: {text}" for text in self.assumptions]
         lines += [f"  would help: {text}" for text in self.help]

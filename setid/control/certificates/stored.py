@@ -29,7 +29,7 @@ from setid.control.engine import to_json as write_identification
 from setid.control.parameters.parameter_set import ParameterSet, priors_of
 from setid.control.transfer import Transfer
 
-__all__ = ["from_json", "to_json", "verify"]
+__all__ = ["from_json", "plants_of", "to_json", "verify"]
 
 _HEAD = {"format": "setid", "version": 1, "is": "stability certificate"}
 _PARTS: tuple[str, ...] = (
@@ -65,7 +65,14 @@ def verify(answer: StabilityCertificate) -> Verification:
         if claims_bound or answer.plant is not None:
             return Verification(False, "an open verdict claims a bound below 1 or a plant")
         return Verification(True)
-    question = Question(
+    question = _question(answer)
+    if answer.verdict == "refuted":
+        return _refuted(answer)
+    return _certified(answer, question)
+
+
+def _question(answer: StabilityCertificate) -> Question:
+    return Question(
         answer.data,
         answer.noise,
         answer.model,
@@ -75,9 +82,28 @@ def verify(answer: StabilityCertificate) -> Verification:
         answer.integrators,
         answer.method,
     )
-    if answer.verdict == "refuted":
-        return _refuted(answer)
-    return _certified(answer, question)
+
+
+def plants_of(answer: StabilityCertificate) -> ParameterSet:
+    """Enclose all consistent plants of a certificate again from its record, without a clock.
+
+    Parameters
+    ----------
+    answer : StabilityCertificate
+        Certified.
+
+    Raises
+    ------
+    SetidError
+        If the record gives no finite set of plants.
+    """
+    question = _question(answer)
+    found = question.known()
+    if found is None or found.empty:
+        raise SetidError("certificate: found no finite set of plants, expected one")
+    if answer.identification is None:
+        return found
+    return question.narrowed(found, answer.identification)
 
 
 def _refuted(answer: StabilityCertificate) -> Verification:

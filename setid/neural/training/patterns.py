@@ -4,7 +4,8 @@ One hidden layer of ReLU or leaky ReLU (slope leak below 0) is positively homoge
 output weights can be normalised to s_j = +-1. With a = a+ - a-, a+, a- >= 0 and a+ a- = 0 the
 output is sum_j s_j (a+_j - leak a-_j) + c, linear, and the least equation error D is a linear
 program but for the complementarity a+ a- = 0. A node fixes some pairs (a+ = 0 or a- = 0) and drops
-the others; row u- a+ + u+ a- <= u+ u-, with a+ <= u+ and a- <= u-, is valid for all of them.
+the others; row u- a+ + u+ a- <= u+ u-, with a+ <= u+ and a- <= u-, is valid for all of them. The
+goal is D, or one weight with a sign, below a largest D.
 
 Every variable is boxed, so multipliers y of the rows r_l <= A x <= r_u prove
 
@@ -32,9 +33,10 @@ from numpy.typing import NDArray
 
 from setid.neural.arithmetic import Interval, LinearModel, down, matmul, up
 
-__all__ = ["PatternNode", "PatternSearch", "Patterns", "prove_tree"]
+__all__ = ["Goal", "PatternNode", "PatternSearch", "Patterns", "prove_tree"]
 
 Reals = NDArray[np.float64]
+Goal = tuple[int, float]  # column, and +1 to bound it from below, -1 from above
 _ROOM = 1e-9
 
 
@@ -74,7 +76,9 @@ class Patterns:
     free: bool
 
     @staticmethod
-    def of(phi: Reals, y: Reals, signs: Reals, leak: float, reach: float, cap: float) -> Patterns:
+    def of(
+        phi: Reals, y: Reals, signs: Reals, leak: float, box: tuple[Reals, Reals], cap: float
+    ) -> Patterns:
         """Build the program.
 
         Parameters
@@ -85,16 +89,15 @@ class Patterns:
             Output weights, +1 or -1, in descending order.
         leak : float
             Slope for negative arguments; 1 makes the network linear.
-        reach : float
-            Bound of all hidden weights and biases and of the output bias.
+        box : ((k d + k + 1,) float, (k d + k + 1,) float)
+            Least and largest weights of each neuron, biases and output bias, finite.
         cap : float
             Bound of D from a network that is known.
         """
         count, d = phi.shape
         k = signs.size
         size = k * d + k + 2
-        most = up(up(np.abs(phi).sum(axis=1) * (1.0 + (d + 4) * 2.0**-52)) * reach)
-        most = np.repeat(up(most + reach), k)  # abs(a) of each pair, pair = t k + j
+        plus, minus = _reached(phi, box, k)
         pairs = count * k
         eye = sps.identity(pairs, format="csr")
         own = sps.csr_array(np.hstack([
@@ -110,17 +113,17 @@ class Patterns:
         level[:, -1] = 1.0
         output = sps.hstack([sps.csr_array(offset + level), add, -leak * add])
         below = sps.hstack([sps.csr_array(offset - level), add, -leak * add])
-        triangle = sps.hstack([sps.csr_array((pairs, size)), sps.diags(most), sps.diags(most)])
+        triangle = sps.hstack([sps.csr_array((pairs, size)), sps.diags(minus), sps.diags(plus)])
         order = _ordering(signs, d, size + 2 * pairs)
         matrix = sps.csr_array(sps.vstack([arguments, output, below, triangle, order]))
         zero, free = np.zeros(pairs), np.inf
         low = np.concatenate([zero, y, np.full(count, -free), np.full(pairs, -free),
                               np.zeros(order.shape[0])])  # fmt: skip
-        high = np.concatenate([zero, np.full(count, free), y, up(most * most),
+        high = np.concatenate([zero, np.full(count, free), y, up(plus * minus),
                                np.full(order.shape[0], free)])  # fmt: skip
         columns = (
-            np.concatenate([np.full(size - 1, -reach), np.zeros(1 + 2 * pairs)]),
-            np.concatenate([np.full(size - 1, reach), [cap], most, most]),
+            np.concatenate([box[0], np.zeros(1 + 2 * pairs)]),
+            np.concatenate([box[1], [cap], plus, minus]),
         )
         return Patterns(matrix, (low, high), columns, size, pairs, leak == 1.0)
 
@@ -131,10 +134,23 @@ class Patterns:
         high[self.weights + self.pairs :][fixed == 1] = 0.0
         return self.columns[0], high
 
-    def prove(self, dual: Reals, fixed: NDArray[np.int8], infeasible: bool) -> float:
-        """Lower bound of D over a node; infinite where the multipliers prove it empty."""
+    @property
+    def level(self) -> Goal:
+        """The goal of least D."""
+        return self.weights - 1, 1.0
+
+    def floor(self, goal: Goal) -> float:
+        """Lower bound of a goal that its column's range gives."""
+        entry, side = goal
+        return float(self.columns[0][entry] if side > 0 else -self.columns[1][entry])
+
+    def prove(
+        self, dual: Reals, fixed: NDArray[np.int8], infeasible: bool, goal: Goal | None = None
+    ) -> float:
+        """Lower bound of a goal over a node; infinite where the multipliers prove it empty."""
+        entry, side = goal = goal or self.level
         if dual.shape != self.rows[0].shape or not np.all(np.isfinite(dual)):
-            return 0.0
+            return self.floor(goal)
         y = np.where((dual > 0) & np.isinf(self.rows[0]), 0.0, dual)
         y = np.where((y < 0) & np.isinf(self.rows[1]), 0.0, y)
         used = np.flatnonzero(y)
@@ -142,7 +158,7 @@ class Patterns:
         gain = matmul(Interval.point(y[None, used]), Interval.point(ends[:, None]))
         cost = np.zeros((1, self.matrix.shape[1]))
         if not infeasible:
-            cost[0, self.weights - 1] = 1.0
+            cost[0, entry] = side
         part = Interval.point(self.matrix[used].toarray())
         reduced = Interval.point(cost) - matmul(Interval.point(y[None, used]), part)
         low, high = self.decided(fixed)
@@ -150,8 +166,16 @@ class Patterns:
         size = np.abs(terms).sum() * (terms.size + 4.0) * 2.0**-52
         value = float(down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(size))))
         if infeasible:
-            return np.inf if value > 0 else 0.0
-        return max(value, 0.0)
+            return np.inf if value > 0 else self.floor(goal)
+        return max(value, self.floor(goal))
+
+
+def _reached(phi: Reals, box: tuple[Reals, Reals], k: int) -> tuple[Reals, Reals]:
+    """Largest a+ and a- of each pair (pair = t k + j) over the box of weights, rounded up."""
+    low, high = (np.asarray(end[: k * phi.shape[1]]).reshape(k, -1).T for end in box)
+    bias = slice(k * phi.shape[1], k * phi.shape[1] + k)
+    a = matmul(Interval.point(phi), Interval(low, high)) + Interval(box[0][bias], box[1][bias])
+    return np.maximum(a.hi, 0.0).ravel(), np.maximum(-a.lo, 0.0).ravel()
 
 
 def _ordering(signs: Reals, d: int, width: int) -> sps.csr_array:
@@ -165,28 +189,31 @@ def _ordering(signs: Reals, d: int, width: int) -> sps.csr_array:
     return sps.csr_array(np.array(rows).reshape(len(rows), width))
 
 
-def prove_tree(program: Patterns, node: PatternNode, fixed: NDArray[np.int8]) -> float:
-    """Lower bound of D that the leaves of a tree prove together."""
+def prove_tree(
+    program: Patterns, node: PatternNode, fixed: NDArray[np.int8], goal: Goal | None = None
+) -> float:
+    """Lower bound of a goal (D where left out) that the leaves of a tree prove together."""
     if node.split < 0:
-        return program.prove(node.dual, fixed, node.infeasible)
+        return program.prove(node.dual, fixed, node.infeasible, goal)
     if len(node.children) != 2 or node.split >= program.pairs:
-        return 0.0
+        return program.floor(goal or program.level)
     found = np.inf
     for child, value in zip(node.children, (1, -1), strict=True):
         below = fixed.copy()
         below[node.split] = value
-        found = min(found, prove_tree(program, child, below))
+        found = min(found, prove_tree(program, child, below, goal))
     return found
 
 
 class PatternSearch:
     """Best-first branch and bound over the patterns of one program."""
 
-    def __init__(self, program: Patterns) -> None:
+    def __init__(self, program: Patterns, goal: Goal | None = None) -> None:
         self.program = program
+        self.goal = goal or program.level
         self.model = LinearModel(program.matrix, program.rows, program.columns)
         self.cost = np.zeros(program.matrix.shape[1])
-        self.cost[program.weights - 1] = 1.0
+        self.cost[self.goal[0]] = self.goal[1]
         self.known: list[tuple[NDArray[np.int8], Reals, bool, int, Reals | None]] = []
         self.children: dict[int, tuple[int, int, int]] = {}
         self.queue: list[tuple[float, int]] = []
@@ -198,7 +225,7 @@ class PatternSearch:
         self.model.bound(np.arange(low.size), low, high)
         found = self.model.solve(self.cost)
         infeasible = found.status == "infeasible"
-        value = program.prove(found.dual, fixed, infeasible)
+        value = program.prove(found.dual, fixed, infeasible, self.goal)
         split = -1
         x = found.x if found.status == "solved" else None
         if x is not None and not program.free:
@@ -211,9 +238,10 @@ class PatternSearch:
         self.known.append((fixed, found.dual, infeasible, split, point))
         heapq.heappush(self.queue, (value, number))
 
-    def propose(self, fixed: NDArray[np.int8]) -> Reals | None:
-        """Solve the program of one pattern, without keeping it."""
+    def propose(self, fixed: NDArray[np.int8], room: float = 0.0) -> Reals | None:
+        """Solve the program of one pattern, without keeping it, D a fraction below the cap."""
         low, high = self.program.decided(fixed)
+        high[self.program.weights - 1] *= 1.0 - room
         self.model.bound(np.arange(low.size), low, high)
         found = self.model.solve(self.cost)
         return found.x if found.status == "solved" else None

@@ -204,10 +204,9 @@ def _reaches(weights: float, y: Reals) -> float:
 
 def _program(network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float,
              cap: float) -> Patterns:  # fmt: skip
-    found = Patterns.of(phi, y, np.array(signs), _leak(network), weights, cap)
-    low, high = (np.array(end) for end in found.columns)
-    low[found.weights - 2], high[found.weights - 2] = -_reaches(weights, y), _reaches(weights, y)
-    return Patterns(found.matrix, found.rows, (low, high), found.weights, found.pairs, found.free)
+    high = np.full(len(signs) * (phi.shape[1] + 1) + 1, weights)
+    high[-1] = _reaches(weights, y)
+    return Patterns.of(phi, y, np.array(signs), _leak(network), (-high, high), cap)
 
 
 def _by_patterns(

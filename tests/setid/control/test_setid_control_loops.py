@@ -1,0 +1,51 @@
+"""Margins and steps of certified loops: verified again, and forged ones found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import setid
+from setid import control
+
+P, M = control.Transfer([0, 1], [1, -0.5]), control.Transfer([0, 0.4], [1, -0.6])
+K = control.ideal_controller(P, M)
+
+
+@pytest.fixture(scope="module")
+def found() -> control.StabilityCertificate:
+    rng = np.random.default_rng(0)
+    r = rng.uniform(-1, 1, 60)
+    data = setid.IOData(r, P.simulate(r) + rng.uniform(-0.01, 0.01, 60))
+    return control.stability_certificate(data, K, M, 1, 0.01, delay=1)
+
+
+def test_margins_follow_from_the_sensitivity(found: control.StabilityCertificate) -> None:
+    margins = control.loop_margins(found)
+    m = margins.sensitivity  # the true one is max abs(1 - M) = 2 / 1.6, at z = -1
+    assert 1.25 <= m < 1.4
+    assert margins.gain == pytest.approx((m / (m + 1), m / (m - 1)), rel=1e-6)
+    assert margins.phase == pytest.approx(2 * np.arcsin(0.5 / m), rel=1e-6)
+    assert margins.verify()
+    assert not replace(margins, sensitivity=0.9 * m).verify()
+    assert not replace(margins, gain=(margins.gain[0], 1.1 * margins.gain[1])).verify()
+    assert not replace(margins, gain=(0.9 * margins.gain[0], margins.gain[1])).verify()
+    assert not replace(margins, phase=1.1 * margins.phase).verify()
+
+
+def test_bands_of_steps_are_verified(found: control.StabilityCertificate) -> None:
+    step = control.loop_step(found, 20)
+    truth = 1 - 0.6 ** np.arange(20)
+    assert np.all(step.low <= truth) and np.all(truth <= step.high)
+    assert step.verify()
+    part = 0.3 * (step.high - step.low)
+    assert not replace(step, low=step.low + part).verify()
+    assert not replace(step, high=step.high - part).verify()
+
+
+def test_a_certificate_that_was_read_has_margins(found: control.StabilityCertificate) -> None:
+    again = control.StabilityCertificate.from_json(found.to_json())
+    assert control.loop_margins(again).sensitivity < 1.4
+    assert control.loop_step(again, 5).low.size == 5
