@@ -2,6 +2,7 @@
 # make test         format, lint, types, import contracts, fast tests, doctests and examples
 # make test-fast    what most changes break, in less than a minute
 # make test-lowest  the same on the lowest versions that pyproject.toml allows
+# make test-newest  the same on the newest Python found, with the newest versions of all packages
 # make test-slow    the tests marked slow
 # make mutants      the fast tests of each room against deliberate faults in the trusted code
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
@@ -13,6 +14,9 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 LOWEST := .venv-lowest
+NEWEST := .venv-newest
+# The first that starts: pyenv leaves commands that do not.
+NEWER := $(shell for v in 14 13 12; do python3.$$v -c '' 2>/dev/null && echo python3.$$v && break; done)
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 
@@ -21,7 +25,7 @@ FAST := tests/algebra tests/verified/arithmetic tests/verified/certificate tests
         tests/problem tests/lp tests/io/test_exchange_files.py tests/io/test_gams.py \
         tests/test_api.py tests/test_solve.py tests/test_cli.py
 
-.PHONY: demo test test-fast test-lowest test-slow mutants test-octave bench-env docs gallery clean
+.PHONY: demo test test-fast test-lowest test-newest test-slow mutants test-octave bench-env docs gallery clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -38,6 +42,11 @@ test-fast: $(VENV)/.with-dev
 
 test-lowest: $(LOWEST)/.ready
 	OMP_NUM_THREADS=1 $(LOWEST)/bin/python -m pytest -n 2 --dist loadfile -q $(FAST)
+
+test-newest:
+	@test -n "$(NEWER)" || echo "no Python newer than 3.11 was found: nothing to do"
+	@test -z "$(NEWER)" || $(MAKE) --no-print-directory $(NEWEST)/.ready
+	@test -z "$(NEWER)" || OMP_NUM_THREADS=1 $(NEWEST)/bin/python -m pytest -n 2 --dist loadfile -q $(FAST)
 
 test-slow: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m slow
@@ -74,6 +83,12 @@ $(LOWEST)/.ready: pyproject.toml tests/lowest.txt
 	  -c tests/lowest.txt --editable '.[plot,cvxpy,sympy]' pytest pytest-xdist hypothesis python-flint
 	@touch $@
 
+$(NEWEST)/.ready: pyproject.toml
+	"$(NEWER)" -m venv $(NEWEST)
+	$(NEWEST)/bin/python -m pip --disable-pip-version-check install --quiet \
+	  --editable '.[plot,cvxpy,sympy]' pytest pytest-xdist hypothesis python-flint
+	@touch $@
+
 clean:
-	rm -rf $(VENV) $(LOWEST) .cache build dist site demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
+	rm -rf $(VENV) $(LOWEST) $(NEWEST) .cache build dist site demo_output *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .mutants
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -11,7 +11,8 @@ from .exact_dual import ExactDual
 from .gram import ExactGram
 from .identity import Identity, LinearDual, Row
 from .interval import Interval
-from .polynomial import INF, Polynomial, Word, dyadic
+from .left_inverse import contracts
+from .polynomial import INF, Polynomial, Word
 from .propagation import Box, Rows
 from .propagation import Row as BoxRow
 from .reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
@@ -96,6 +97,25 @@ class Replay:
         good = scaling.holds([(iv.exact(low), iv.exact(high)) for low, high in box.ends])
         self.notes += [] if good else [f"{what} is about a smaller box"]
         return bool(good)
+
+    def bounds(
+        self, argument: Any, box: Box, cutoff: Fraction | None, asked: list[Polynomial], what: str
+    ) -> list[Any]:
+        """What an argument proves of objectives on a box, -INF where that is nothing."""
+        if isinstance(argument, ExactGram):
+            return [argument.prove(objective) for objective in asked]
+        exact = isinstance(argument, ExactDual)
+        if not self.fits(argument if exact else argument.scaling, box, what):
+            return [-INF] * len(asked)
+        system = self.system(cutoff)
+        if exact:
+            return [argument.prove(system, objective) for objective in asked]
+        if isinstance(argument, LinearDual):
+            return argument.prove(system, asked)
+        constraints = self.problem.constraints
+        proved = [argument.prove(system, constraints, objective) for objective in asked]
+        self.notes += [one.reason for one in proved if one.reason]
+        return [one.bound for one in proved]
 
 
 def constant(value: Fraction) -> Polynomial:
@@ -208,7 +228,7 @@ class LeftInverse(Step):
         got = self.given
         below(got.rows, len(replay.problem.constraints), f"{got.where}.rows")
         table = self._table(replay.problem, box)
-        if table is None or not self._holds(table):
+        if table is None or not contracts(got.inverse, table, got.centre, got.radius):
             replay.notes.append("a left inverse gives no box")
             return
         for v, middle, reach in zip(got.variables, got.centre, got.radius, strict=True):
@@ -232,38 +252,6 @@ class LeftInverse(Step):
                 return None
             found.append(ranges)
         return found
-
-    def _holds(self, table: list[list[Interval]]) -> bool:
-        """Whether G v + d < v, with G = |I - M C| and d = |M (r + C centre)|, v = radius."""
-        got = self.given
-        centre, exp = dyadic(got.centre)
-        p, one = len(centre), iv.scaled(1, 0)[0]
-        offset = [_dot([*centre, 1 << -exp], row) for row in table]  # (r + C centre) * 2**-exp
-        for i, radius in enumerate(got.radius):
-            weights, below_ = dyadic(got.inverse[i])
-            unit = one << -below_
-            reached = Fraction(_size(_dot(weights, offset)), unit << -exp)
-            for j in range(p):
-                low, high = _dot(weights, [row[j] for row in table])
-                own = unit if i == j else 0
-                size = _size((own - high, own - low))
-                reached += Fraction(size, unit) * Fraction(got.radius[j])
-            if not reached < Fraction(radius):
-                return False
-        return True
-
-
-def _dot(weights: list[int], column: list[Interval]) -> Interval:
-    """The sum of whole numbers times intervals, exactly."""
-    pairs = [
-        (c * low, c * high) if c >= 0 else (c * high, c * low)
-        for c, (low, high) in zip(weights, column, strict=True)
-    ]
-    return sum(pair[0] for pair in pairs), sum(pair[1] for pair in pairs)
-
-
-def _size(x: Interval) -> Any:
-    return max(abs(x[0]), abs(x[1]))
 
 
 class Tightening(Step):
@@ -289,17 +277,9 @@ class Tightening(Step):
     def apply(self, replay: Replay, box: Box) -> None:
         """See the class."""
         got = self.given
-        exact = isinstance(got.argument, ExactDual)
-        if not replay.fits(got.argument if exact else got.argument.scaling, box, "a tightening"):
-            return
-        system = replay.system(replay.cutoff if self.uses_cutoff else None)
+        cutoff = replay.cutoff if self.uses_cutoff else None
         asked = [Polynomial({(v + 1,): s}) for v, s in zip(got.variable, got.side, strict=True)]
-        if isinstance(got.argument, LinearDual):
-            bounds = got.argument.prove(system, asked)
-        elif exact:
-            bounds = [got.argument.prove(system, asked[0])]
-        else:
-            bounds = [got.argument.prove(system, replay.problem.constraints, asked[0]).bound]
+        bounds = replay.bounds(got.argument, box, cutoff, asked, "a tightening")
         given = zip(got.variable, got.side, got.value, bounds, strict=True)
         for v, side, value, bound in given:
             if value not in (INF, -INF) and bound >= value:
@@ -412,21 +392,10 @@ class Certificate:
         least = iv.exact(iv.range_over(problem.objective, box.ends)[0])
         if replay.constant is not None:
             least = max(least, replay.constant)
-        objective = Polynomial() if part.empty else problem.objective
-        if isinstance(argument, ExactGram):
-            value = argument.prove(objective)
-        elif isinstance(argument, ExactDual):
-            if not replay.fits(argument, box, "the argument"):
-                return least
-            value = argument.prove(replay.system(None), objective)
-        elif argument is None or not replay.fits(argument.scaling, box, "the argument"):
+        if argument is None:
             return least
-        elif isinstance(argument, LinearDual):
-            value = argument.prove(replay.system(None), [objective])[0]
-        else:
-            proved = argument.prove(replay.system(None), problem.constraints, objective)
-            value = proved.bound
-            replay.notes += [proved.reason] if proved.reason else []
+        objective = Polynomial() if part.empty else problem.objective
+        (value,) = replay.bounds(argument, box, None, [objective], "the argument")
         if part.empty:
             value = INF if value > 0 else -INF
         return max(least, value)

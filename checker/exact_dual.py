@@ -52,7 +52,7 @@ class ExactDual:
         end = (self.lower, self.upper)[side][v]
         if end in (INF, -INF):
             raise Malformed(f"{self.place}: a multiplier of a bound that is not there")
-        slope = 1.0 if side == 0 else -1.0
+        slope = 1 if side == 0 else -1
         return Polynomial.affine(v + 1, slope, -slope * end)
 
 

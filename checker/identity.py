@@ -5,8 +5,8 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from .interval import times_end
-from .polynomial import INF, Polynomial, Substitution, Word, dyadic, powers
+from . import interval as iv
+from .polynomial import INF, Polynomial, Substitution, Word, dyadic, powers, total
 from .reading import Constraint, Malformed, alike, array, below, fields, items
 
 Range = tuple[Any, Any]  # rational ends, INF or -INF
@@ -248,16 +248,10 @@ class Identity:
         return found
 
     def _least(self) -> Any:
-        """The sum of the least values of the priced monomials over the box of t."""
-        total = Fraction(0)
-        for word, value in self.priced:
-            ends: Range = Fraction(value), Fraction(value)
-            for v, n in powers(word):
-                ends = _times(ends, _power((self.scaling.low[v], self.scaling.high[v]), n))
-            if ends[0] == -INF:
-                return -INF
-            total += ends[0]
-        return total
+        """The least value of the priced monomials over the box of t, as intervals enclose it."""
+        ends = zip(self.scaling.low, self.scaling.high, strict=True)
+        box = [(iv.below(low), iv.above(high)) for low, high in ends]
+        return iv.exact(iv.range_over(total(linear(*pair) for pair in self.priced), box)[0])
 
     def _absorb(self, left: dict[Word, Fraction], made: Generators) -> tuple[Any, str]:
         """Move monomials without a range into the floors; what moment blocks keep, or a reason."""
@@ -286,18 +280,6 @@ def _taken(left: dict[Word, Fraction], basis: list[Word], sign: Word) -> Fractio
             for row in {i, j}:
                 sums[row] += size if i == j else size / 2
     return max(sums)
-
-
-def _times(x: Range, y: Range) -> Range:
-    """The product of two intervals, exactly."""
-    ends = [times_end(a, b) for a in x for b in y]
-    return min(ends), max(ends)
-
-
-def _power(x: Range, n: int) -> Range:
-    """The range of t^n over an interval."""
-    ends = [end**n if end in (INF, -INF) else Fraction(end) ** n for end in x]
-    return (0 if n % 2 == 0 and x[0] <= 0 <= x[1] else min(ends)), max(ends)
 
 
 class LinearDual:

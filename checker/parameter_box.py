@@ -1,16 +1,40 @@
-"""The box of the parameters from rows |Y + R theta| <= w0 + W |theta| of a record."""
+"""The box of the parameters from a record: steps, each of which keeps every consistent theta.
+
+Rows one by one bound parameters (``LeftInverse``, ``SignTree``) or products of them, which bound
+the parameters in turn (``Products``); with the noise that rows share, the engine's certificates
+bound them where rows one by one do not (``Directions``).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from .polynomial import INF
-from .reading import Malformed, fields, finite, item, items, number, rational, whole
+from . import interval as iv
+from .certificate import Certificates
+from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, nothing
+from .polynomial import INF, Polynomial, Word
+from .reading import (
+    Constraint,
+    Malformed,
+    Problem,
+    alike,
+    below,
+    fields,
+    finite,
+    item,
+    items,
+    number,
+    times,
+    unit,
+    whole,
+)
 from .result import NotProved
 
-ZERO = Fraction(0)
-# Boxes whose proofs these files do not hold: setid verify checks them, this program does not.
+LARGEST = Fraction(4)  # s above this needs no proof
+SWEEPS = 3  # over the columns of products
+# Boxes whose proofs a file may leave out: setid verify checks them, this program does not.
 KINDS = {
     "ParameterBox": "from rows of a structure that is not a transfer function",
     "DirectionBox": "from bounds on the directions of the parameters",
@@ -19,187 +43,182 @@ KINDS = {
     "SimulatedBox": "from cells of the parameters and simulated outputs",
 }
 
-Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
-
 
 def proved_box(about: Any) -> tuple[Ends, list[str]]:
     """The box of an identification, and what of it is taken as given."""
-    ends = [list(side) for side in about.given]
     if about.box is None:
-        return ends, []
-    stated = [
-        [v if v in (INF, -INF) else Fraction(v) for v in (number(x, "box") for x in side)]
-        for side in (items(item(about.box, name, "box"), "box") for name in ("lower", "upper"))
-    ]
-    if any(len(side) != len(about.names) for side in stated):
-        raise Malformed("box: not two ends for each parameter")
-    steps = item(about.box, "steps", "box")
+        return [list(side) for side in about.given], []
+    stated = stated_ends(about.box, len(about.names))
+    steps, kind = (item(about.box, name, "box") for name in ("steps", "kind"))
     if steps is None or about.structure is None:
-        kind = item(about.box, "kind", "box")
         if kind not in KINDS:
             raise Malformed(f"box.kind: {kind!r:.40} is not known")
         return stated, [f"the box of the parameters, a {kind} ({KINDS[kind]})"]
-    rows = Regression(about)
+    ends = [list(side) for side in about.given]
+    rows = Regression(about, [[(v,)] for v in range(1, len(about.names) + 1)])
     for step in items(steps, "box.steps"):
-        kind = item(step, "is", "box.steps")
-        if kind not in ("LeftInverse", "SignTree"):
-            raise Malformed(f"box.steps: {kind!r:.40} is not known")
-        ends = by_inverse(step, rows, ends) if kind == "LeftInverse" else by_tree(step, rows, ends)
+        ends = applied(step, STEPS, rows, ends)
     for v, name in enumerate(about.names):
         if stated[0][v] > ends[0][v] or stated[1][v] < ends[1][v]:
             raise NotProved(f"the box of {name} does not follow")
     return stated, []
 
 
-class Regression:
-    """The rows of a record, by output (from 1) and sample (from 0)."""
-
-    def __init__(self, about: Any) -> None:
-        self.about, self.count = about, len(about.names)
-        self.places = {name: v for v, name in enumerate(about.names)}
-        self._known: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
-
-    def row(self, output: Any, k: Any) -> tuple[list[Fraction], list[Fraction]]:
-        """R and W, with Y and w0 behind them."""
-        record, structure = self.about.record, self.about.structure
-        key = whole(output, "box"), whole(k, "box")
-        if not 1 <= key[0] <= len(record.y) or not 0 <= key[1] < record.samples:
-            raise Malformed("box: a row of no output or sample")
-        if key not in self._known:
-            terms = structure.direct(output - 1)
-            centre, radius = record.regression(terms, self.places, k, structure.zero)
-            radius[-1] += record.bounds["equation"][output - 1][k]
-            self._known[key] = centre, radius
-        return self._known[key]
+def stated_ends(found: Any, count: int) -> Ends:
+    """The fields ``lower`` and ``upper`` of a box."""
+    got = fields(found, "box", 0, lower="l", upper="l")
+    alike("box.lower, box.upper", got.lower, got.upper, range(count))
+    return [[number(v, "box") for v in side] for side in (got.lower, got.upper)]
 
 
-def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """|theta - c| <= v, since |theta - c| <= d + G |theta - c| and d + G v < v.
-
-    G = |I - M R| + |M| W and d = |M| (|Y + R c| + w0 + W |c|).
-    """
-    got = fields(step, "box", 0, rows="l", inverse="l", centre="l", radius="l")
-    table = [[Fraction(finite(v, "box")) for v in items(row, "box")] for row in got.inverse]
-    c, v = ([Fraction(finite(x, "box")) for x in side] for side in (got.centre, got.radius))
-    pairs = [rows.row(*items(row, "box")) for row in got.rows]
-    p = rows.count
-    if not len(table) == len(c) == len(v) == p or any(len(row) != len(pairs) for row in table):
-        raise Malformed("box: arrays that do not belong together")
-    reach = []
-    for y, w in pairs:
-        drive = y[p] + sum((y[j] * c[j] for j in range(p)), ZERO)
-        reach.append(abs(drive) + w[p] + sum((w[j] * abs(c[j]) for j in range(p)), ZERO))
-    for i, inverse in enumerate(table):
-        total = sum((abs(m) * r for m, r in zip(inverse, reach, strict=True)), ZERO)
-        for j in range(p):
-            rest, spread = Fraction(i == j), ZERO
-            for m, (y, w) in zip(inverse, pairs, strict=True):
-                rest -= m * y[j]
-                spread += abs(m) * w[j]
-            total += (abs(rest) + spread) * v[j]
-        if not total < v[i]:
-            raise NotProved("the left inverse of the rows does not give its box")
-    low = [max(a, m - r) for a, m, r in zip(ends[0], c, v, strict=True)]
-    return [low, [min(b, m + r) for b, m, r in zip(ends[1], c, v, strict=True)]]
+def applied(step: Any, kinds: dict[str, Step], rows: Regression, ends: Ends) -> Ends:
+    """What a step leaves of a box; lower ends above upper ones where that is nothing."""
+    kind = item(step, "is", "box.steps")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise Malformed(f"box.steps: {kind!r:.40} is not known")
+    return kinds[kind](step, rows, ends)
 
 
-def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
-    """The hull of what linear programs prove on the parts that signs of parameters make."""
-    nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
-    hull: Ends = [[INF] * p, [-INF] * p]
-    stack = [(0, ends)]
-    while stack:
-        place, part = stack.pop()
-        node = fields(nodes[place], "box", 0, split="i", children="l", rows="l", bounds="l")
-        if node.split < 0:
-            found = leaf(node, rows, part)
-            if all(a <= b for a, b in zip(*found, strict=True)):
-                hull[0] = [min(a, b) for a, b in zip(hull[0], found[0], strict=True)]
-                hull[1] = [max(a, b) for a, b in zip(hull[1], found[1], strict=True)]
-            continue
-        if len(node.children) != 2 or node.split >= p:
-            raise Malformed("box: a split of no parameter, or not in two")
-        if any(not place < whole(child, "box") < len(nodes) for child in node.children):
-            raise Malformed("box: children that do not come later")
-        left, right = ([list(side) for side in part] for _ in range(2))
-        left[1][node.split] = min(left[1][node.split], ZERO)
-        right[0][node.split] = max(right[0][node.split], ZERO)
-        stack += [(node.children[0], left), (node.children[1], right)]
-    return hull
+def by_products(step: Any, rows: Regression, ends: Ends) -> Ends:
+    """Boxes of sums of products m, and what they say of each factor: m = sum of a b ..."""
+    got, p = fields(step, "box", 0, columns="l", steps="l"), rows.count
+    columns = [[word_of(m, p) for m in items(column, "box")] for column in got.columns]
+    every = [monomial for column in columns for monomial in column]
+    if len(set(every)) < len(every) or not all(columns):
+        raise Malformed("box.columns: a product that stands twice, or a column of none")
+    box = [(iv.below(a), iv.above(b)) for a, b in zip(*ends, strict=True)]
+    start = [total(column, box) for column in columns]
+    found: Ends = [[iv.exact(pair[side]) for pair in start] for side in (0, 1)]
+    lifted = Regression(rows.about, columns)
+    for inner in got.steps:
+        found = applied(inner, ONE_BY_ONE, lifted, found)
+    if nothing(found):
+        return [[INF] * p, [-INF] * p]
+    known = [(iv.below(a), iv.above(b)) for a, b in zip(*found, strict=True)]
+    for _ in range(SWEEPS):
+        for column, pair in zip(columns, known, strict=True):
+            settle(column, pair, box)
+            if any(a > b for a, b in box):
+                return [[INF] * p, [-INF] * p]
+    return [[iv.exact(pair[side]) for pair in box] for side in (0, 1)]
 
 
-def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
-    """What linear programs leave of a part; lower ends above upper ones where it is empty."""
-    p = rows.count
-    known = [given_row(row, rows, part) for row in node.rows]
-    for sign, ends in ((1, part[0]), (-1, part[1])):  # sign * theta_i >= its end
-        for i in range(p):
-            known.append([*(Fraction(sign * (i == j)) for j in range(p)), -sign * ends[i]])
-    found = [list(side) for side in part]
-    if len(node.bounds) not in (0, 1, 2 * p):
-        raise Malformed("box: not one bound for each end")
-    for place, bound in enumerate(node.bounds):
-        i, side = divmod(place, 2)
-        goal = None if item(bound, "empty", "box") is True else (i, side)
-        least = combined(known, items(item(bound, "multipliers", "box"), "box"), goal)
-        if side == 0:
-            found[0][i] = max(found[0][i], least)
-        else:
-            found[1][i] = min(found[1][i], -least)
+def word_of(found: Any, p: int) -> Word:
+    """A product of parameters, which a file numbers from 0."""
+    below([whole(v, "box.columns") for v in items(found, "box.columns")], p, "box.columns")
+    if not found:
+        raise Malformed("box.columns: a product of nothing")
+    return tuple(sorted(v + 1 for v in found))
+
+
+def total(column: list[Word], box: list[iv.Interval]) -> iv.Interval:
+    """The range of a sum of products."""
+    found = iv.ZERO
+    for monomial in column:
+        found = iv.plus(found, iv.monomial_range(monomial, box))
     return found
 
 
-def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
-    """A linear row a theta + b >= 0 that follows from a row of the record on a part.
+def settle(column: list[Word], known: iv.Interval, box: list[iv.Interval]) -> None:
+    """Solve a sum of products in ``known`` for every factor, in place."""
+    for monomial in column:
+        rest = total([other for other in column if other != monomial], box)
+        own = iv.minus(known, rest)
+        for place, v in enumerate(monomial):
+            others = iv.monomial_range(monomial[:place] + monomial[place + 1 :], box)
+            low, high = iv.quotient(own, others)
+            box[v - 1] = max(box[v - 1][0], low), min(box[v - 1][1], high)
 
-    What it exceeds w0 + W |theta| - s (Y + R theta) by is concave in each parameter, so that its
-    least value over the part is at ends. Towards an infinite end it must not fall.
+
+def by_directions(step: Any, rows: Regression, ends: Ends) -> Ends:
+    """|theta_i| <= c_i / least, where 1 / s = max |theta_i| / c_i and s >= least on all sides.
+
+    With phi = s theta / c every consistent theta lies on a side phi_i = 1 or -1 of a cube, and
+    each row is multiplied by s.
     """
-    output, k, sign, slope = items(row, "box")
-    centre, radius = rows.row(output, k)
-    a = [Fraction(finite(v, "box")) for v in items(slope, "box")]
-    if len(a) != len(centre) or sign not in (1, -1):
-        raise Malformed("box: a row of another length")
-    least: Any = a[-1] - radius[-1] + sign * centre[-1]
-    for j in range(rows.count):
-        rest = a[j] + sign * centre[j]
-        values = []
-        for end in (part[0][j], part[1][j]):
-            if end in (INF, -INF):
-                falls = (rest if end > 0 else -rest) < radius[j]
-                values.append(-INF if falls else ZERO)
-            else:
-                values.append(rest * end - radius[j] * abs(end))
-        least = -INF if -INF in values or least == -INF else least + min(values)
-    if not least >= 0:
-        raise NotProved("a linear row does not follow from the record")
-    return a
+    got, p = fields(step, "box", 0, scale="l", sides="l"), rows.count
+    assumed, scale = stated_ends(step, p), [Fraction(finite(v, "box.scale")) for v in got.scale]
+    alike("box: Directions", scale, range(p))
+    alike("box.sides", got.sides, range(2 * p))
+    if any(not c > 0 for c in scale):
+        raise Malformed("box.scale: not positive")
+    if any(a > b for a, b in zip(assumed[0], ends[0], strict=True)) or any(
+        a < b for a, b in zip(assumed[1], ends[1], strict=True)
+    ):
+        raise NotProved("bounds of directions are about a smaller box")
+    least: Any = LARGEST
+    for place, side in enumerate(got.sides):
+        problem, size = cube_side(rows.about, side, scale, assumed, divmod(place, 2))
+        certificates = Certificates(item(side, "certificate", "box.sides"), problem, "box.sides")
+        proved, why = certificates.prove()
+        if proved < certificates.claim:
+            raise NotProved(f"a bound of directions: {'; '.join(dict.fromkeys(why))}")
+        least = min(least, times(certificates.claim, size))
+    if not least > 0:
+        raise NotProved("directions without a bound")
+    return met(ends, [-c / least for c in scale], [c / least for c in scale])
 
 
-def combined(
-    rows: list[list[Any]],
-    pairs: list[Any],
-    goal: tuple[int, int] | None,
-    equal: set[int] | None = None,
-) -> Any:
-    """What multipliers of rows a x + b >= 0 prove of x_v (goal v, 0) or -x_v (goal v, 1).
+def cube_side(
+    about: Any, side: Any, scale: list[Fraction], assumed: Ends, which: tuple[int, int]
+) -> tuple[Problem, Fraction]:
+    """Minimise s where phi_i is 1 (which = i, 0) or -1, in the units of the file; that of s.
 
-    Without a goal they prove that nothing satisfies the rows, and the bound is INF.
+    The unknowns are phi, those of the problem that are no parameters, and s.
     """
-    total = [ZERO] * len(rows[0])
-    for pair in pairs:
-        place, value = (
-            whole(items(pair, "multipliers")[0], "multipliers"),
-            rational(pair[1], "multipliers"),
-        )
-        if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
-            raise Malformed("multipliers: of a row that does not exist")
-        if value < 0 and place not in (equal or ()):
-            raise NotProved("a multiplier of an inequality is negative")
-        total = [a + value * b if b else a for a, b in zip(total, rows[place], strict=True)]
-    wanted = [ZERO] * (len(total) - 1)
-    if goal is not None:
-        wanted[goal[0]] = Fraction(1 - 2 * goal[1])
-    if total[:-1] != wanted or (goal is None and not total[-1] < 0):
-        raise NotProved("the multipliers of a linear program do not add up")
-    return INF if goal is None else -total[-1]
+    got = fields(side, "box.sides", 0, rows="l", units="l", factors="l")
+    given, p, n = about.problem, len(scale), about.problem.dimension
+    units = [unit(v) for v in got.units]
+    alike("box.sides.units", units, range(n + 1))
+    below([whole(v, "box.sides") for v in got.rows], len(given.constraints), "box.sides.rows")
+    rows = []
+    for c in (given.constraints[place] for place in got.rows):
+        terms = {}
+        for word in c.polynomial.terms:
+            value, heads = c.polynomial.coefficient(word), [v for v in word if v <= p]
+            if len(heads) > 1 or c.side:
+                raise Malformed("box.sides: a row that is not linear in the parameters")
+            for v in word:
+                value /= about.units[v - 1]
+            terms[word if heads else (*word, n + 1)] = value * (scale[heads[0] - 1] if heads else 1)
+        rows.append((c.kind, terms))
+    for v in range(p):
+        for end, sign in ((assumed[0][v], 1), (assumed[1][v], -1)):
+            if end not in (INF, -INF):  # sign * (theta_v - end) >= 0, times s
+                rows.append(("NONNEGATIVE", {(v + 1,): sign * scale[v], (n + 1,): -sign * end}))
+    factors = [Fraction(finite(v, "box.sides.factors")) for v in got.factors]
+    alike("box.sides.factors", factors, rows)
+    if any(not v > 0 for v in factors):
+        raise Malformed("box.sides.factors: not positive")
+    constraints = [
+        Constraint(kind, in_units(terms, units, factor))
+        for (kind, terms), factor in zip(rows, factors, strict=True)
+    ]
+    used = {v for _, terms in rows for word in terms for v in word}
+    ranges = [(Fraction(-1), Fraction(1))] * p
+    ranges[which[0]] = (Fraction(1 - 2 * which[1]),) * 2
+    for v in range(p, n):
+        pair = (times(e[v], about.units[v]) for e in (given.lower, given.upper))
+        ranges.append(tuple(pair) if v + 1 in used else (ZERO, ZERO))
+    ranges.append((ZERO, LARGEST) if n + 1 in used else (ZERO, ZERO))
+    lower, upper = (
+        [times(pair[k], 1 / size) for pair, size in zip(ranges, units, strict=True)] for k in (0, 1)
+    )
+    names = [f"x{v + 1}" for v in range(n + 1)]
+    return Problem(n + 1, Polynomial({(n + 1,): 1}), constraints, lower, upper, names), units[-1]
+
+
+def in_units(terms: dict[Word, Fraction], units: list[Fraction], factor: Fraction) -> Polynomial:
+    """A polynomial of unknowns divided by their units, times a factor."""
+    values = []
+    for word, value in terms.items():
+        value *= factor
+        for v in word:
+            value *= units[v - 1]
+        values.append(value)
+    return Polynomial.of(list(terms), values)
+
+
+Step = Callable[[Any, Regression, Ends], Ends]
+ONE_BY_ONE: dict[str, Step] = {"LeftInverse": by_inverse, "SignTree": by_tree}
+STEPS = ONE_BY_ONE | {"Products": by_products, "Directions": by_directions}

@@ -1,4 +1,4 @@
-"""Attained points: feasible in rationals, or near zeros that Krawczyk's test proves; rays."""
+"""Attained points: in rationals, near zeros of Krawczyk's test, or row by row; rays."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from typing import Any
 from . import interval as iv
 from .gram import semidefinite
 from .interval import Interval
+from .left_inverse import dot, reached
 from .polynomial import INF, Polynomial, power_of_two
 from .reading import Constraint, Malformed, Problem, alike, below, fields
+from .substitution import substituted
 
 RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first
 
@@ -31,12 +33,20 @@ class ProvedPoint:
         below(got.rows, m, f"{place}.rows")
         below(got.solved, n, f"{place}.solved")
         twice = any(len(set(v)) < len(v) for v in (got.rows, got.solved))
-        if twice or got.proof not in ("exact", "krawczyk"):
+        if twice or got.proof not in ("exact", "krawczyk", "substitution"):
             raise Malformed(f"{place}: a row or variable twice, or proof {got.proof!r:.20}")
 
     def fails(self) -> str:
         """Why the claims about the point are not proved; empty where they are."""
-        return self._exactly() if self.proof == "exact" else self._by_krawczyk()
+        if self.proof == "exact":
+            return self._exactly()
+        if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
+            return "a row of the system is no equation"
+        if self.proof == "krawczyk":
+            box = self._enclosed()
+            return "Krawczyk's test fails" if box is None else self._over(box)
+        box = self._by_rows()
+        return "the rows are not solved one after the other" if box is None else self._over(box)
 
     # ---- rational points ------------------------------------------------------------------
 
@@ -62,26 +72,41 @@ class ProvedPoint:
 
     # ---- Krawczyk's test ------------------------------------------------------------------
 
-    def _by_krawczyk(self) -> str:
-        if any(not self.problem.constraints[k].equality for k in self.rows) or not self.rows:
-            return "a row of the system is no equation"
-        box = self._enclosed()
-        if box is None:
-            return "Krawczyk's test fails"
-        problem = self.problem
+    def _over(self, box: list[Interval]) -> str:
+        """Why what is claimed may fail in a box that holds a zero of the rows."""
+        problem, rows = self.problem, set(self.rows)
         for (low, high), x, a, b in zip(box, self.x, problem.lower, problem.upper, strict=True):
             if iv.exact(low) < a or iv.exact(high) > b:
                 return "the box of the point leaves the bounds"
             if max(iv.exact(high) - x, x - iv.exact(low)) > self.radius:
                 return "the point lies farther away than its radius"
         for k, c in enumerate(problem.constraints):
-            low, high = iv.range_over(c.polynomial, box)
-            if k not in self.rows and (low < 0 or (c.equality and high > 0)):
+            if k not in rows and not self._holds(c, box):
                 return f"constraint {k} may fail near the point"
             if c.side and not _semidefinite_over(c, box):
                 return f"matrix {k} may fail near the point"
         most = iv.exact(iv.range_over(problem.objective, box)[1])
         return "" if most <= self.value else "the objective may be larger"
+
+    def _holds(self, c: Constraint, box: list[Interval]) -> bool:
+        """Whether a constraint holds over a box, exactly where none of its variables is solved."""
+        letters = {v - 1 for word in c.polynomial.terms for v in word}
+        if letters.isdisjoint(self.solved):
+            value = c.polynomial.at(self.x)
+            return value == 0 or (value > 0 and not c.equality)
+        low, high = iv.range_over(c.polynomial, box)
+        return bool(low >= 0 and not (c.equality and high > 0))
+
+    def _by_rows(self) -> list[Interval] | None:
+        """A box around x that holds the zero of rows that are solved one after the other."""
+        rows = [self.problem.constraints[k].polynomial for k in self.rows]
+        found = substituted(rows, self.solved, self.x)
+        if found is None:
+            return None
+        box = [(iv.below(x), iv.above(x)) for x in self.x]
+        for v, (low, high) in zip(self.solved, found, strict=True):
+            box[v] = iv.below(low), iv.above(high)
+        return box
 
     def _enclosed(self) -> list[Interval] | None:
         """A box around x, wide in the solved variables only, that holds a zero of the rows."""
@@ -92,58 +117,34 @@ class ProvedPoint:
         inverse = _inverse(jacobian)
         if inverse is None:
             return None
-        for _ in range(6):
-            move = _product(inverse, [iv.range_over(p, middle) for p in system])
-            for v, (low, high) in zip(self.solved, move, strict=True):
-                at = middle[v][0] - (low + high) // 2
+        one = iv.scaled(1, 0)[0]
+        for _ in range(7):  # Newton's method; nothing rests on how good it is
+            residual = [iv.range_over(p, middle) for p in system]
+            for v, weights in zip(self.solved, inverse, strict=True):
+                at = middle[v][0] - sum(dot(weights, residual)) // (2 * one)
                 middle[v] = at, at
-        move = _product(inverse, [iv.range_over(p, middle) for p in system])
+        residual = [iv.range_over(p, middle) for p in system]
+        matrix = [[Fraction(a, one) for a in weights] for weights in inverse]
+        nothing = [0.0] * len(self.solved)
         for bits in RADII:
-            found = self._image(slopes, middle, inverse, move, iv.scaled(1, -bits)[1])
-            if found is not None:
-                return found
+            radius = [Fraction(1, 1 << bits)] * len(self.solved)
+            box = _around(middle, self.solved, radius)
+            table = [
+                [*(iv.range_over(p, box) for p in row), rest]
+                for row, rest in zip(slopes, residual, strict=True)
+            ]
+            image = reached(matrix, table, nothing, radius)  # K(X) lies so near to the middle
+            if all(a < b for a, b in zip(image, radius, strict=True)):
+                return _around(middle, self.solved, image)
         return None
 
-    def _image(
-        self,
-        slopes: list[list[Polynomial]],
-        middle: list[Interval],
-        inverse: list[list[int]],
-        move: list[Interval],
-        radius: int,
-    ) -> list[Interval] | None:
-        """K(X) for the box X of that radius, None if it does not lie inside X."""
-        box = list(middle)
-        for v in self.solved:
-            box[v] = middle[v][0] - radius, middle[v][1] + radius
-        ranges = [[iv.range_over(p, box) for p in row] for row in slopes]
-        one = iv.scaled(1, 0)[0]
-        image = list(middle)
-        for i, v in enumerate(self.solved):
-            low, high = -move[i][1], -move[i][0]
-            for j in range(len(self.solved)):
-                column = [row[j] for row in ranges]
-                part = _row_times(inverse[i], column)
-                rest = iv.minus((one, one) if i == j else iv.ZERO, part)
-                spread = iv.times(rest, (-radius, radius))
-                low, high = low + spread[0], high + spread[1]
-            if not -radius < low <= high < radius:
-                return None
-            image[v] = middle[v][0] + low, middle[v][1] + high
-        return image
 
-
-def _row_times(row: list[int], column: list[Interval]) -> Interval:
-    """The sum of numbers times intervals."""
-    found: Interval = iv.ZERO
-    for a, pair in zip(row, column, strict=True):
-        if a:
-            found = iv.plus(found, iv.times((a, a), pair))
-    return found
-
-
-def _product(matrix: list[list[int]], column: list[Interval]) -> list[Interval]:
-    return [_row_times(row, column) for row in matrix]
+def _around(middle: list[Interval], solved: list[int], radius: list[Fraction]) -> list[Interval]:
+    """The box around a point that is wide in the solved variables only."""
+    box = list(middle)
+    for v, size in zip(solved, map(iv.above, radius), strict=True):
+        box[v] = middle[v][0] - size, middle[v][1] + size
+    return box
 
 
 def _inverse(matrix: list[list[int]]) -> list[list[int]] | None:

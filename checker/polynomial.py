@@ -16,8 +16,8 @@ Word = tuple[int, ...]
 INF = float("inf")  # a mark for "no bound": it is compared and negated, nothing else
 
 
-def dyadic(values: Sequence[float]) -> tuple[list[int], int]:
-    """Integers and an exponent: value = integer * 2**exponent, for finite doubles."""
+def dyadic(values: Sequence[float | Fraction]) -> tuple[list[int], int]:
+    """Integers and an exponent: value = integer * 2**exponent, for doubles and dyadic fractions."""
     ratios = [value.as_integer_ratio() for value in values]
     bits = max((below.bit_length() - 1 for _, below in ratios), default=0)
     return [above << (bits - below.bit_length() + 1) for above, below in ratios], -bits
@@ -38,7 +38,7 @@ class Polynomial:
         self.exp = exp
 
     @staticmethod
-    def of(words: Sequence[Word], values: Sequence[float]) -> Polynomial:
+    def of(words: Sequence[Word], values: Sequence[float | Fraction]) -> Polynomial:
         """Distinct words with doubles as coefficients."""
         numbers, exp = dyadic(values)
         return Polynomial({w: c for w, c in zip(words, numbers, strict=True) if c}, exp)

@@ -8,22 +8,19 @@ from math import inf, nextafter
 from typing import Any
 
 from .certificate import Certificates
-from .point import ProvedPoint, falls_without_limit
 from .polynomial import INF, Polynomial, total
 from .reading import (
     Constraint,
     Malformed,
     Problem,
     fields,
-    finite,
     item,
     items,
-    number,
     polynomial,
     problem,
     whole,
 )
-from .result import STATUSES, NotProved, shown
+from .result import NotProved, check_claims, proved_bound
 
 ONE = Polynomial({(): 1})
 Ratio = tuple[Polynomial, Polynomial]
@@ -218,16 +215,15 @@ class RationalCertificate:
         proof = Certificates(found, Problem(base.dimension, objective, *given), place)
         return proof.claim if proof.prove()[0] >= proof.claim else -INF
 
-    def bound(self) -> Any:
-        """What is proved of the objective."""
+    def prove(self) -> tuple[Any, list[str]]:
+        """What is proved of the objective, and why it may be weak."""
         if self.empty:
-            return INF
+            return INF, []
         if self.found is None or self.problem is None:
-            return -INF
+            return -INF, ["there is no certificate"]
         proof = Certificates(self.found, self.problem, f"{self.place}.certificate")
-        least = proof.prove()[0]
-        least = least if least >= proof.claim else -INF
-        return self.translated(least, 1)
+        least, why = proof.prove()
+        return (self.translated(least, 1) if least >= proof.claim else -INF), why
 
     def translated(self, value: Any, side: int) -> Any:
         """A bound of the polynomial objective as one of the ratio: from below (1), above (-1)."""
@@ -246,50 +242,14 @@ class RationalCertificate:
 def check_rational_certificate(about: RationalProblem, found: Any) -> list[str]:
     """The claim of a certificate of a problem with ratios."""
     proof = RationalCertificate(found, about, "rational_certificate")
-    return [lower(proof, proof.claim)]
-
-
-def lower(proof: RationalCertificate, claim: Any) -> str:
-    """The sentence about a lower bound; raises where it is not proved."""
-    bound = proof.bound()
-    if bound < claim:
-        raise NotProved(f"objective >= {shown(claim)}: not proved, only {shown(bound)} is")
-    return "proved: no feasible point" if claim == INF else f"proved: objective >= {shown(claim)}"
+    return [proved_bound(proof, proof.claim)]
 
 
 def check_rational_result(found: Any, given: RationalProblem | None = None) -> list[str]:
     """The claims of a result about ratios; of its own problem, or of one that is given."""
     place = "rational_result"
-    got = fields(found, place, 0, lower_bound="F", upper_bound="F", status="t")
     about = RationalProblem(item(found, "problem", place), f"{place}.problem")
     about = about if given is None else given
-    if got.status not in STATUSES:
-        raise Malformed(f"{place}.status: {got.status!r:.20}")
-    if got.status == "INFEASIBLE" and got.lower_bound != INF:
-        raise NotProved("the status says that no point is feasible, the bound does not")
     proof = RationalCertificate(item(found, "certificate", place), about, f"{place}.certificate")
-    lines = [] if got.lower_bound == -INF else [lower(proof, got.lower_bound)]
-    return lines + upper(found, got, proof)
-
-
-def upper(found: Any, got: Any, proof: RationalCertificate) -> list[str]:
-    """What is proved of the upper bound, and of the status that there is no lower one."""
-    claim, endless = got.upper_bound, got.status == "UNBOUNDED" or got.upper_bound == -INF
-    point = item(found, "attained", "rational_result")
-    if point is None or proof.problem is None:
-        if claim != INF or endless:
-            raise NotProved(f"objective <= {shown(claim)} is attained: there is no point")
-        return []
-    attained = ProvedPoint(point, proof.problem, "rational_result.attained")
-    if endless:
-        ray = [Fraction(finite(v, "rational_result.ray")) for v in found.get("ray") or ()]
-        one = proof.level is None and falls_without_limit(proof.problem, attained, ray or None)
-        if not one:
-            raise NotProved("the objective is unbounded: no feasible ray is known to prove it")
-        return ["proved: the objective falls without limit along a feasible ray"]
-    reason = attained.fails()
-    if not reason and proof.translated(number(attained.value, "value"), -1) > claim:
-        reason = "the point attains more"
-    if reason:
-        raise NotProved(f"objective <= {shown(claim)} is attained: {reason}")
-    return [f"proved: objective <= {shown(claim)} is attained"]
+    value_of = None if proof.level is None else lambda value: proof.translated(value, -1)
+    return check_claims(found, place, proof, proof.problem, value_of)

@@ -19,7 +19,7 @@ OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
     "Tightening": [("cutoff", "uses_cutoff")],
     "Sublevel": [("level", "cutoff")],
 }
-VERSIONS = {"sparsepop-py": (2, 3, 4), "setid": (1,)}
+VERSIONS = {"sparsepop-py": (2, 3, 4, 5), "setid": (1, 2)}
 KINDS = ("NONNEGATIVE", "ZERO", "SECOND_ORDER", "PSD")
 
 
@@ -130,23 +130,35 @@ def item(found: Any, name: str, place: str) -> Any:
     return found[name]
 
 
-def number(found: Any, place: str) -> float:
-    """A double, or one of the strings "inf" and "-inf"."""
-    if found in ("inf", "-inf"):
-        return INF if found == "inf" else -INF
+def finite(found: Any, place: str) -> float:
+    """A double that is finite."""
     try:
         if type(found) in (int, float) and isfinite(value := float(found)):
             return value
     except OverflowError:
         pass
-    raise Malformed(f"{place}: {found!r:.40} is not a number")
+    raise Malformed(f"{place}: {found!r:.40} is not a finite number")
 
 
-def finite(found: Any, place: str) -> float:
-    """A double that is finite."""
-    if isinstance(found, str) or not isfinite(value := number(found, place)):
-        raise Malformed(f"{place}: not a finite number")
+def number(found: Any, place: str) -> Any:
+    """A double as a Fraction, or one of the strings "inf" and "-inf" as INF or -INF."""
+    if found in ("inf", "-inf"):
+        return INF if found == "inf" else -INF
+    return Fraction(finite(found, place))
+
+
+def unit(found: Any) -> Fraction:
+    """A positive power of two."""
+    value = Fraction(finite(found, "units"))
+    above, below = value.numerator, value.denominator
+    if value <= 0 or above & (above - 1) or below & (below - 1):
+        raise Malformed("units: not a power of two")
     return value
+
+
+def times(value: Any, unit: Fraction) -> Any:
+    """An end in units as one in the units of the record."""
+    return value if value in (INF, -INF) else value * unit
 
 
 def rational(found: Any, place: str) -> Fraction:
@@ -282,11 +294,10 @@ def problem(found: Any, place: str = "problem") -> Problem:
     kinds = {"constraints": "l", "lower": "F1", "upper": "F1", "names": "l", "squares": "l"}
     got = fields(found, place, n, objective=polynomial, sense="t", **kinds)
     alike(place, got.lower, got.upper, got.names, range(n))
-    ends = [[v if v in (INF, -INF) else Fraction(v) for v in e] for e in (got.lower, got.upper)]
-    for low, high in zip(*ends, strict=True):
+    for low, high in zip(got.lower, got.upper, strict=True):
         if not low <= high or low == INF or high == -INF:
             raise Malformed(f"{place}: bounds {low}, {high}")
     rows = [constraint(c, n, f"{place}.constraints[{k}]") for k, c in enumerate(got.constraints)]
     names = [text(name, f"{place}.names") for name in got.names]
     squares = [weighted(pair, n, f"{place}.squares[{k}]") for k, pair in enumerate(got.squares)]
-    return Problem(n, got.objective, rows, ends[0], ends[1], names, squares, got.sense)
+    return Problem(n, got.objective, rows, got.lower, got.upper, names, squares, got.sense)

@@ -7,20 +7,22 @@ from types import SimpleNamespace
 from typing import Any
 
 from .certificate import Certificates
-from .parameter_box import Ends, combined, proved_box
+from .linear_rows import Ends, bound_rows, combined, move
+from .parameter_box import proved_box
 from .point import ProvedPoint, infeasible
 from .polynomial import INF
 from .reading import (
     Constraint,
     Malformed,
     fields,
-    finite,
     item,
     items,
     number,
     problem,
     rational,
     text,
+    times,
+    unit,
     whole,
 )
 from .result import NotProved, shown
@@ -39,9 +41,11 @@ class Identification:
         self.record = Record(found)
         self.problem = problem(item(found, "problem", "file"))
         self.names = [text(name, "parameters") for name in self.got.parameters]
-        self.units = [_unit(unit) for unit in self.got.units]
+        self.units = [unit(value) for value in self.got.units]
         self.box = item(found, "box", "file")
-        self.given: Ends = [[bound(v) for v in items(ends, "given")] for ends in self.got.given]
+        self.given: Ends = [
+            [number(v, "given") for v in items(ends, "given")] for ends in self.got.given
+        ]
         n, p = self.problem.dimension, len(self.names)
         if len(self.units) != n or len(self.got.variables) != n or len(set(self.names)) != p:
             raise Malformed("units, variables: not one for each unknown, or a name twice")
@@ -220,7 +224,7 @@ class Identification:
             if given is not None:
                 certificates = Certificates(given, about, "ends.certificate")
                 proved, _ = certificates.prove()
-                least = bound(certificates.claim) if proved >= certificates.claim else proved
+                least = certificates.claim if proved >= certificates.claim else proved
                 move(box, v, side, times(least, self.units[v]))
             if item(end, "attained", "ends") is not None:
                 point = ProvedPoint(end["attained"], about, "ends.attained")
@@ -302,37 +306,3 @@ class Identification:
         if a < least or b > most:
             return [f"{line}; attained is less than the file says"]
         return [f"{line}, attained from {shown(a)} to {shown(b)}"]
-
-
-def bound_rows(lower: list[Any], upper: list[Any]) -> list[list[Any]]:
-    """Rows x_v - lower >= 0 and then upper - x_v >= 0: slopes, and the constant or INF."""
-    n = len(lower)
-    rows = [[*(Fraction(j == v) for j in range(n)), -lower[v]] for v in range(n)]
-    return rows + [[*(Fraction(-(j == v)) for j in range(n)), upper[v]] for v in range(n)]
-
-
-def move(box: Ends, v: int, side: int, least: Any) -> None:
-    """Shrink a box by x_v >= least (side 0) or -x_v >= least (side 1)."""
-    if side == 0:
-        box[0][v] = max(box[0][v], least)
-    else:
-        box[1][v] = min(box[1][v], -least)
-
-
-def _unit(found: Any) -> Fraction:
-    value = Fraction(finite(found, "units"))
-    above, below = value.numerator, value.denominator
-    if value <= 0 or above & (above - 1) or below & (below - 1):
-        raise Malformed("units: not a power of two")
-    return value
-
-
-def bound(found: Any) -> Any:
-    """An end of an interval: a Fraction, INF or -INF."""
-    value = number(found, "bound")
-    return value if value in (INF, -INF) else Fraction(value)
-
-
-def times(value: Any, unit: Fraction) -> Any:
-    """An end in units as one in the units of the record."""
-    return value if value in (INF, -INF) else value * unit

@@ -12,8 +12,16 @@ from .point import ProvedPoint, falls_without_limit
 from .polynomial import INF
 from .reading import Malformed, Problem, fields, finite, item, problem
 
-STATUSES = ("OPTIMAL", "BOUNDED", "UNPROVED", "INFEASIBLE", "UNBOUNDED")
-STATUSES += ("LIMIT", "FAILED", "INTERRUPTED")
+STATUSES = (
+    "OPTIMAL",
+    "BOUNDED",
+    "UNPROVED",
+    "INFEASIBLE",
+    "UNBOUNDED",
+    "LIMIT",
+    "FAILED",
+    "INTERRUPTED",
+)
 
 
 class NotProved(Exception):
@@ -70,9 +78,9 @@ def remarks(found: Any, certificates: Any) -> list[str]:
     return ["remark: by its fingerprint the certificate was made for another problem"]
 
 
-def proved_bound(certificates: Certificates, claim: Any) -> str:
+def proved_bound(proof: Any, claim: Any) -> str:
     """The sentence about a lower bound; raises where it is not proved."""
-    bound, why = certificates.prove()
+    bound, why = proof.prove()
     if bound < claim:
         weak = "" if bound == -INF else f", only {shown(bound)} is proved"
         wanted = "no feasible point" if claim == INF else f"objective >= {shown(claim)}"
@@ -90,44 +98,43 @@ def check_certificate(given: Problem, found: Any) -> list[str]:
 
 def check_result(found: Any, given: Problem | None = None) -> list[str]:
     """The claims of a result; of its own problem, or of one that is given."""
-    kinds = {"lower_bound": "F", "upper_bound": "F", "status": "t"}
-    got = fields(found, "result", 0, **kinds)
     about = problem(item(found, "problem", "result"), "result.problem")
     about = about if given is None else given
+    proof = item(found, "certificate", "result")
+    proof = None if proof is None else Certificates(proof, about, "result.certificate")
+    return check_claims(found, "result", proof, about)
+
+
+def check_claims(
+    found: Any, place: str, proof: Any, about: Problem | None, value_of: Any = None
+) -> list[str]:
+    """The bounds and the status of a result, by its proof and a point of a problem.
+
+    ``value_of`` says what a value of the problem's objective means for that of the result.
+    """
+    got = fields(found, place, 0, lower_bound="F", upper_bound="F", status="t")
+    lowest, claim = got.lower_bound, got.upper_bound
     if got.status not in STATUSES:
-        raise Malformed(f"result.status: {got.status!r:.20} is not one of {', '.join(STATUSES)}")
-    return _lower(found, got, about) + _upper(found, got, about)
-
-
-def _lower(found: Any, got: Any, about: Problem) -> list[str]:
-    """What is proved of the lower bound, and of the status that no point is feasible."""
-    if got.status == "INFEASIBLE" and got.lower_bound != INF:
+        raise Malformed(f"{place}.status: {got.status!r:.20} is not one of {', '.join(STATUSES)}")
+    if got.status == "INFEASIBLE" and lowest != INF:
         raise NotProved("the status says that no point is feasible, the bound does not")
-    given = item(found, "certificate", "result")
-    if given is None and got.lower_bound != -INF:
-        raise NotProved(f"objective >= {shown(got.lower_bound)}: there is no certificate")
-    if given is None:
-        return []
-    return [proved_bound(Certificates(given, about, "result.certificate"), got.lower_bound)]
-
-
-def _upper(found: Any, got: Any, about: Problem) -> list[str]:
-    """What is proved of the upper bound, and of the status that there is no lower one."""
-    endless = got.status == "UNBOUNDED" or got.upper_bound == -INF
-    point = item(found, "attained", "result")
-    if point is None:
-        if got.upper_bound != INF or endless:
-            raise NotProved(f"objective <= {shown(got.upper_bound)} is attained: there is no point")
-        return []
-    attained = ProvedPoint(point, about, "result.attained")
+    if proof is None and lowest != -INF:
+        raise NotProved(f"objective >= {shown(lowest)}: there is no certificate")
+    lines = [] if lowest == -INF else [proved_bound(proof, lowest)]
+    endless, point = got.status == "UNBOUNDED" or claim == -INF, item(found, "attained", place)
+    if point is None or about is None:
+        if claim != INF or endless:
+            raise NotProved(f"objective <= {shown(claim)} is attained: there is no point")
+        return lines
+    attained = ProvedPoint(point, about, f"{place}.attained")
     if endless:
-        ray = [Fraction(finite(v, "result.ray")) for v in found.get("ray") or ()]
-        if not falls_without_limit(about, attained, ray or None):
+        ray = [Fraction(finite(v, f"{place}.ray")) for v in found.get("ray") or ()]
+        if value_of is not None or not falls_without_limit(about, attained, ray or None):
             raise NotProved("the objective is unbounded: no feasible ray is known to prove it")
-        return ["proved: the objective falls without limit along a feasible ray"]
-    reason = attained.fails()
-    if not reason and attained.value > got.upper_bound:
+        return [*lines, "proved: the objective falls without limit along a feasible ray"]
+    reason, value = attained.fails(), attained.value
+    if not reason and (value if value_of is None else value_of(value)) > claim:
         reason = "the point attains more"
     if reason:
-        raise NotProved(f"objective <= {shown(got.upper_bound)} is attained: {reason}")
-    return [f"proved: objective <= {shown(got.upper_bound)} is attained"]
+        raise NotProved(f"objective <= {shown(claim)} is attained: {reason}")
+    return [*lines, f"proved: objective <= {shown(claim)} is attained"]

@@ -31,13 +31,11 @@ class Term(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """A noise-free sample, known + sign * unknown; it lies within radius of centre."""
+    """A noise-free sample, known + sign * unknown; letter 0 where it has no unknown."""
 
     known: Fraction
     letter: int
     sign: int
-    centre: Fraction
-    radius: Fraction | None  # None where nothing is known
 
 
 class Structure:
@@ -172,20 +170,20 @@ class Record:
     def sample(self, signal: str, k: int) -> Sample:
         """A noise-free sample of a signal."""
         if signal[0] == "z":
-            return Sample(ZERO, self.letters.get((signal, 0, k), 0), 1, ZERO, None)
+            return Sample(ZERO, self.letters.get((signal, 0, k), 0), 1)
         output, channel = signal[0] == "y", int(signal[1:]) - 1
         value = (self.y if output else self.u)[channel][k]
         if value is None:
-            letter = self.letters.get((signal[0], channel + 1, k), 0)
-            low, high = self.range(signal[0], channel) or (ZERO, None)
-            if high is None:
-                return Sample(ZERO, letter, 1, ZERO, None)
-            return Sample(ZERO, letter, 1, (low + high) / 2, (high - low) / 2)
+            return Sample(ZERO, self.letters.get((signal[0], channel + 1, k), 0), 1)
         bound = self.bounds["output" if output else "input"][channel][k]
         if not bound:
-            return Sample(value, 0, 0, value, ZERO)
+            return Sample(value, 0, 0)
         group = "eta" if output else "xi"
-        return Sample(value, self.letters.get((group, channel + 1, k), 0), -1, value, bound)
+        return Sample(value, self.letters.get((group, channel + 1, k), 0), -1)
+
+    def ranged(self, signal: str) -> bool:
+        """Whether a range is given for all samples of a measured signal."""
+        return self.range(signal[0], int(signal[1:]) - 1) is not None
 
     def range(self, signal: str, channel: int) -> tuple[Fraction, Fraction] | None:
         """The range of all samples of a channel, where one is given."""
@@ -207,20 +205,6 @@ class Record:
                 raise Malformed("variables: a sample that is not known has no unknown")
         return found
 
-    def regression(
-        self, terms: list[Term], parameters: dict[str, int], k: int, zero: bool
-    ) -> tuple[list[Fraction], list[Fraction]]:
-        """Y, R and w0, W of a row |Y + R theta| <= w0 + W |theta|; Y and w0 last in each list."""
-        count = len(parameters)
-        centre, radius = [ZERO] * (count + 1), [ZERO] * (count + 1)
-        for term, sample in self._used(terms, k, zero):
-            if len(term.parameters) > 1 or sample.radius is None:
-                raise Malformed("box: a row that is not linear in the parameters, or not bounded")
-            place = parameters[term.parameters[0]] if term.parameters else count
-            centre[place] += term.sign * sample.centre
-            radius[place] += sample.radius
-        return centre, radius
-
     def possible(self, terms: list[Term], k: int, zero: bool) -> bool:
         """Whether all samples of a row exist: known, or with an unknown or a range."""
         for term in terms:
@@ -232,7 +216,7 @@ class Record:
                     return False
                 continue
             sample = self.sample(term.signal, place)
-            if sample.sign == 1 and not sample.letter and sample.radius is None:
+            if sample.sign == 1 and not sample.letter and not self.ranged(term.signal):
                 return False
         return True
 
@@ -241,7 +225,7 @@ class Record:
         for term in terms:
             place = k - term.lag
             if not term.signal:
-                found.append((term, Sample(Fraction(1), 0, 0, Fraction(1), ZERO)))
+                found.append((term, Sample(Fraction(1), 0, 0)))
             elif place >= self.first(k):
                 found.append((term, self.sample(term.signal, place)))
             elif not zero:

@@ -57,7 +57,7 @@ from setid.priors.base import Prior
 from setid.proofs.existence import admitted, proved_point
 from setid.proofs.intervals import IntervalStatus, ParameterInterval
 from setid.proofs.parameter_box import ProvedBox, objectives, problem_on_box
-from setid.proofs.simulated.outputs import Recursion
+from setid.proofs.simulated.outputs import Recursion, recursion_of
 from setid.proofs.uniqueness.free_parameters import free_parameters
 from setid.proofs.uniqueness.normalisation import unidentifiable
 from setid.proofs.uniqueness.unbounded import Unbounded
@@ -91,6 +91,8 @@ _SEARCH = 10.0  # seconds, and what the proof took, to find samples that contrad
 _FIRST = 0.75  # of the time, for the part of a record that is not held out
 _LEAST = 1e-3  # seconds for the part that is, when the time is over
 _FEW = 60  # unknowns up to which linear problems are solved in rationals
+_MANY = 200  # equations beyond which records of noisy outputs are simulated first
+_CELLS = 2000  # regions that are parted at most
 _LONG = 1000  # equations beyond which the engine solves no system at once
 
 
@@ -282,8 +284,7 @@ def _intersected(formulation: Formulation, task: _Task) -> Identification:
         return _settle(formulation, task)
     first = replace(task, deadline=task.deadline.part(_SHARE))
     found = _settle(formulation, first)
-    closed = not any(_is_open(item) for item in found.intervals.values())
-    if closed or first.deadline.stopped:
+    if _closed(found) or first.deadline.stopped:
         return found
     fewer = formulate(formulation.data, formulation.model, formulation.noise, kept)
     return _intersect(found, _settle(fewer, task), task.settings.tol)
@@ -375,17 +376,40 @@ def _on_box(formulation: Formulation, task: _Task, notes: tuple[str, ...]) -> Id
         return task.empty(formulation, Outcome(box=box, samples=keys, notes=notes))
     if box is not None and box.cut_short:
         notes = (*notes, _NO_BOX)
-    if (cascade := cascade_of(formulation)) is not None:
-        settled = _by_simulation(formulation, task, cascade, box, notes)
-        if settled is not None:
-            return settled
+    parts, settled = cascade_of(formulation) or _long_record(formulation), None
+    if parts is not None:
+        settled = _by_simulation(formulation, task, parts, box, notes)
+    if settled is not None and (_parted(formulation) or _closed(settled)):
+        return settled
+    points: list[sp.ProvedPoint] = []
+    if settled is not None:
+        box = settled.evidence.box
+        points = [end.attained for end in settled.evidence.ends if end.attained is not None]
     problem = problem_on_box(formulation, box)
     outcome = Outcome(problem=problem, box=box, notes=notes)
     p = len(formulation.parameters)
     loose = np.flatnonzero(np.isinf(problem.lower[:p]) | np.isinf(problem.upper[:p]))
     if loose.size and (box is not None or isinstance(formulation.model, BlockStructured)):
         return _without_box(formulation, task, outcome, loose)
-    return _by_engine(formulation, task, outcome, bool(loose.size))
+    return _by_engine(formulation, task, outcome, bool(loose.size), points)
+
+
+def _equations(formulation: Formulation) -> int:
+    return int(np.count_nonzero(formulation.problem.equality))
+
+
+def _long_record(formulation: Formulation) -> Recursion | None:
+    """A long record of noisy outputs as a simulation; None for others."""
+    return recursion_of(formulation) if _equations(formulation) > _MANY else None
+
+
+def _parted(formulation: Formulation) -> bool:
+    """Check for cascades and records that are too long for the engine's relaxations."""
+    return cascade_of(formulation) is not None or _equations(formulation) > _LONG
+
+
+def _closed(found: Identification) -> bool:
+    return found.empty or not any(_is_open(item) for item in found.intervals.values())
 
 
 # ---- linear problems --------------------------------------------------------------------
@@ -428,7 +452,7 @@ def _is_line(problem: sp.Problem, bound: sp.LinearBound) -> bool:
     return True
 
 
-# ---- cascades ---------------------------------------------------------------------------
+# ---- simulations ------------------------------------------------------------------------
 
 
 def _by_simulation(
@@ -438,7 +462,10 @@ def _by_simulation(
     box: ProvedBox | None,
     notes: tuple[str, ...],
 ) -> Identification | None:
-    """Settle all ends by simulations over regions; None where no box to begin with is finite."""
+    """Settle all ends by simulations over regions; None where no box to begin with is finite.
+
+    Regions are parted where the engine has no better way.
+    """
     found = task.kept(
         "start", lambda: cascade_ends(formulation, parts, box, task.deadline.part(_FITS)), None
     )
@@ -448,7 +475,8 @@ def _by_simulation(
     task.timed("points", lambda: _attained_ends(formulation, box, found, [0]))
     last = _MORE * number * (time.monotonic() - begin)  # expected, for points on the final box
     share = 1.0 if task.until == inf else max(_LEAST, 1.0 - last / max(_left(task), _LEAST))
-    tighten = partial(tightened_cascade, found, box, task.settings.tol, task.deadline.part(share))
+    deadline, cells = task.deadline.part(share), _CELLS if _parted(formulation) else 0
+    tighten = partial(tightened_cascade, found, box, task.settings.tol, deadline, cells)
     tightened = task.kept("cells", tighten, None)
     if tightened is not None and tightened.empty:
         return task.empty(formulation, Outcome(box=tightened, notes=notes))
@@ -524,12 +552,18 @@ def _stated(outcome: Outcome) -> sp.Problem:
 
 
 def _by_engine(
-    formulation: Formulation, task: _Task, outcome: Outcome, loose: bool
+    formulation: Formulation,
+    task: _Task,
+    outcome: Outcome,
+    loose: bool,
+    points: Sequence[sp.ProvedPoint] = (),
 ) -> Identification:
-    """Settle all ends over one feasible set, in units."""
+    """Settle all ends over one feasible set, in units; points may be known."""
     scaled = in_units(_stated(outcome), formulation)
     free, alone = free_parameters(formulation) if loose else ((), None)
-    results = task.timed("engine", lambda: _solve(formulation, _stated(outcome), scaled, task))
+    results = task.timed(
+        "engine", lambda: _solve(formulation, _stated(outcome), scaled, task, points)
+    )
     notes = dict.fromkeys([*outcome.notes, *(note for found in results for note in found.notes)])
     for found in results:
         for stage, seconds in found.timings.items():
@@ -564,7 +598,11 @@ def _open(
 
 
 def _solve(
-    formulation: Formulation, problem: sp.Problem, scaled: InUnits, task: _Task
+    formulation: Formulation,
+    problem: sp.Problem,
+    scaled: InUnits,
+    task: _Task,
+    known: Sequence[sp.ProvedPoint],
 ) -> tuple[sp.Result, ...]:
     """Bound and attain all ends over one feasible set, in units."""
     settings = task.settings
@@ -573,7 +611,11 @@ def _solve(
         formulation.parameters, settings.tol, settings.progress, units, task.on_progress
     )
     branch_on = range(len(formulation.parameters)) if coupled(formulation) else None
-    start, points = task.kept("start", lambda: _start(formulation, problem, scaled), (None, []))
+    if known:
+        start, points = known[0].x * scaled.units, list(known)
+    else:
+        find = partial(_start, formulation, problem, scaled)
+        start, points = task.kept("start", find, (None, []))
     engine = settings.for_engine(until=task.deadline.wall_end)
     if task.deadline.cpu_left is not None:
         engine = replace(engine, cpu_limit=task.deadline.cpu_left)
@@ -608,7 +650,7 @@ def _start(
     found = [start]
     if coupled(formulation):
         found = [end.x for end in search_ends(formulation, problem, start)]
-    elif np.count_nonzero(problem.equality) <= _LONG:
+    elif _equations(formulation) <= _LONG:
         return start, []
     again = (proved_point(formulation, scaled.problem, x / scaled.units) for x in found)
     return start, [point for point in again if point is not None]

@@ -45,7 +45,7 @@ from sparsepop_py.rational.result import RationalResult
 from sparsepop_py.rational.solve import solve_rational
 from sparsepop_py.result import Point, Result, Status
 from sparsepop_py.solvers.threads import one_thread
-from sparsepop_py.strategy.linear_tree import from_convex_minimiser
+from sparsepop_py.strategy.linear_tree import box_of_starts, from_convex_minimiser
 from sparsepop_py.strategy.multi_objective import (
     MultiObjectiveSearch,
     first_starts,
@@ -422,7 +422,7 @@ def _solve_one(
             with context.stages.stage("search"):
                 box = shared.box if shared else Interval(problem.lower, problem.upper)
                 context, own = from_convex_minimiser(_at_the_origin(context))
-                random = _random(problem, box, context.options)
+                random = _random(context, box)
                 first, more_starts = tee(chain(starts, own, random))
                 if context.best is None:
                     context, candidates = first_incumbent(context, first)
@@ -454,8 +454,11 @@ def _closed_box(problem: Problem) -> bool:
     return bool(np.all(np.isfinite(problem.lower) & np.isfinite(problem.upper)))
 
 
-def _random(problem: Problem, box: Interval, options: Options) -> Iterator[NDArray[np.float64]]:
-    yield from random_starts(problem, box, options)  # a box is found only if they are asked for
+def _random(context: SolveContext, box: Interval) -> Iterator[NDArray[np.float64]]:
+    """Yield random starts; a box is found only if they are asked for."""
+    found = box_of_starts(context)
+    tightened = found is not None
+    yield from random_starts(context.problem, found or box, context.options, tightened=tightened)
 
 
 def _verified(state: SearchState, known: dict[Any, Any]) -> SearchState:

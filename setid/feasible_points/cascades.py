@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid.data.checks import frozen
+from setid.errors import SetidError
+from setid.feasible_points.output_error import output_error_fit
 from setid.feasible_points.simulations import Fitting, best_fit, reached_ends
 from setid.feasible_set.simulations import principal_directions, simulated_box
 from setid.formulation.formulation import Formulation
 from setid.models.block import BlockStructured
 from setid.models.equations import channel_of
 from setid.proofs.cells.output_cells import CellBox
-from setid.proofs.parameter_box import ProvedBox, start_of
+from setid.proofs.parameter_box import ParameterBox, ProvedBox, start_of
 from setid.proofs.simulated.outputs import Recursion, recursion_of
 from setid.proofs.simulated.tree import SimulatedBox
 from sparsepop_py.budget import Deadline
@@ -100,17 +102,38 @@ def cascade_ends(
     box : ProvedBox or None
     deadline : Deadline
     """
-    lower, upper = _ends(formulation, box)
+    lower, upper = parts.box(*_ends(formulation, box))
     if not np.all(np.isfinite([lower, upper])):
         return None
     fitting = Fitting(formulation, parts, lower, upper)
-    best, level = best_fit(fitting, deadline)
+    best, level = best_fit(fitting, deadline, _first(formulation, parts))
     ends = tuple(reached_ends(fitting, best, deadline)) if level < 1.0 else ()
     return CascadeEnds(fitting, frozen(best), level, ends)
 
 
+def _first(formulation: Formulation, parts: Recursion) -> Reals | None:
+    """Output-error fit, where a structure has measured signals only."""
+    if isinstance(formulation.model, BlockStructured):
+        return None
+    try:
+        theta, outputs = output_error_fit(formulation.data, formulation.model)
+    except SetidError:
+        return None
+    past = []
+    for name, known in parts.past.items():
+        channel = channel_of(name)
+        assert channel is not None
+        past.append(outputs[known.begin - known.lower.size : known.begin, channel[1]])
+    x = np.concatenate([theta, *past])
+    return x if np.all(np.isfinite(x)) else None
+
+
 def tightened_cascade(
-    found: CascadeEnds, box: ProvedBox | None, tol: float, deadline: Deadline
+    found: CascadeEnds,
+    box: ProvedBox | None,
+    tol: float,
+    deadline: Deadline,
+    cells: float = inf,
 ) -> SimulatedBox | None:
     """Prove a box near the ends that are attained.
 
@@ -122,18 +145,21 @@ def tightened_cascade(
     tol : float
         Of the attained widths.
     deadline : Deadline
+    cells : float
+        Regions that are parted at most.
     """
-    fitting = found.fitting
+    fitting, p = found.fitting, len(found.fitting.formulation.parameters)
     widths, attained = fitting.upper - fitting.lower, None
     if found.ends:
         points = np.array(found.ends)
         attained = points.min(axis=0), points.max(axis=0)
         widths = np.maximum(attained[1] - attained[0], _LEAST_WIDTH * widths)
+        attained = attained[0][:p], attained[1][:p]
     slopes = fitting.errors(found.best)[1]
     if not np.all(np.isfinite(slopes)):
         return None
     directions = principal_directions(slopes, np.maximum(widths, 1e-300))
-    first = box if isinstance(box, CellBox) else None
+    first = box if isinstance(box, CellBox | ParameterBox) else None
     return simulated_box(
         fitting.formulation,
         fitting.parts,
@@ -143,6 +169,7 @@ def tightened_cascade(
         attained,
         _SHARE * tol,
         deadline,
+        cells,
     )
 
 
@@ -153,15 +180,18 @@ def point_of(formulation: Formulation, fitting: Fitting, theta: Reals) -> Reals:
     ----------
     formulation : Formulation
     fitting : Fitting
-    theta : (p,) float
+    theta : (d,) float
+        First samples that no equation gives follow the parameters.
     """
     signals = fitting.simulated(theta)
     outputs = np.stack([signals[name] for name in fitting.parts.outputs], axis=1)
-    known = np.where(np.isnan(formulation.data.y), 0.0, formulation.data.y - outputs)
+    y = formulation.data.y
+    outputs = np.where(np.isnan(outputs) & ~np.isnan(y), y, outputs)  # what no equation asks
+    known = np.where(np.isnan(y), 0.0, y - outputs)
     layout = formulation.layout
     internal = {name: values for name, values in signals.items() if name in layout.groups}
     rest = {"y": outputs, **{n: v for n, v in internal.items() if channel_of(n) is None}}
-    return formulation.point(theta, output=known, signals=rest)
+    return formulation.point(theta[: len(formulation.parameters)], output=known, signals=rest)
 
 
 def attained_result(about: sp.Problem, point: sp.ProvedPoint | None) -> sp.Result:

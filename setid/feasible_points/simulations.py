@@ -1,4 +1,4 @@
-"""Parameters whose simulation from rest stays within the noise bounds, and the ends they reach.
+"""Parameters whose simulation stays within the noise bounds, and the ends they reach.
 
 A fit of the outputs by Gauss-Newton steps in the largest error, relative to its bound: each step is
 a linear program in the few parameters, within a trust region. From a fit that needs less noise than
@@ -7,7 +7,7 @@ there is, programs of the same size go to the end of each parameter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sps
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from setid.formulation.formulation import Formulation
 from setid.proofs.simulated.forms import Form, Region
 from setid.proofs.simulated.outputs import Recursion
-from setid.proofs.supports import cover
 from sparsepop_py.budget import Deadline
 from sparsepop_py.lp.highs import LinearModel
 
@@ -28,6 +27,7 @@ _SEED = 7
 _ROOM = 1e-7  # of the noise bounds: what points keep away from them
 _NEAR = 1e-8  # of the box: gains for which no program is solved
 _HALVINGS = 40
+_LOWEST = 0.5  # of the largest error: what a step is not expected to go below
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,35 +38,43 @@ class Fitting:
     ----------
     formulation : Formulation
     parts : Recursion
-    lower, upper : (p,) float
-        Finite.
+    lower, upper : (d,) float
+        Finite; first samples that no equation gives follow the parameters.
     """
 
     formulation: Formulation
     parts: Recursion
     lower: Reals
     upper: Reals
+    _given: tuple[Reals, Reals] = field(init=False)  # rows of priors and smoothed readings
+
+    def __post_init__(self) -> None:
+        given = self.parts.cover(self.formulation, self.lower, self.upper)
+        object.__setattr__(self, "_given", given)
 
     def errors(self, theta: Reals) -> tuple[Reals, Reals]:
-        """Errors in noise bounds (R,), and their slopes (R, p)."""
+        """Errors in noise bounds (R,), and their slopes (R, d)."""
         signals = self._run(theta)
         data, errors, slopes = self.formulation.data, [], []
         bound = self.formulation.noise.bounds(data)[0]
         for channel, name in enumerate(self.parts.outputs):
             y, form = data.y[:, channel], signals[name]
-            known = ~np.isnan(y)
+            known = ~np.isnan(y) & np.isfinite(form.rest)
             unit = np.maximum(bound[known, channel], 1e-300)
             errors.append((y[known] - form.value[known]) / unit)
             slopes.append(-form.slope[known] / unit[:, None])
         return np.concatenate(errors), np.concatenate(slopes)
 
     def simulated(self, theta: Reals) -> dict[str, Reals]:
-        """Samples (N,) of every signal."""
-        return {name: form.value for name, form in self._run(theta).items()}
+        """Samples (N,) of every signal; NaN before the first one that is asked."""
+        every = self._run(theta).items()
+        return {name: np.where(np.isinf(form.rest), np.nan, form.value) for name, form in every}
 
     def _run(self, theta: Reals) -> dict[str, Form]:
         nothing = np.zeros((0, theta.size))
-        return self.parts.run(Region(theta, theta, nothing, np.zeros(0), np.zeros(0)))
+        return self.parts.run(
+            Region(theta, theta, nothing, np.zeros(0), np.zeros(0)), bounded=False
+        )
 
     def level(self, theta: Reals) -> float:
         """The largest error in noise bounds; infinite where it is no number."""
@@ -79,18 +87,25 @@ class Fitting:
         if not (np.all(np.isfinite(error)) and np.all(np.isfinite(slope))):
             return None
         p = theta.size
-        given = cover(self.formulation, self.lower, self.upper)
         ends = np.maximum(self.lower - theta, -radius), np.minimum(self.upper - theta, radius)
-        level = np.ones(error.size) if goal is None else np.zeros(error.size)
+        far = np.maximum(np.abs(ends[0]), np.abs(ends[1]))
         room = 0.0 if goal is None else 1.0 - _ROOM
+        least = _LOWEST * float(np.abs(error).max()) if goal is None else room
+        close = np.abs(error) + np.abs(slope) @ far >= least  # others cannot bind
+        error, slope = error[close], slope[close]
+        level = np.ones(error.size) if goal is None else np.zeros(error.size)
+        matrix, most = self._given
+        most = most - matrix @ theta
+        cuts = np.abs(matrix) @ far > most
+        matrix, most = matrix[cuts], most[cuts]
         table = np.block(
             [
                 [slope, -level[:, None]],
                 [-slope, -level[:, None]],
-                [given.matrix, np.zeros((given.right.size, 1))],
+                [matrix, np.zeros((most.size, 1))],
             ]
         )
-        right = np.concatenate([room - error, room + error, given.right - given.matrix @ theta])
+        right = np.concatenate([room - error, room + error, most])
         last = (0.0, np.inf) if goal is None else (0.0, 0.0)
         columns = np.append(ends[0], last[0]), np.append(ends[1], last[1])
         model = LinearModel(sps.csr_array(table), (np.full(right.size, -np.inf), right), columns)
@@ -99,13 +114,17 @@ class Fitting:
         return np.asarray(found.x[:p], np.float64) if found.status == "solved" else None
 
 
-def best_fit(fitting: Fitting, deadline: Deadline) -> tuple[Reals, float]:
+def best_fit(
+    fitting: Fitting, deadline: Deadline, first: Reals | None = None
+) -> tuple[Reals, float]:
     """Minimise the largest error from several starts.
 
     Parameters
     ----------
     fitting : Fitting
     deadline : Deadline
+    first : (d,) float, optional
+        The start that is tried first; the middle when left out.
 
     Returns
     -------
@@ -114,7 +133,7 @@ def best_fit(fitting: Fitting, deadline: Deadline) -> tuple[Reals, float]:
     """
     random = np.random.default_rng(_SEED)
     low, high = fitting.lower, fitting.upper
-    best, least = low / 2 + high / 2, np.inf
+    best, least = low / 2 + high / 2 if first is None else np.clip(first, low, high), np.inf
     for number in range(_STARTS):
         begin = random.uniform(low, high) if number else best
         found, level = _fitted(fitting, begin, deadline)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,9 @@ from setid.proofs.simulated.tree import (
     tightened,
     widened,
 )
+from setid.proofs.supports import Cover
 from sparsepop_py.budget import Deadline
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = ["principal_directions", "simulated_box"]
 
@@ -61,11 +64,12 @@ def simulated_box(
     formulation: Formulation,
     parts: Recursion,
     box: tuple[Reals, Reals],
-    first: CellBox | None,
+    first: CellBox | ParameterBox | None,
     directions: Reals,
     attained: tuple[Reals, Reals] | None,
     tol: float,
     deadline: Deadline,
+    cells: float = inf,
 ) -> SimulatedBox | None:
     """Tighten a finite box by simulations over regions.
 
@@ -73,28 +77,31 @@ def simulated_box(
     ----------
     formulation : Formulation
     parts : Recursion
-    box : (lower, upper), each (p,) float
-    first : CellBox or None
+    box : (lower, upper), each (d,) float
+        Of the parameters, and of first samples that no equation gives.
+    first : CellBox, ParameterBox or None
         What proved the box, where priors alone do not.
-    directions : (q, p) float
+    directions : (q, d) float
     attained : (lower, upper), each (p,) float, or None
         Ends that consistent parameters reach.
     tol : float
         Of the attained widths: regions that reach less far beyond are not parted.
     deadline : Deadline
+    cells : float
+        Regions that are parted at most.
     """
     if not np.all(np.isfinite(box)):
         return None
     region = first_region(formulation, *box, directions)
     root = _Grown(region)
-    grower = _Grower(formulation, parts, attained, tol, deadline)
+    grower = _Grower(formulation, parts, attained, tol, deadline, cells)
     complete = grower.grow(root)
     leaves = [g.region for g in grower.leaves if g.region is not None]
-    p = box[0].size
+    p = len(formulation.parameters)
     lower, upper = np.full(p, np.inf), np.full(p, -np.inf)
     if leaves:
-        lower = np.min([r.lower for r in leaves], axis=0)
-        upper = np.max([r.upper for r in leaves], axis=0)
+        lower = np.min([r.lower[:p] for r in leaves], axis=0)
+        upper = np.max([r.upper[:p] for r in leaves], axis=0)
         lower, upper = widened(lower, upper)
     return SimulatedBox(
         formulation.parameters, lower, upper, first, directions, _numbered(root), complete
@@ -119,9 +126,11 @@ class _Grower:
         attained: tuple[Reals, Reals] | None,
         tol: float,
         deadline: Deadline,
+        cells: float,
     ) -> None:
         self._formulation, self._parts = formulation, parts
         self._attained, self._tol, self._deadline = attained, tol, deadline
+        self._cells = cells
         self.leaves: list[_Grown] = []
 
     def grow(self, root: _Grown) -> bool:
@@ -135,7 +144,7 @@ class _Grower:
         self._file(root, waiting, count)
         while waiting:
             _, _, grown = heapq.heappop(waiting)
-            if self._deadline.over:
+            if self._deadline.over or count >= 2 * self._cells:
                 self.leaves += [grown, *(g for _, _, g in waiting)]
                 return False
             assert grown.region is not None
@@ -163,7 +172,9 @@ class _Grower:
             return float(np.max(region.upper - region.lower)) + 1.0
         low, high = self._attained
         width = np.maximum(high - low, 1e-12 * np.maximum(np.abs(low), np.abs(high)) + 1e-300)
-        return float(np.max(np.maximum(low - region.lower, region.upper - high) / width))
+        p = low.size
+        beyond = np.maximum(low - region.lower[:p], region.upper[:p] - high)
+        return float(np.max(beyond / width))
 
     def _cut(self, region: Region, scale: Reals) -> tuple[int, float]:
         """The parameter or direction that is widest against the root's, and its middle."""
@@ -193,8 +204,17 @@ def _widths(region: Region) -> Reals:
     return np.append(region.upper - region.lower, region.high - region.low)
 
 
-def _step(spaces: object, wanted: Reals) -> Step | None:
-    proposer = Proposer(spaces)  # type: ignore[arg-type]
+def _step(every: Cover, wanted: Reals) -> Step | None:
+    """Multipliers of the rows that cut the box, by linear programs."""
+    middle, far = every.centre, every.spread
+    cuts = np.flatnonzero(every.matrix @ middle + np.abs(every.matrix) @ far > every.right)
+    spaces = replace(every, matrix=every.matrix[cuts], right=every.right[cuts])
+    found = _multipliers(spaces, wanted)
+    return None if found is None else replace(found, rows=cuts[found.rows])
+
+
+def _multipliers(spaces: Cover, wanted: Reals) -> Step | None:
+    proposer = Proposer(spaces)
     parts = list(proposer.multipliers(wanted[:-1]))
     if proposer.contradictory:
         found = proposer.contradiction()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from graphlib import CycleError, TopologicalSorter
 from math import inf
 
 import numpy as np
@@ -11,6 +12,8 @@ import sparsepop_py as sp
 from setid.formulation.formulation import Formulation
 
 __all__ = ["admitted", "proved_point"]
+
+_MANY = 200  # equations beyond which they are solved in fixed point, not in rationals
 
 
 def proved_point(
@@ -29,11 +32,31 @@ def proved_point(
     solved = _newest(formulation, rows)
     if solved is None:
         return None
+    if rows.size > _MANY and (order := _triangular(problem, rows, solved)) is not None:
+        rows, solved = rows[order], solved[order]
+        return sp.ProvedPoint(x, inf, 0.0, "substitution", rows, solved).recheck(problem)
     for proof in ("exact", "krawczyk") if rows.size else ("exact",):
         point = sp.ProvedPoint(x, inf, 0.0, proof, rows, solved).recheck(problem)
         if point is not None:
             return point
     return None
+
+
+def _triangular(
+    problem: sp.Problem, rows: NDArray[np.int64], solved: NDArray[np.int64]
+) -> NDArray[np.int64] | None:
+    """An order in which each row contains variables of rows before it only; None without one."""
+    place = np.full(problem.dimension, -1)
+    place[solved] = np.arange(solved.size)
+    system = problem.rows.take(rows)
+    ours = np.where(system.words > 0, place[system.words - 1], -1)
+    needs: list[set[int]] = [set() for _ in range(rows.size)]
+    for row, numbers in zip(system.row.tolist(), ours.tolist(), strict=True):
+        needs[row].update(number for number in numbers if number not in (-1, row))
+    try:
+        return np.array(list(TopologicalSorter(dict(enumerate(needs))).static_order()), np.int64)
+    except CycleError:
+        return None
 
 
 def admitted(formulation: Formulation, theta: ArrayLike, radius: ArrayLike = 0.0) -> bool:

@@ -18,12 +18,14 @@ from setid.errors import SetidError
 from setid.formulation.formulation import Formulation
 from setid.formulation.layout import Layout
 from setid.formulation.regression import Regression
-from setid.formulation.units import in_units
+from setid.formulation.units import InUnits, coupled_rows, in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Claimed, EndProof
-from setid.proofs.parameter_box import start_of
+from setid.proofs.parameter_box import product_rows, start_of
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.values import PROVED_POINT
+from sparsepop_py.verified.uncertain_rows.directions import LARGEST, DirectionBox, cubes, within
+from sparsepop_py.verified.uncertain_rows.lifted_products import LiftedBox
 from sparsepop_py.verified.uncertain_rows.sign_tree import (
     LeftInverse,
     ParameterBox,
@@ -33,7 +35,9 @@ from sparsepop_py.verified.uncertain_rows.sign_tree import (
 
 __all__ = ["certificate_files"]
 
-_FORMAT, _VERSION = "setid", 1
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+_FORMAT, _VERSION = "setid", 2
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:
@@ -201,18 +205,35 @@ def _rationals(values: tuple[Fraction, ...] | None) -> list[str] | None:
 
 # ---- boxes ------------------------------------------------------------------------------------
 
-Box = tuple[NDArray[np.float64], NDArray[np.float64]]
-
 
 def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict[str, Any]:
-    """Its ends, and its steps where it follows from rows one by one, else null."""
+    """Its ends, and the steps that prove it, null where the file does not hold them."""
     ends = {"lower": [_number(v) for v in box.lower], "upper": [_number(v) for v in box.upper]}
+    steps = None
+    if type(formulation.model) is TransferFunction:
+        if isinstance(box, LiftedBox):
+            steps = _lifted(box, formulation, start)
+        elif formulation.smoothed is formulation.regression:
+            steps = _by_rows(box, formulation, start)
+    return ends | {"steps": steps, "kind": type(box).__name__}
+
+
+def _by_rows(
+    box: Any, formulation: Formulation, start: NDArray[np.float64]
+) -> list[dict[str, Any]] | None:
+    """Steps of boxes from rows that are linear in the parameters."""
     rows = formulation.regression
-    known = isinstance(box, ParameterBox) and rows is not None and rows is formulation.smoothed
-    if not known or type(formulation.model) is not TransferFunction:
-        return ends | {"steps": None, "kind": type(box).__name__}
-    assert rows is not None
-    steps, inside = [], (start[0], start[1])
+    if rows is None or not isinstance(box, ParameterBox | DirectionBox):
+        return None
+    if isinstance(box, ParameterBox):
+        return _steps(box, rows, (start[0], start[1]))
+    step, inside = _directions(box, formulation)
+    first = _steps(box.first, rows, (start[0], start[1]))
+    return [*first, step, *_steps(box.last, rows, (inside[0], inside[1]))]
+
+
+def _steps(box: ParameterBox, rows: Regression, inside: Box) -> list[dict[str, Any]]:
+    steps: list[dict[str, Any]] = []
     for step in box.steps:
         if isinstance(step, LeftInverse):
             steps.append(_left_inverse(step, rows))
@@ -222,7 +243,64 @@ def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict
             nodes: list[dict[str, Any]] = []
             inside = _sign_tree(step, rows, inside, nodes)
             steps.append({"is": "SignTree", "nodes": nodes})
-    return ends | {"steps": steps, "kind": "ParameterBox"}
+    return steps
+
+
+def _lifted(
+    box: LiftedBox, formulation: Formulation, start: NDArray[np.float64]
+) -> list[dict[str, Any]] | None:
+    """Steps in products of parameters; None where sums or limits are proved as well."""
+    products = product_rows(formulation)
+    if products is None or any(box.sums) or box.sharper or box.limit is not None:
+        return None
+    rows = products.regression
+    assert isinstance(rows, Regression)
+    columns = [[list(monomial) for monomial in column] for column in products.columns]
+    steps, inside = [], start
+    for found in box.rounds:
+        begin = products.start(inside)
+        inner = _steps(found, rows, (begin[0], begin[1]))
+        steps.append({"is": "Products", "columns": columns, "steps": inner})
+        if not found.empty:
+            inside = products.shrunk(inside, found.lower, found.upper)
+    return steps
+
+
+def _directions(
+    box: DirectionBox, formulation: Formulation
+) -> tuple[dict[str, Any], NDArray[np.float64]]:
+    """Certificates of all sides of the cube of directions, and the box that they prove."""
+    coupled = coupled_rows(formulation)
+    cube, least = cubes(coupled, box.first, box.scale), LARGEST
+    numbers, sides = np.flatnonzero(coupled.rows).tolist(), []
+    for place, (count, proof) in enumerate(zip(box.rows, box.certificates, strict=True)):
+        scaled = cube(count).side(place)
+        least = min(least, proof.bound * scaled.factor)
+        sides.append(
+            {
+                "rows": numbers[:count],
+                "units": scaled.units.tolist(),
+                "factors": _factors(cube(count).rows, scaled),
+                "certificate": CERTIFICATE.write(proof),
+            }
+        )
+    found = {
+        "is": "Directions",
+        "scale": box.scale.tolist(),
+        "lower": [_number(v) for v in box.first.lower],
+        "upper": [_number(v) for v in box.first.upper],
+        "sides": sides,
+    }
+    return found, within(box.first, box.scale, least)
+
+
+def _factors(rows: list[sp.Constraint], scaled: InUnits) -> list[float]:
+    """What rows in units were multiplied by, powers of two."""
+    units, found = np.append(1.0, scaled.units), list[float]()
+    for row, made in zip(rows, scaled.problem.constraints, strict=True):
+        plain = row.polynomial.coefficients[:1] * np.prod(units[row.polynomial.words[:1]], axis=1)
+        found += (made.polynomial.coefficients[:1] / plain).tolist() or [1.0]
+    return found
 
 
 def _left_inverse(step: LeftInverse, rows: Regression) -> dict[str, Any]:

@@ -805,13 +805,20 @@ def _checked_terms(
     return letters.astype(np.int32), values
 
 
+_CHECKED: list[tuple[str, ...]] = [()]  # the names that were checked last
+
+
 def _checked_labels(names: Sequence[str] | None, n: int) -> tuple[str, ...] | None:
     if names is None:
         return None
+    if names is _CHECKED[0] and len(names) == n:  # many polynomials have the same names
+        return _CHECKED[0]
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise ProblemError(f"names: found {names!r}, expected {n} of them")
     labels = tuple(str(name) for name in names)
     _check_names(labels, n)
+    if type(names) is tuple and all(type(name) is str for name in names):
+        labels = _CHECKED[0] = names
     return labels
 
 

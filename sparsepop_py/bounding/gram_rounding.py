@@ -26,6 +26,7 @@ from sparsepop_py.algebra import monomials
 from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Polynomial
 from sparsepop_py.bounding.settings import BOUNDING
+from sparsepop_py.conic.program import ConicProgram
 from sparsepop_py.problem import generators
 from sparsepop_py.relaxation.assemble import assemble, split_dual
 from sparsepop_py.relaxation.blocks import BlockGroup, Blocks, stacked_groups
@@ -34,7 +35,7 @@ from sparsepop_py.relaxation.term_sparsity import term_sparse
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
-__all__ = ["estimate", "exact_grams"]
+__all__ = ["estimate", "exact_grams", "interior_grams"]
 
 
 def exact_grams(
@@ -61,19 +62,60 @@ def exact_grams(
             yield from _rounded(objective, sparse, time_limit)
 
 
-def _rounded(
-    objective: Polynomial, sparse: Relaxation, time_limit: float | None
+def interior_grams(
+    objective: Polynomial, relaxation: Relaxation, time_limit: float | None = None
 ) -> Iterator[ExactGram]:
-    """Round the Gram matrix of one solution with growing precision."""
+    """Yield candidates from the interior of the cone, the nearest to an optimal one first.
+
+    Parameters
+    ----------
+    objective : Polynomial
+    relaxation : Relaxation
+        As for :func:`exact_grams`.
+    time_limit : float, optional
+        Seconds for each call of the solver.
+
+    Yields
+    ------
+    ExactGram
+    """
+    sparse = _where_terms_are(objective, relaxation, True)
+    if sparse is None:
+        return
+    program, rows = _normed(objective, sparse, 0.0)
+    sharp: NDArray[np.float64] | None = None
+    for accuracy in BOUNDING.accuracies:
+        solution = solve_conic(program, "clarabel", time_limit, accuracy)
+        if solution.status not in ("solved", "almost"):
+            return
+        sharp = solution.z if sharp is None else sharp
+        for share in BOUNDING.interior_steps:
+            z = sharp + share * (solution.z - sharp)
+            basis, first, second, value = _entries(sparse, rows * z)
+            digits = 2.0**BOUNDING.interior_bits
+            yield ExactGram(basis, first, second, np.round(value * digits) / digits)
+
+
+def _normed(
+    objective: Polynomial, sparse: Relaxation, trace: float
+) -> tuple[ConicProgram, NDArray[np.float64]]:
+    """Scale the program by the coefficients of squares; return it with the weights of its rows."""
     program = assemble(sparse, objective)
     rows = _row_weights(objective, sparse)
     matrix = sps.csc_array(sps.diags_array(rows) @ program.A)
     columns = 1.0 / np.maximum(abs(matrix).max(axis=0).toarray().ravel(), 1e-300)
     matrix = sps.csc_array(matrix @ sps.diags_array(columns))
-    traced = rows * program.b + BOUNDING.trace * np.concatenate(
+    traced = rows * program.b + trace * np.concatenate(
         [np.tile(np.equal(*group.pairs), group.count) for group in sparse.groups]
     )
-    normed = replace(program, q=columns * program.q, A=matrix, b=traced)
+    return replace(program, q=columns * program.q, A=matrix, b=traced), rows
+
+
+def _rounded(
+    objective: Polynomial, sparse: Relaxation, time_limit: float | None
+) -> Iterator[ExactGram]:
+    """Round the Gram matrix of one solution with growing precision."""
+    normed, rows = _normed(objective, sparse, BOUNDING.trace)
     solution = solve_conic(normed, "clarabel", time_limit)
     if solution.status not in ("solved", "almost"):
         return

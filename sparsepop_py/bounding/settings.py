@@ -18,6 +18,8 @@ class BoundingSettings:
     ----------
     bits : tuple of int
         Binary places that entries of Gram matrices are rounded to.
+    interior_bits : int
+        The same for definite matrices.
     shift : float
         Relative shift that keeps singular matrices from stopping an estimate.
     trace : float
@@ -53,6 +55,7 @@ class BoundingSettings:
     """
 
     bits: tuple[int, ...] = (0, 2, 6, 12)
+    interior_bits: int = 24
     shift: float = 1e-10
     trace: float = 0.1
     short_shares: tuple[float, ...] = (1e-5, 1e-7, 1e-9)

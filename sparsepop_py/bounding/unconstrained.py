@@ -9,10 +9,18 @@ singular, whatever the constant, get no bound here.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from sparsepop_py.bounding.gram_rounding import estimate, exact_grams
+from sparsepop_py.algebra.polynomial import Polynomial
+from sparsepop_py.bounding.gram_rounding import estimate, exact_grams, interior_grams
+from sparsepop_py.bounding.leading_form import (
+    LinearCoordinates,
+    coordinates_of_leading_form,
+)
 from sparsepop_py.bounding.relaxation_bound import (
     Attempt,
     BoxBound,
@@ -29,14 +37,16 @@ from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.context import SolveContext
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
+from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, scale_objective
 from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
+from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof
 
-__all__ = ["unconstrained_bound", "good_enough"]
+__all__ = ["good_enough", "may_be_squares", "unconstrained_bound"]
 
 
 def good_enough(context: SolveContext, bound: float) -> bool:
@@ -46,6 +56,31 @@ def good_enough(context: SolveContext, bound: float) -> bool:
     return context.closed(bound) or (large and bound >= context.upper - nearly)
 
 
+def may_be_squares(objective: Polynomial) -> bool:
+    """Check quickly whether the objective less a constant may be a sum of squares.
+
+    In a sum of squares the highest power of each variable is even, and some monomial that has it
+    is a square with a positive coefficient.
+
+    Parameters
+    ----------
+    objective : Polynomial
+
+    Returns
+    -------
+    bool
+        False where it is no sum of squares. True proves nothing.
+    """
+    powers = objective.exponents.tocoo()
+    highest = np.zeros(objective.dimension, np.int64)
+    np.maximum.at(highest, powers.col, powers.data)
+    square = objective.coefficients > 0
+    square[powers.row[powers.data % 2 == 1]] = False
+    held = np.zeros(objective.dimension, bool)
+    held[powers.col[square[powers.row] & (powers.data == highest[powers.col])]] = True
+    return bool(np.all(held | (highest == 0)))
+
+
 def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
     """Bound the objective without constraints and bounds, None where that does not apply."""
     problem = Problem(context.problem.objective)
@@ -53,6 +88,7 @@ def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
     outcome: CertifiedBound | None = None
+    model = bare
     for typical in (None, context.best.x if context.best is not None else None):
         with context.stages.stage("relax"):
             model = build_relaxations(problem, (problem.objective,), bare, context.options, typical)
@@ -66,7 +102,38 @@ def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
         known = outcome.certificate is not None or context.deadline.over
         if known or context.best is None or np.all(np.abs(context.best.x) <= 1.0):
             break  # the scale would be the same
+    if outcome is not None and outcome.certificate is None and not context.deadline.over:
+        outcome = better(outcome, _in_other_coordinates(context, model))
     return outcome
+
+
+def _in_other_coordinates(context: SolveContext, model: Model) -> CertifiedBound:
+    """Certify a Gram matrix of coordinates in which the leading form is a monomial."""
+    f, replay = context.problem.objective, context.replay()
+    box_bound = BoxBound(Proved(-np.inf, 0.0, ""), Node())
+    with context.stages.stage("certify"):
+        coordinates = coordinates_of_leading_form(f)
+        if coordinates is not None:
+            other = Problem(coordinates.polynomial)
+            objectives = (other.objective,)
+            whole = Model(BoxProof(), Interval(other.lower, other.upper))
+            options = replace(context.options, switches=None)
+            made = build_relaxations(other, objectives, whole, options).relaxations[-1:]
+            for gram in _grams(coordinates, made, context.deadline.left):
+                proved = prove(replay, model.box, gram, False)
+                if proved.bound > -np.inf:
+                    box_bound = BoxBound(proved, Node(argument=gram))
+                    break
+    return certified_bound(replay, model, box_bound, model.relaxations[-1])
+
+
+def _grams(
+    coordinates: LinearCoordinates, relaxations: tuple[Relaxation, ...], left: float | None
+) -> Iterator[ExactGram]:
+    for relaxation in relaxations:
+        for gram in interior_grams(coordinates.polynomial, relaxation, left):
+            if gram.bound(coordinates.polynomial) > -np.inf:
+                yield coordinates.transformed(gram)
 
 
 def _exactly(context: SolveContext, model: Model) -> CertifiedBound:

@@ -130,15 +130,15 @@ class LinearTree:
     box : Interval
         The box of the root, with finite ends.
     search_incumbent : callable
-        Given a context, candidate vectors and whether a proof of these is enough, without a search
-        from them: the context with a better incumbent if one is proved.
+        Given a context, candidate vectors, whether a proof of these is enough, without a search
+        from them, and a bound: the context with a better incumbent if one is proved.
     variables : (k,) int, optional
         Branching variables; those in products when left out.
     """
 
     context: SolveContext
     box: Interval
-    search_incumbent: Callable[[SolveContext, list[NDArray[Any]], bool], SolveContext]
+    search_incumbent: Callable[[SolveContext, list[NDArray[Any]], bool, float], SolveContext]
     variables: NDArray[np.int64] | None = None
     nodes: int = 0
     search_work: float = 0.0
@@ -242,12 +242,12 @@ class LinearTree:
     def _improve(self, node: _Open, program: _Program, number: int) -> bool:
         """Add cuts, search points and tighten the box; return whether another round may gain."""
         if self._cut(node, program, number):
-            self._search_minimiser()
+            self._search_minimiser(node)
             return node.bound < self.goal
         if self._promises(program.point):
-            self._search(program.point)
+            self._search(program.point, node)
         elif number == LINEAR_TREE.search_round and self._worth_a_search():
-            self._search(program.point)  # tightening goes on with a better cutoff
+            self._search(program.point, node)  # tightening goes on with a better cutoff
         if node.bound >= self.goal:
             return False
         if self._reduce(node, program) or self._tighten(node, program):
@@ -255,7 +255,7 @@ class LinearTree:
         if not self._worth_a_search():
             return False
         upper = self.context.upper
-        self._search(program.point)
+        self._search(program.point, node)
         return node.bound < self.goal and self.context.upper < upper
 
     def _fathom(self, node: _Open) -> None:
@@ -306,7 +306,7 @@ class LinearTree:
             return False
         own = program.point
         made = [
-            model.cut(row, self._minimiser(program) if row == model.rows else own)
+            model.cut(row, self._minimiser(program, number) if row == model.rows else own)
             for row in model.convex
         ]
         new = tuple(cut for cut in made if cut is not None and self._violates(cut, program))
@@ -314,23 +314,29 @@ class LinearTree:
             self.model = replace(model, cuts=(*model.cuts, *new))
         return bool(new)
 
-    def _minimiser(self, program: _Program) -> Floats:
-        """Minimise a convex objective over the rows of a node, else take the solution."""
+    def _minimiser(self, program: _Program, number: int) -> Floats:
+        """Minimise a convex objective over the rows of a node.
+
+        Where that fails, take the incumbent in the first round, then the solution.
+        """
         model, data = self.model, program.data
         assert program.t is not None
         n, point = model.dimension, program.t
         found = convex_minimiser(model, data)
+        best = self.context.best
+        if found is None and number == 0 and best is not None:
+            return best.x
         if found is not None:
             point = found
         minimiser = data.scaling.point(np.clip(point[:n], -1.0, 1.0))
         self._point = minimiser if found is not None else None
         return minimiser
 
-    def _search_minimiser(self) -> None:
+    def _search_minimiser(self, node: _Open) -> None:
         """Start a local search from a convex program's minimiser that promises a gain."""
         point, self._point = self._point, None
         if point is not None and self._promises(point):
-            self._search(point)
+            self._search(point, node)
 
     def _violates(self, cut: SquareCut, program: _Program) -> bool:
         """Check whether a solution violates a cut by more than rounding."""
@@ -385,12 +391,13 @@ class LinearTree:
             return False
         return self.context.problem.violation(point) <= LINEAR_TREE.feasible
 
-    def _search(self, point: Floats) -> None:
+    def _search(self, point: Floats, node: _Open) -> None:
         before, upper = spent(), self.context.upper
+        bound = min(self.bound, node.bound)
         if self._promises(point):
-            self.context = self.search_incumbent(self.context, [point], True)
+            self.context = self.search_incumbent(self.context, [point], True, bound)
         if self.context.upper == upper:
-            self.context = self.search_incumbent(self.context, [point], False)
+            self.context = self.search_incumbent(self.context, [point], False, bound)
         self.search_work += spent() - before
 
     # ---- bounds of variables ------------------------------------------------------------------

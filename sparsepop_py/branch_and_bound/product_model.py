@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.sparse as sps
@@ -151,6 +151,7 @@ class ProductModel:
     cuts: tuple[SquareCut, ...] = ()
 
     @staticmethod
+    @lru_cache(maxsize=2)  # of the same problem: the first start and the tree ask for it
     def of(problem: Problem) -> ProductModel:
         """Write a problem of degree at most 2 over variables and products."""
         n = problem.dimension

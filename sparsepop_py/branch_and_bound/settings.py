@@ -78,7 +78,9 @@ class LinearTreeSettings:
     root_rounds, rounds : int
         Rounds of propagation, program and tightening of the root, and of other nodes.
     first_sweeps : int
-        Sweeps of propagation before the tree.
+        Sweeps of propagation before the tree, where bounds are infinite.
+    start_sweeps : int
+        Sweeps in plain doubles for a box of starts.
     root_sweeps, sweeps : int
         Sweeps of propagation a round, of the root and of other nodes.
     worth : float
@@ -131,6 +133,7 @@ class LinearTreeSettings:
     root_rounds: int = 16
     rounds: int = 2
     first_sweeps: int = 4
+    start_sweeps: int = 20
     root_sweeps: int = 3
     sweeps: int = 2
     worth: float = 0.9

@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 _MANY = 2000  # variables from which no atoms are extracted: first moments start a search, too
-_GAIN = 0.01  # of the allowed gap: a point that gains less is not proved while the gap is open
+_GAIN = 0.05  # of the allowed gap: a point that gains less is not proved while the gap is open
 
 
 def search_incumbent(
@@ -149,11 +149,18 @@ def first_incumbent(
 
 
 def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Put the repaired forms of starts before them, as far as these differ."""
+    """Put the repaired forms of starts before them; those that are feasible replace them."""
     if context.repair is None:
         return starts
     better = [np.asarray(context.repair(x), float) for x in starts]
-    return [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)] + starts
+    first = [y for x, y in zip(starts, better, strict=True) if not np.array_equal(x, y)]
+    tolerance = context.options.tolerance
+    left = [
+        x
+        for x, y in zip(starts, better, strict=True)
+        if np.array_equal(x, y) or context.problem.violation(y) > tolerance
+    ]
+    return first + left
 
 
 def update_incumbent(
@@ -215,15 +222,30 @@ def first_moments(
     return scaling.point(means(relaxation, solution.y))
 
 
-def random_starts(problem: Problem, box: Interval, options: Options) -> list[NDArray[Any]]:
-    """Choose starting points in a box: many in few variables, none in very many."""
+def random_starts(
+    problem: Problem, box: Interval, options: Options, *, tightened: bool = False
+) -> list[NDArray[Any]]:
+    """Choose starting points in a box: many in few variables, none in very many.
+
+    Parameters
+    ----------
+    problem : Problem
+    box : Interval
+    options : Options
+    tightened : bool
+        Whether the rows were propagated to this box already.
+
+    Returns
+    -------
+    list of (n,) float
+    """
     n = problem.dimension
     if options.refine in ("prove", "none"):
         return []
     count = 24 if n <= 12 else 12 if n <= 40 else 2 if n <= 300 else 0
     if options.effort == "auto":  # relaxations bring better ones
         count = 0 if Products.of(problem).has_star else count // 3
-    if options.effort != "plain":
+    if options.effort != "plain" and not tightened:
         _, tighter = find_box(problem, None, options) if n <= 300 else (None, box)
         box = box if is_empty(tighter) else tighter
     return starting_points(problem, box, count, options.seed)

@@ -28,9 +28,13 @@ __all__ = ["Aim", "best_attained", "starting_points"]
 
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
 _SMALL = 12  # variables up to which several methods are tried from each start
+_AGAIN = 1e-7  # of the incumbent's value: a search that ends this near has led to it again
+_CLOSE = 0.02  # of that value: a bound this near says that the incumbent is hardly beaten
+_SAME = 1e-9  # difference from a vector near which a point was proved: another proof says no more
 _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
+_NEAR = 1e-5  # relative: about the best value
 _STARTS = 3  # from at least so many starts
 
 
@@ -184,11 +188,15 @@ def _candidates(
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """List nearly feasible (value, vector) pairs that one start leads to."""
     kept: list[tuple[float, NDArray[np.float64]]] = []
+    size = 1.0 + abs(aim.known)
+    close = np.isfinite(size) and aim.known - aim.enough <= _CLOSE * size  # else others lead away
+    near = _AGAIN * size if close else -1.0
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
         kept += ended
         known = number > 1 and min((value for value, _ in kept), default=np.inf) <= aim.enough
-        if known or (number and ended and aim.any):
+        again = number > 0 and any(abs(value - aim.known) <= near for value, _ in ended)
+        if known or again or (number and ended and aim.any):
             break
     return kept
 
@@ -249,7 +257,7 @@ def best_attained(
             best = _best_proved(problem, ends, best, aim, end)
             if best is not None and (aim.any or best.value <= aim.enough):
                 break
-        about_best = best_value + 1e-5 * (1.0 + abs(best_value))
+        about_best = best_value + _NEAR * (1.0 + abs(best_value))
         starts_there = sum(value <= about_best for value in reached)
         if starts_there >= _STARTS and sum(value <= about_best for value, _ in found) >= _ENOUGH:
             break
@@ -275,11 +283,16 @@ def _best_proved(
 
     When time is over one proof is still tried: without any point no gap is known.
     """
+    tried: list[NDArray[Any]] = []
     for number, (value, x) in enumerate(sorted(found, key=lambda entry: entry[0])):
         known = aim.known if best is None else min(best.value, aim.known)
         if value >= known - aim.gain or (number and time.monotonic() >= end):
             break
+        if any(np.all(np.abs(x - other) <= _SAME * (1.0 + np.abs(x))) for other in tried):
+            continue
         proved = prove_feasible(problem, x)
+        if proved is not None:
+            tried.append(x)
         if proved is not None and (best is None or proved.value < best.value):
             best = proved
     return best

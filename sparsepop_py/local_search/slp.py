@@ -35,9 +35,12 @@ from sparsepop_py.problem.problem import Problem
 __all__ = ["restored", "sequential_search", "violated_rows"]
 
 _VIOLATED = 1e-7  # of a row's largest coefficient
+_FEASIBLE = 1e-7  # sum of violations in units of the rows: no larger penalty is needed
 _STEPS = 150  # at most
 _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
+_PROMISED = 1e-11  # of the value: a step that promises less is not taken
+_LAST = 1e-9  # a step that promises less is the last one: what follows is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,11 +215,15 @@ def sequential_search(
         promised, trial = search.ahead(here, penalty, bounds)
         if trial is None or time.monotonic() >= end:
             break
-        if promised <= 1e-11 * (1.0 + abs(here.value)):
-            if here.off <= 1e-7 or penalty >= _MOST:
+        size = 1.0 + abs(here.value)
+        if promised <= _PROMISED * size:
+            if here.off <= _FEASIBLE or penalty >= _MOST:
                 break
             penalty *= 10.0
             continue
+        if promised <= _LAST * size and here.off <= _FEASIBLE:
+            here = min(here, trial, key=lambda each: each.merit(penalty))
+            break
         if here.merit(penalty) - trial.merit(penalty) <= 0.5 * promised:  # rows are curved there
             _, again = search.ahead(trial, penalty, bounds)
             trial = min(trial, again or trial, key=lambda each: each.merit(penalty))
@@ -226,7 +233,7 @@ def sequential_search(
             if trust < 1e-10:
                 break
             continue
-        small = small + 1 if gained < 1e-9 * (1.0 + abs(here.value)) else 0
+        small = small + 1 if gained < _LAST * size else 0
         here = trial
         trust = min(1.0, 2.0 * trust) if gained > 0.5 * promised else trust
         if small > 1:

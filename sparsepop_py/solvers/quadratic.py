@@ -60,10 +60,10 @@ def solve_convex_qp(
     equal = np.flatnonzero(polyhedron.equality)
     others = np.flatnonzero(polyhedron.present & ~polyhedron.equality)
     rows = np.append(equal, others)
-    size = np.maximum(np.abs(polyhedron.matrix[rows]).max(axis=1, initial=0.0), 1e-300)
-    scale = np.exp2(-np.round(np.log2(size)))
+    size = np.abs(polyhedron.matrix[rows]).max(axis=1, initial=0.0)
+    scale = np.exp2(-np.round(np.log2(np.where(size > 0.0, size, 1.0))))  # rows may be constant
     largest = max(np.abs(cost).max(initial=0.0), np.abs(hessian.data).max(initial=0.0))
-    weight = np.exp2(-np.round(np.log2(max(largest, 1e-300))))
+    weight = np.exp2(-np.round(np.log2(largest or 1.0)))
     matrix = sps.csc_matrix(-polyhedron.matrix[rows] * scale[:, None])
     right = polyhedron.constant[rows] * scale
     result = run_clarabel(

@@ -7,11 +7,12 @@ several Python threads that solve at once, threadpoolctl lets the first one set 
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from functools import wraps
+from functools import lru_cache, wraps
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 __all__ = ["one_thread"]
 
@@ -42,7 +43,21 @@ def one_thread(function: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> T:
-        with threadpool_limits(1, user_api="blas"):
+        with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
     return limited
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Find the BLAS libraries of this process, again where it has loaded another module.
+
+    That takes 2 ms, as long as a small problem.
+
+    Parameters
+    ----------
+    modules : int
+        Number of modules that are loaded.
+    """
+    return ThreadpoolController()

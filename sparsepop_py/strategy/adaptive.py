@@ -208,7 +208,7 @@ class AdaptiveSearch:
             if self.search.done or (limit is not None and self.search.seen >= limit):
                 return None
             return self.rate
-        if not self.shared_state.variables or not self.history or limit == self.seen:
+        if not self.shared_state.variables or not self.costs or limit == self.seen:
             return None
         seen = self.shared_state.cost_model
         if _BRANCH in seen.progress:
@@ -410,7 +410,7 @@ class AdaptiveSearch:
 
     def _branch(self, start: float) -> None:
         """Grow the tree for about as long as the next relaxation would take."""
-        slice_ = float(np.clip(self.queue.shortest, 0.5, STRATEGY.slice_seconds))
+        slice_ = float(np.clip(self.queue.shortest, STRATEGY.least_slice, STRATEGY.slice_seconds))
         if self.search is None:
             proof, box, known = self.model.proof, self.model.box, self.best.node
             root, settings = (self.best.proved, known.argument, known.empty), self._plan()

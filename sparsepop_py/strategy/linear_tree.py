@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     certified_bound,
     lower_bound,
 )
+from sparsepop_py.branch_and_bound.float_propagation import FloatPropagation
 from sparsepop_py.branch_and_bound.linear_tree import (
     LinearTree,
     convex_minimiser,
@@ -33,6 +35,7 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import update_incumbent
 from sparsepop_py.presolve.initial_box import finite
+from sparsepop_py.problem.problem import Problem
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
@@ -40,7 +43,13 @@ from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
 from sparsepop_py.verified.certificate.steps import BoxProof, Replay, tighten
 
-__all__ = ["LinearTreeResult", "bound_by_box", "by_linear_tree", "from_convex_minimiser"]
+__all__ = [
+    "LinearTreeResult",
+    "bound_by_box",
+    "box_of_starts",
+    "by_linear_tree",
+    "from_convex_minimiser",
+]
 
 _WIDEST = 1e150  # of boxes: products of wider ones overflow
 # who leaves out one of these compares other ways to a bound
@@ -95,9 +104,8 @@ def by_linear_tree(
     if not _wanted(context) or not suits_linear_tree(context.problem):
         return LinearTreeResult(context, candidates)
     with context.stages.stage("presolve"):
-        bounds = Interval(context.problem.lower, context.problem.upper)
-        box, step = tighten(context.replay(), bounds, LINEAR_TREE.first_sweeps)
-        model = Model(BoxProof((step,)), box)
+        model = _first_model(context)
+    box = model.box
     if not finite(box) or not np.all(box.hi / 2 - box.lo / 2 < _WIDEST):
         return LinearTreeResult(context, candidates)
     by_box = bound_by_box(context, model, candidates)
@@ -105,10 +113,12 @@ def by_linear_tree(
         return by_box
     seen = list(candidates)
 
-    def search(now: SolveContext, starts: list[NDArray[Any]], proof: bool) -> SolveContext:
+    def search(
+        now: SolveContext, starts: list[NDArray[Any]], proof: bool, bound: float
+    ) -> SolveContext:
         alone = proof and now.options.refine != "none"
         options = replace(now.options, refine="prove") if alone else now.options
-        found, more = update_incumbent(replace(now, options=options), starts, tree.bound)
+        found, more = update_incumbent(replace(now, options=options), starts, bound)
         seen.extend(more)
         return replace(now, best=found.best)
 
@@ -180,12 +190,14 @@ def from_convex_minimiser(
         return context, []
     if not suits_linear_tree(problem):
         return context, []
+    model = ProductModel.of(problem)
+    if model.rows not in model.convex:
+        return context, []
     with context.stages.stage("presolve"):
-        bounds = Interval(problem.lower, problem.upper)
-        box, _ = tighten(Replay(problem, None), bounds, LINEAR_TREE.first_sweeps)
-        if not finite(box) or is_empty(box):
+        box = box_of_starts(context)
+        if box is None:
             return context, []
-        model, scaling = ProductModel.of(problem), Scaling.of_box(box)
+        scaling = Scaling.of_box(box)
         found = convex_minimiser(model, model.on_box(scaling))
     if found is None:
         return context, []
@@ -193,6 +205,45 @@ def from_convex_minimiser(
     linear = all(c.polynomial.degree <= 1 for c in problem.constraints)
     proved = prove_feasible(problem, point) if linear else None
     return replace(context, best=proved), [point]
+
+
+def _first_model(context: SolveContext) -> Model:
+    """Take the bounds of a problem where they are finite, else propagate."""
+    box = Interval(context.problem.lower, context.problem.upper)
+    if finite(box):
+        return Model(BoxProof(), box)
+    box, step = tighten(context.replay(), box, LINEAR_TREE.first_sweeps)
+    return Model(BoxProof((step,)), box)
+
+
+def box_of_starts(context: SolveContext) -> Interval | None:
+    """Propagate the rows of a small problem of degree 2, for starts: rounded, no proof.
+
+    Parameters
+    ----------
+    context : SolveContext
+
+    Returns
+    -------
+    Interval or None
+        None where another box has to be found, or no point is feasible.
+    """
+    problem = context.problem
+    if context.options.effort != "auto" or not _wanted(context) or not suits_linear_tree(problem):
+        return None
+    return _propagated(problem)
+
+
+@lru_cache(maxsize=2)
+def _propagated(problem: Problem) -> Interval | None:
+    """Propagate the rows of a problem of degree 2 without a cutoff; None without a finite box."""
+    box = Interval(problem.lower, problem.upper)
+    if not finite(box):
+        box, _ = tighten(Replay(problem, None), box, LINEAR_TREE.first_sweeps)
+        return box if finite(box) and not is_empty(box) else None
+    propagation = FloatPropagation(ProductModel.of(problem))
+    low, high, _, empty = propagation.sweeps(box.lo, box.hi, np.inf, LINEAR_TREE.start_sweeps)
+    return None if empty else Interval(low, high)
 
 
 def bound_by_box(

@@ -146,15 +146,18 @@ class MultiObjectiveSearch:
             self.searches.append(AdaptiveSearch(context, self.model, [], self.shared_state))
 
     def _first_points(self) -> None:
-        """Run local searches from the starts; try the points found on all objectives."""
+        """Run local searches from the first start that leads to a point."""
         if not self.starts or self.points:
             self._share_points(self.points)
             return
         several = self.shared_state.products.has_star  # then a local search costs little
         for auto in self.searches if several else self.searches[:1]:
-            auto.context, auto.candidates = update_incumbent(
-                adopt_points(auto.context, self.points), self.starts
-            )
+            auto.context = adopt_points(auto.context, self.points)
+            for start in self.starts:
+                auto.context, found = update_incumbent(auto.context, [start])
+                auto.candidates = [*auto.candidates, *found]
+                if several and auto.context.best is not None:
+                    break  # moments of relaxations are better starts than the others
             if auto.context.best is not None:
                 self.points.append(auto.context.best)
         self._share_points(self.points)

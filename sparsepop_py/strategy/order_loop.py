@@ -32,7 +32,7 @@ from sparsepop_py.bounding.relaxation_bound import (
     lower_bound,
 )
 from sparsepop_py.bounding.settings import BOUNDING
-from sparsepop_py.bounding.unconstrained import good_enough, unconstrained_bound
+from sparsepop_py.bounding.unconstrained import good_enough, may_be_squares, unconstrained_bound
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
@@ -119,7 +119,9 @@ def run_orders(
     SearchState
     """
     if finite(Interval(context.problem.lower, context.problem.upper)):
-        return _by_relaxations(context, candidates, shared, more_starts)
+        state = _by_relaxations(context, candidates, shared, more_starts)
+        early = shared is not None or context.options.effort == "auto"
+        return state if early else _without_box(state)
     if context.options.effort == "plain":  # the relaxation is asked for whatever it proves
         state = _by_relaxations(context, candidates, shared, more_starts)
         return _proved_otherwise(state)
@@ -151,6 +153,24 @@ def _by_relaxations(
     if context.options.effort == "presolve" and lower_bound(state.outcome.certificate) == -np.inf:
         return _on_gram_box(_with_unconstrained(state), more_starts)
     return state
+
+
+def _without_box(state: SearchState) -> SearchState:
+    """Bound the objective by arguments that need no box, where a gap is left on one.
+
+    Such are rational multipliers of convex quadratic problems, and Gram matrices of objectives that
+    may be sums of squares. They know none of the sizes that wide bounds give to powers.
+    """
+    context, f = state.context, state.context.problem.objective
+    if context.deadline.over or context.closed(lower_bound(state.outcome.certificate)):
+        return state
+    if context.problem.degree <= 2:
+        return _added(state, _by_exact_multipliers(context, state.candidates))
+    if f.degree < 4 or not may_be_squares(f):
+        return state
+    options = replace(context.options, effort="presolve", order=None, switches=None)
+    found = _by_gram_matrices(replace(context, options=options), state.candidates, iter(()))
+    return replace(_added(state, found), context=context)
 
 
 def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:
@@ -262,8 +282,10 @@ def _after_unconstrained(
     if boxed is not free:
         return boxed
     state = go_on(free.context, free.candidates)
+    unproved = state.outcome.certificate is None
     outcome = better(free.outcome, state.outcome)
-    return replace(state, outcome=outcome, history=free.history + state.history)
+    state = replace(state, outcome=outcome, history=free.history + state.history)
+    return _on_gram_box(state, more_starts) if unproved else state
 
 
 def _with_unconstrained(state: SearchState) -> SearchState:
@@ -355,9 +377,18 @@ def _of_linear_tree(found: LinearTreeResult) -> SearchState:
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
+        if finite(Interval(auto.context.problem.lower, auto.context.problem.upper)):
+            auto.run(STRATEGY.before_squares)
+            if not auto.over:
+                state = _without_box(_state_of(auto))
+                auto.outcome, auto.history = state.outcome, list(state.history)
         auto.run()
     except EARLY as cause:
         auto.context.deadline.ended(cause)
+    return _state_of(auto)
+
+
+def _state_of(auto: AdaptiveSearch) -> SearchState:
     return SearchState(auto.context, auto.outcome, auto.candidates, tuple(auto.history))
 
 

@@ -19,8 +19,8 @@ class StrategySettings:
     ----------
     nodes_per_effort : float
         Nodes that branch and bound is expected to need, over ``SharedState.effort``.
-    slice_seconds : float
-        Most seconds that a tree grows before relaxations are considered again.
+    least_slice, slice_seconds : float
+        Least and most seconds that a tree grows before relaxations are considered again.
     over_time : float
         Times the time left: relaxations expected to take longer are left out.
     stopped_program : float
@@ -43,6 +43,8 @@ class StrategySettings:
         Constraints that linear programs start with where few variables complicate many.
     gained : float
         Share of a width: another round of OBBT follows where one fell below it.
+    before_squares : int
+        Steps of an objective before it is bounded on the whole space.
     turn : int
         Steps of an objective before it is the next one's turn.
     rounding : float
@@ -71,6 +73,7 @@ class StrategySettings:
     """
 
     nodes_per_effort: float = 4.0
+    least_slice: float = 0.1
     slice_seconds: float = 3.0
     over_time: float = 2.0
     stopped_program: float = 20.0
@@ -83,6 +86,7 @@ class StrategySettings:
     most_shared_variables: int = 24
     window: int = 40
     gained: float = 0.8
+    before_squares: int = 1
     turn: int = 5
     rounding: float = 1e-12
     order_rounds: int = 3

@@ -92,3 +92,20 @@ def test_forms_that_are_not_convex_are_left_alone():
     result = sp.solve(sp.Problem(x * y, [x + y == 2], lower=[0, -INF]))
     assert result.lower_bound == -INF or result.status == "UNBOUNDED"  # x (2 - x) falls
     assert falling_direction(sp.Problem(x * y**2)) is None
+
+
+@pytest.mark.parametrize("effort", ["plain", "presolve", "auto"])
+def test_convex_problems_on_wide_boxes(effort):
+    """(x - 10^6)^2 is 0 at 10^6; sizes of 10^12 on the box cost a bound on it the digits."""
+    x, y = sp.variables(2)
+    problem = sp.Problem((x - 1e6) ** 2 + y**2 / 1024, (), -2e6, 2e6)
+    result = sp.solve(problem, sp.Options(effort=effort))
+    assert result.status == "OPTIMAL"
+    assert -1e-9 <= result.lower_bound <= 0.0
+    assert result.certificate.verify(problem).ok
+
+
+def test_a_false_row_without_variables_is_infeasible():
+    x, y = sp.variables(2)
+    for row in (0 * x - 1 >= 0, 0 * y + 2 == 0):
+        assert sp.solve(sp.Problem(x**2 + y, [row])).status == "INFEASIBLE"

@@ -124,7 +124,7 @@ def test_an_unfinished_tree_proves_what_it_has():
     problem = pooling()
     context = SolveContext(problem, AUTO, Stages(), Deadline(None))
     tree = LinearTree(
-        context, Interval(problem.lower, problem.upper), lambda now, starts, proof: now
+        context, Interval(problem.lower, problem.upper), lambda now, starts, proof, bound: now
     )
     tree._process(tree.root)
     certificate = tree.certificate(BoxProof()).settled(problem)

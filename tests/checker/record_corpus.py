@@ -82,8 +82,19 @@ def cases() -> Iterator[Case]:
     yield from several()
 
 
+def strong(kind: str) -> Case:
+    """A short record whose noise is so strong that rows one by one give no bounds."""
+    rng = np.random.default_rng(28)
+    u = rng.uniform(-1, 1, 10)
+    model = setid.TransferFunction(2, 1, 1)
+    made = setid.simulate_record(model, [-0.6, 0.3, 1.0], u, setid.Noise(output=0.35), rng)
+    noise = setid.Noise(output=0.35, input=0.01) if "i" in kind else setid.Noise(output=0.35)
+    return f"strong-{kind}", made.data, model, noise, ()
+
+
 def several() -> Iterator[Case]:
-    """Several channels, missing samples, structures that come as rows."""
+    """Several channels, strong noise, missing samples, structures that come as rows."""
+    second = setid.TransferFunction(2, 2)
     rng = np.random.default_rng(5)
     u = rng.choice([-1.0, 1.0], (14, 2))
     y = response(u[:, 0], [-0.5], [1.0], np.zeros(14)) + response(
@@ -97,6 +108,12 @@ def several() -> Iterator[Case]:
     poles = setid.Box({"a[1,1]1": (-0.9, 0.9), "a[1,2]1": (-0.9, 0.9)})
     wide = setid.Box({"b[1,1]0": (-3, 3), "b[1,2]0": (-3, 3)})
     yield "apart", two, apart, setid.Noise(output=0.02), (poles, wide)
+    for kind in ("o", "oi"):
+        noise = noise_of(kind, 0.02)
+        yield f"two-poles-{kind}", two, apart, noise, ()
+        yield f"two-poles-{kind}-stable", two, apart, noise, (setid.Stable(),)
+        yield strong(kind)
+    yield "wide-second", record(3, "oi", 20, 2, 0.3), second, noise_of("oi", 0.3), ()
     data = record(7, "o", 12)
     gone = data.y.ravel().copy()
     gone[5] = np.nan

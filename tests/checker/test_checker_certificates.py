@@ -79,7 +79,7 @@ def test_nothing_but_the_standard_library_is_imported():
 def test_the_program_prints_what_is_proved(tmp_path):
     """min x y on the unit disc is -1/2; a claim of -0.4 is false; a text states it as well."""
     found = loaded("known", 6, "disc")
-    own = {"format": "sparsepop-py", "version": 4}
+    own = {"format": "sparsepop-py", "version": 5}
     problem = tmp_path / "problem.json"
     problem.write_text(json.dumps(own | {"is": "problem", "problem": found["problem"]}))
     words = tmp_path / "problem.txt"
@@ -102,7 +102,7 @@ def test_version_two_is_read(tmp_path, capsys, group):
     old = {"branch": "cut", "uses_cutoff": "cutoff"}
     for name, text in solved(group, FEW[group]).items():
         file = json.loads(text)
-        assert file["version"] == 4
+        assert file["version"] == 5
         for part in (p for c in file["result"]["certificate"] for p in c["parts"]):
             part["cut"] = part.pop("branch")
             for step in part["steps"]:
@@ -111,7 +111,7 @@ def test_version_two_is_read(tmp_path, capsys, group):
                 for field in set(step) & set(old):
                     step[old[field]] = step.pop(field)
         path = tmp_path / f"{name}.json"
-        for version, code in ((2, 0), (4, 2)):
+        for version, code in ((2, 0), (5, 2)):
             path.write_text(json.dumps(file | {"version": version}))
             assert command.main([str(path)]) == code
     assert "proved: objective >= " in capsys.readouterr().out
@@ -137,9 +137,9 @@ def test_fingerprints_are_those_of_the_package(tmp_path, capsys):
 def test_files_of_another_kind_are_refused(tmp_path, change):
     text = solved("known", 6)["disc"]
     edits = {
-        "version": ('"version":4', '"version":5'),
+        "version": ('"version":5', '"version":6'),
         "format": ('"sparsepop-py"', '"sparsepop"'),
-        "twice": ('"version":4', '"version":4,"version":4'),
+        "twice": ('"version":5', '"version":5,"version":5'),
         "nan": ('"lower_bound":', '"lower_bound":NaN,"other":'),
         "large": ('"lower_bound":', '"lower_bound":1e999,"other":'),
     }
@@ -533,3 +533,58 @@ def test_zeros_are_proved_by_krawczyk(rows, solved, word):
     found = {"problem": json.loads(sp.to_json(problem))["problem"], "certificate": None}
     found |= {"lower_bound": "-inf", "upper_bound": 1.4 + 1e-9, "status": "BOUNDED"}
     assert verdict(found | {"attained": point}) == word
+
+
+@pytest.mark.parametrize(
+    "rows, solved, x, value, word",
+    [
+        ([0, 1], [1, 2], 0.75, 13 / 28 + 1e-12, "accepted"),
+        ([0, 1], [1, 2], 0.75, 13 / 28 - 1e-12, "refused"),
+        ([0, 1], [1, 2], 0.5, 2.5 / 7 + 1e-12, "refused"),  # x >= 3/4 does not hold
+        ([0, 1], [1, 2], 1.75, 6.25 / 7 + 1e-12, "refused"),  # nor w <= 1/2
+        ([1, 0], [2, 1], 0.75, 13 / 28 + 1e-12, "refused"),  # w before v
+        ([0, 1], [2, 1], 0.75, 13 / 28 + 1e-12, "refused"),
+        ([0], [1], 0.75, 13 / 28 + 1e-12, "refused"),
+        ([0, 2], [1, 2], 0.75, 13 / 28 + 1e-12, "refused"),  # an inequality is no equation
+    ],
+)
+def test_rows_are_solved_one_after_the_other(rows, solved, x, value, word):
+    """3 v = 1 and (v + 2) w = v + x give w = (1 + 3 x) / 7, which is 13/28 at x = 3/4."""
+    a, v, w = sp.variables(3)
+    rest = [w <= 0.5, a >= 0.75, a**3 >= 0.421875]
+    problem = sp.Problem(w, [3 * v == 1, (v + 2) * w == v + a, *rest], -9, 9)
+    point = {
+        "x": numbers("f8", [3], x, 1 / 3, (1 + 3 * x) / 7),
+        "value": value,
+        "radius": 1e-12,
+        "proof": "substitution",
+        "rows": numbers("i8", [len(rows)], *rows),
+        "solved": numbers("i8", [len(solved)], *solved),
+    }
+    found = {"problem": json.loads(sp.to_json(problem))["problem"], "certificate": None}
+    found |= {"lower_bound": "-inf", "upper_bound": value, "status": "BOUNDED"}
+    assert verdict(found | {"attained": point}) == word
+    assert verdict(found | {"attained": point | {"radius": 0.0}}) == "refused"
+
+
+def test_long_recursions_take_more_bits():
+    """x_k = x_{k-1} - x_{k-2} has period 6; intervals widen by the golden ratio at each step."""
+    count = 700
+    x = sp.variables(count)
+    rows = [3 * x[0] == 1, 3 * x[1] == 1]
+    rows += [x[k] - x[k - 1] + x[k - 2] == 0 for k in range(2, count)]
+    periods = [1 / 3, 1 / 3, 0.0, -1 / 3, -1 / 3, 0.0]
+    values = [periods[k % 6] for k in range(count)]
+    point = {
+        "x": numbers("f8", [count], *values),
+        "value": values[-1] + 1e-15,
+        "radius": 1e-15,
+        "proof": "substitution",
+        "rows": numbers("i8", [count], *range(count)),
+        "solved": numbers("i8", [count], *range(count)),
+    }
+    for high, word in ((0.5, "accepted"), (0.25, "refused")):
+        problem = sp.Problem(x[-1], rows, -high, high)
+        found = {"problem": json.loads(sp.to_json(problem))["problem"], "certificate": None}
+        found |= {"lower_bound": "-inf", "upper_bound": point["value"], "status": "BOUNDED"}
+        assert verdict(found | {"attained": point}) == word

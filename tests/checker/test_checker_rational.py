@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import json
+import re
 
 import pytest
 from test_checker_schema import SCHEMA, valid
@@ -138,7 +139,7 @@ def test_malformed_files_are_refused(name):
 
 def test_versions_belong_to_kinds(tmp_path):
     path = tmp_path / "result.json"
-    path.write_text(written("sum").replace('"version":4', '"version":3'))
+    path.write_text(re.sub('"version":[45]', '"version":3', written("sum")))
     assert command.main([str(path)]) == 2
-    path.write_text(sp.to_json(sp.parse("min x")).replace('"version":3', '"version":4'))
+    path.write_text(re.sub('"version":5', '"version":4', sp.to_json(sp.parse("min x"))))
     assert command.main([str(path)]) == 2

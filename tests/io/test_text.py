@@ -91,7 +91,7 @@ def test_expressions(text: str, expected: dict[tuple[int, ...], float]) -> None:
         ("min 1e200*1e200*x1", "coefficient that overflows"),
         ("min (-8)^(1/3)*x1", "finite real number"),
         ("min " + "(" * 101 + "x1" + ")" * 101, "at most 100 nested parentheses"),
-        ("min (x1+x2+x3+x4+x5+x6+x7+x8+x9)^200", "product of parentheses"),
+        ("min (x1+x2+x3+x4+x5+x6+x7+x8+x9)^16", "product of parentheses"),
         ("min x1\n; x1 >= 0;\n x2 + * 3 >= 0", "line 3: statement 'x2 + * 3 >= 0': found '*'"),
     ],
 )
@@ -286,8 +286,8 @@ def test_many_signs(count: int) -> None:
 
 
 def test_lines_are_counted_once_for_all_statements() -> None:
-    with pytest.raises(FormatError, match="line 20001: "):
-        parse("min x;\n" + "x >= 1;\n" * 19_999 + "x ! 1")
+    with pytest.raises(FormatError, match="line 2001: "):
+        parse("min x;\n" + "x >= 1;\n" * 1_999 + "x ! 1")
 
 
 def test_numbers_in_names_may_be_long_and_equal() -> None:

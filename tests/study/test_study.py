@@ -186,6 +186,8 @@ def test_an_interrupt_stores_nothing_of_the_task_at_work(
     """A solve that is interrupted returns what is proved so far, which is half a result."""
     study = squares(tmp_path / "squares.study", (1, 2, 3))
     study.add("other", sp.parse("min x1^2"))
+    # a shell may start background jobs with this signal ignored
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def solve(problem: sp.Problem, options: sp.Options) -> sp.Result:
         if problem.fingerprint == square(2).fingerprint:
@@ -198,7 +200,10 @@ def test_an_interrupt_stores_nothing_of_the_task_at_work(
 
     with monkeypatch.context() as patched:
         patched.setattr(sp.Study, "work", replace(sp.Study.work, run=solve))
-        status = study.run()
+        try:
+            status = study.run()
+        finally:
+            signal.signal(signal.SIGINT, before)
     assert (status.done, status.failed, status.waiting) == (1, 0, 3)
     assert study.table()[1]["status"] == "waiting"
     assert study.table()[1]["lower_bound"] is None

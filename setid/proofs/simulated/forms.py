@@ -113,7 +113,13 @@ def times(first: Form, second: Form, region: Region) -> Form:
     return Form(value, left + right, (rest + loss) * _MORE)
 
 
-def filtered(poles: list[tuple[int, Form]], drive: Form, region: Region) -> Form:
+def filtered(
+    poles: list[tuple[int, Form]],
+    drive: Form,
+    region: Region,
+    start: Form | None = None,
+    bounded: bool = True,
+) -> Form:
     """The signal s with s(k) + sum_i a_i s(k - i) = drive(k), at rest before the first sample.
 
     The part c + g (theta - m) is any solution of the recursion to first order. What it leaves in
@@ -126,20 +132,35 @@ def filtered(poles: list[tuple[int, Form]], drive: Form, region: Region) -> Form
         Lags from 1, with scalar forms a_i.
     drive : Form
     region : Region
+    start : Form, optional
+        The first samples, which no equation gives; the largest lag is their number at most.
+    bounded : bool
+        False leaves out the rest, and with it the proof.
     """
     samples = drive.value.size
     table = np.concatenate([drive.value[:, None], drive.slope], axis=1)
-    for k in range(samples):
+    begin = 0 if start is None else start.value.size
+    if start is not None:
+        table[:begin] = np.concatenate([start.value[:, None], start.slope], axis=1)
+    for k in range(begin, samples):
         for lag, a in poles:
             if k >= lag:
                 table[k] -= a.value * table[k - lag]
                 table[k, 1:] -= a.slope * table[k - lag, 0]
     found = Form(table[:, 0].copy(), table[:, 1:].copy(), np.zeros(samples))
+    if start is not None:
+        found.rest[:begin] = start.rest
+    if not bounded:
+        return found
     left = plus(found, _negative(drive), region)
     for lag, a in poles:
         left = plus(left, times(late(found, lag), a, region), region)
     size = (np.abs(left.value) + region.reach(left.slope) + left.rest) * _MORE
-    return found._replace(rest=_through(_response(poles, samples, region), size))
+    size[:begin] = 0.0  # they are what they are
+    rest = _through(_response(poles, samples, region), size)
+    if start is not None:
+        rest[:begin] = start.rest
+    return found._replace(rest=rest)
 
 
 def _negative(form: Form) -> Form:

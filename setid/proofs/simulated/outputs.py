@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,26 @@ from setid.models.equations import Equation, Term
 from setid.proofs.simulated.forms import Form, Region, constant, filtered, late, plus, times
 from setid.proofs.supports import Cover, cover
 
-__all__ = ["Recursion", "half_spaces", "recursion_of"]
+__all__ = ["Past", "Recursion", "half_spaces", "recursion_of"]
 
 Reals = NDArray[np.float64]
 _UNIT = 2.0**-53
+
+
+class Past(NamedTuple):
+    """First samples of a signal that no equation gives.
+
+    Parameters
+    ----------
+    begin : int
+        The first sample with an equation.
+    lower, upper : (s,) float
+        Bounds of the s samples before it, on which the equations rest. Those before are not asked.
+    """
+
+    begin: int
+    lower: Reals
+    upper: Reals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,20 +49,51 @@ class Recursion:
         Signals that are known exactly.
     parameters : tuple of str
     outputs : tuple of str
+    past : mapping of str to Past
+        Of the signals that do not start from rest. Their samples are unknowns of the region,
+        after the parameters.
     """
 
     equations: tuple[Equation, ...]
     known: Mapping[str, Reals]
     parameters: tuple[str, ...]
     outputs: tuple[str, ...]
+    past: Mapping[str, Past] = field(default_factory=dict)
 
-    def run(self, region: Region) -> dict[str, Form]:
-        """Every signal as a form over a region; what overflows is no number there."""
+    @property
+    def dimension(self) -> int:
+        """Number d of unknowns of a region: parameters and first samples."""
+        return len(self.parameters) + sum(past.lower.size for past in self.past.values())
+
+    def box(self, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+        """Ends (d,) of a region, from those of the parameters (p,)."""
+        every = self.past.values()
+        return (
+            np.concatenate([lower, *(past.lower for past in every)]),
+            np.concatenate([upper, *(past.upper for past in every)]),
+        )
+
+    def cover(self, formulation: Formulation, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+        """Rows ``matrix @ x <= right`` of priors and smoothed readings in all unknowns."""
+        p = len(self.parameters)
+        given = cover(formulation, lower[:p], upper[:p])
+        return np.pad(given.matrix, ((0, 0), (0, lower.size - p))), given.right
+
+    def run(self, region: Region, bounded: bool = True) -> dict[str, Form]:
+        """Every signal as a form over a region; what overflows is no number there.
+
+        Parameters
+        ----------
+        region : Region
+            Of d unknowns.
+        bounded : bool
+            False leaves out what proves, and is faster.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._run(region)
+            return self._run(region, bounded)
 
-    def _run(self, region: Region) -> dict[str, Form]:
-        d, signals = len(self.parameters), dict[str, Form]()
+    def _run(self, region: Region, bounded: bool) -> dict[str, Form]:
+        d, signals = self.dimension, dict[str, Form]()
         for name, values in self.known.items():
             signals[name] = constant(values, d)
         for equation in self.equations:
@@ -61,13 +109,32 @@ class Recursion:
                 for signal in item.signals:
                     part = times(late(signals[signal.signal], signal.lag), part, region)
                 drive = plus(drive, _broadcast(part, samples), region)
-            found = filtered(sorted(poles.items()), drive, region) if poles else drive
-            signals[equation.defines] = found
+            start = self._start(equation.defines, region)
+            if poles or start is not None:
+                drive = filtered(sorted(poles.items()), drive, region, start, bounded)
+            signals[equation.defines] = drive
         return signals
+
+    def _start(self, signal: str, region: Region) -> Form | None:
+        """The first samples as forms, those that are not asked without bounds."""
+        if signal not in self.past:
+            return None
+        place = len(self.parameters)
+        for name, past in self.past.items():
+            if name == signal:
+                break
+            place += past.lower.size
+        begin, count = past.begin, past.lower.size
+        found = constant(np.zeros(begin), self.dimension)
+        found.rest[: begin - count] = np.inf
+        for k in range(count):
+            found.value[begin - count + k] = region.middle[place + k]
+            found.slope[begin - count + k, place + k] = 1.0
+        return found
 
     def _factor(self, item: Term, region: Region) -> Form:
         """The number and the parameters of a term, as a scalar form."""
-        d = len(self.parameters)
+        d = self.dimension
         found = constant(np.array(item.coefficient), d)
         for name in item.parameters:
             place = self.parameters.index(name)  # fixed ones are in the coefficients
@@ -93,23 +160,26 @@ def _broadcast(form: Form, samples: int) -> Form:
 
 
 def recursion_of(formulation: Formulation) -> Recursion | None:
-    """State a structure as a recursion that exact inputs drive from rest.
+    """State a structure as a recursion that exact inputs drive, from rest or from first samples.
 
-    None where inputs are noisy or missing, equations have errors, the past is unknown, records are
-    several, or a signal is fed back through a map.
+    None where inputs are noisy or missing, equations have errors, records are several, or a signal
+    is fed back through a map. The past may be unknown where the equations are those of outputs
+    alone, and all readings are there.
 
     Parameters
     ----------
     formulation : Formulation
     """
     model, data = formulation.model, formulation.data
-    if not isinstance(model, BlockStructured) or model.initial != "zero" or data.records != 1:
+    if data.records != 1 or (model.initial == "free" and not _measured(formulation)):
         return None
     _, xi, e = formulation.noise.bounds(data)
     if np.any(xi > 0) or np.any(e > 0) or np.any(np.isnan(data.u)):
         return None
     outputs = tuple(f"y{i + 1}" for i in range(model.outputs))
-    known = {f"u{i + 1}": data.u[:, i] for i in range(model.inputs)} | model.driven(data.u)
+    known = {f"u{i + 1}": data.u[:, i] for i in range(model.inputs)}
+    if isinstance(model, BlockStructured):
+        known |= model.driven(data.u)
     ordered, equations = set(known), []
     for equation in model.equations(outputs):
         if not _solvable(equation, ordered):
@@ -118,7 +188,32 @@ def recursion_of(formulation: Formulation) -> Recursion | None:
         ordered.add(equation.defines)
     if not set(outputs) <= ordered:
         return None
-    return Recursion(tuple(equations), known, formulation.parameters, outputs)
+    past = {e.defines: _past(formulation, e) for e in equations if model.initial == "free"}
+    if any(not np.all(np.isfinite([p.lower, p.upper])) for p in past.values()):
+        return None
+    return Recursion(tuple(equations), known, formulation.parameters, outputs, past)
+
+
+def _measured(formulation: Formulation) -> bool:
+    """Check that every equation is one of an output, and every reading is there."""
+    model, data = formulation.model, formulation.data
+    outputs = tuple(f"y{i + 1}" for i in range(model.outputs))
+    defined = [equation.defines for equation in model.equations(outputs)]
+    lag = max((equation.lag for equation in model.equations(outputs)), default=0)
+    complete = not np.any(np.isnan(data.y)) and data.samples > lag
+    return complete and not isinstance(model, BlockStructured) and set(defined) <= set(outputs)
+
+
+def _past(formulation: Formulation, equation: Equation) -> Past:
+    """What the readings say of the samples on which the first equation of an output rests."""
+    channel = equation.output
+    assert channel is not None
+    lags = [s.lag for t in equation.terms for s in t.signals if s.signal == equation.defines]
+    begin = equation.lag
+    before = slice(begin - max(lags), begin)
+    y = formulation.data.y[before, channel]
+    bound = formulation.noise.bounds(formulation.data)[0][before, channel]
+    return Past(begin, np.nextafter(y - bound, -np.inf), np.nextafter(y + bound, np.inf))
 
 
 def _solvable(equation: Equation, known: set[str]) -> bool:
@@ -167,9 +262,9 @@ def half_spaces(formulation: Formulation, parts: Recursion, region: Region) -> C
         away = y[usable] - value
         matrix += [slope, -slope]
         right += [away + offset + width, -away - offset + width]
-    given = cover(formulation, region.lower, region.upper)
-    matrix += [given.matrix, region.directions, -region.directions]
-    right += [given.right, region.high, -region.low]
+    more, most = parts.cover(formulation, region.lower, region.upper)
+    matrix += [more, region.directions, -region.directions]
+    right += [most, region.high, -region.low]
     return Cover(
         formulation.parameters,
         region.lower,

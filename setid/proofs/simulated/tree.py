@@ -19,6 +19,7 @@ from setid.proofs.simulated.forms import Region
 from setid.proofs.simulated.outputs import Recursion, half_spaces, recursion_of
 from setid.proofs.supports import Cover, box_ranges, safe_maxima
 from sparsepop_py.verified.uncertain_rows.box import Bounds
+from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
 __all__ = [
     "SimulatedBox",
@@ -147,17 +148,17 @@ class SimulatedBox(Bounds):
     ----------
     names, lower, upper
         As of :class:`sparsepop_py.verified.uncertain_rows.box.Bounds`.
-    first : CellBox or None
+    first : CellBox, ParameterBox or None
         A box to begin with, where the priors give no finite one.
-    directions : (q, p) float
-        Along which regions are bounded besides the parameters.
+    directions : (q, d) float
+        Along which regions are bounded besides the parameters and first samples.
     nodes : tuple of TreeNode
         The first is the root.
     complete : bool
         Whether time sufficed; says nothing that is trusted.
     """
 
-    first: CellBox | None
+    first: CellBox | ParameterBox | None
     directions: Reals
     nodes: tuple[TreeNode, ...]
     complete: bool = True
@@ -182,26 +183,28 @@ class SimulatedBox(Bounds):
         parts = recursion_of(formulation)
         low, high = start
         if self.first is not None:
-            if not self.first.verify(formulation, start):
+            if not _first_follows(self.first, formulation, start):
                 return False
             low, high = np.maximum(low, self.first.lower), np.minimum(high, self.first.upper)
         shape = self.directions.shape
-        if parts is None or len(shape) != 2 or shape[1] != low.size:
+        if parts is None or len(shape) != 2 or shape[1] != parts.dimension:
             return False
+        low, high = parts.box(low, high)
         if not np.all(np.isfinite([low, high])) or not np.all(np.isfinite(self.directions)):
             return False
         hull = self._hull(formulation, parts, first_region(formulation, low, high, self.directions))
         if hull is None:
             return False
         # where every leaf is empty, whatever is claimed holds
-        return bool(np.all(hull[0] >= self.lower) and np.all(hull[1] <= self.upper))
+        p = len(formulation.parameters)
+        return bool(np.all(hull[0][:p] >= self.lower) and np.all(hull[1][:p] <= self.upper))
 
     def _hull(
         self, formulation: Formulation, parts: Recursion, root: Region | None
     ) -> tuple[Reals, Reals] | None:
         """Ends of all leaves that are not empty; None where the tree is none."""
-        p = len(formulation.parameters)
-        low, high = np.full(p, np.inf), np.full(p, -np.inf)
+        d = parts.dimension
+        low, high = np.full(d, np.inf), np.full(d, -np.inf)
         waiting = [(root, 0)]
         while waiting:
             region, number = waiting.pop()
@@ -221,6 +224,13 @@ class SimulatedBox(Bounds):
 
     def _text(self) -> str:
         return f"{self.leaves} cells, {Bounds._text(self)}"
+
+
+def _first_follows(first: CellBox | ParameterBox, formulation: Formulation, start: Reals) -> bool:
+    if isinstance(first, CellBox):
+        return first.verify(formulation, start)
+    rows = formulation.smoothed
+    return rows is not None and first.verify(rows, start)
 
 
 def _after_steps(

@@ -31,7 +31,8 @@ from sparsepop_py.verified.certificate.rational_bound import RationalCertificate
 
 __all__ = ["from_json", "read_json", "to_json", "write_json"]
 
-_FORMAT, _VERSION, _READ = "sparsepop-py", 4, (2, 3, 4)
+_FORMAT, _VERSION, _READ = "sparsepop-py", 5, (2, 3, 4, 5)
+_RAYS = 4  # the version from which results have rays
 Value = Problem | Certificate | Result | RationalProblem | RationalCertificate | RationalResult
 
 
@@ -72,7 +73,7 @@ def to_json(value: Value) -> str:
 
 
 def from_json(source: str) -> Any:
-    """Read the JSON text of :func:`to_json`, of this version or of versions 2 and 3.
+    """Read the JSON text of :func:`to_json`, of this version or of versions 2 to 4.
 
     The certificate of a result of version 2 gets the fingerprint of today, if it had that of
     the result's problem. A certificate alone keeps its own: ``verify`` knows it.
@@ -115,7 +116,7 @@ def from_json(source: str) -> Any:
             content = codecs.field_of(found, name, "JSON")
             if version == 2:
                 _upgrade(name, content)
-            if name == "result" and version < _VERSION:
+            if name == "result" and version < _RAYS:
                 codecs.fields_of(content, name).setdefault("ray", None)
             return codec.read(content, name)
     known_here = [kind for kind, _, since in _KINDS.values() if version >= since]

@@ -2,7 +2,7 @@
 
 A vector of doubles satisfies equations only nearly, so its value may lie below the true
 minimum. A :class:`ProvedPoint` is more: a feasible point exists within ``radius`` of
-``x``, and the objective there is at most ``value``. Two proofs are tried.
+``x``, and the objective there is at most ``value``. There are three proofs.
 
 Exact repair. Some variables, as many as there are equalities and entering them jointly
 linearly, are solved for in rationals while all others keep their doubles; then every
@@ -12,6 +12,10 @@ Krawczyk's test. As many variables as there are equalities are enclosed in a box
 provably contains a zero (:mod:`sparsepop_py.verified.arithmetic.krawczyk`); inequalities and
 bounds are then checked over the box. Matrices are checked by
 :mod:`sparsepop_py.verified.arithmetic.definiteness`.
+
+Substitution. Equalities that are triangular, as those of a recursion, are solved one after the
+other in fixed point (:mod:`sparsepop_py.verified.arithmetic.substitution`), so that there may be
+many; all else is checked over the enclosures as after Krawczyk's test.
 """
 
 from __future__ import annotations
@@ -31,9 +35,11 @@ from sparsepop_py.verified.arithmetic.interval import Interval, exact_values
 from sparsepop_py.verified.arithmetic.krawczyk import polished, zero_near
 from sparsepop_py.verified.arithmetic.polynomial_range import range_over
 from sparsepop_py.verified.arithmetic.rational import solve_rationally
+from sparsepop_py.verified.arithmetic.substitution import substituted
 
 __all__ = ["ProvedPoint", "exact_coordinates", "prove_point"]
 
+_PROOFS = ("exact", "krawczyk", "substitution")
 _LARGEST_SYSTEM = 1000  # equations that Krawczyk's test encloses with dense matrices
 
 
@@ -49,9 +55,10 @@ class ProvedPoint:
         Upper end of the objective at the point.
     radius : float
         The point lies within ``radius`` of ``x`` in every coordinate.
-    proof : {"exact", "krawczyk"}
+    proof : {"exact", "krawczyk", "substitution"}
     rows, solved : (r,) int
-        Equalities that were solved, and the variables they were solved for.
+        Equalities that were solved, and the variables they were solved for; in the order of the
+        substitution, row by row, where that is the proof.
 
     Raises
     ------
@@ -71,7 +78,7 @@ class ProvedPoint:
     x: NDArray[np.float64]
     value: float
     radius: float
-    proof: Literal["exact", "krawczyk"]
+    proof: Literal["exact", "krawczyk", "substitution"]
     rows: NDArray[np.int64]
     solved: NDArray[np.int64]
 
@@ -82,8 +89,8 @@ class ProvedPoint:
             "solved": read_only(self.solved, "i", "solved"),
         }
         self.__dict__.update(fields)
-        if self.proof not in ("exact", "krawczyk"):
-            raise ProblemError(f"proof: found {self.proof!r}, expected 'exact' or 'krawczyk'")
+        if self.proof not in _PROOFS:
+            raise ProblemError(f"proof: found {self.proof!r}, expected one of {_PROOFS}")
 
     def recheck(self, problem: Problem) -> ProvedPoint | None:
         """Repeat the proof.
@@ -123,7 +130,7 @@ def prove_point(
     problem : Problem
     x : (n,) float
     rows, solved : (r,) int
-    proof : {"exact", "krawczyk"}
+    proof : {"exact", "krawczyk", "substitution"}
 
     Returns
     -------
@@ -131,7 +138,12 @@ def prove_point(
     """
     if proof == "exact":
         return _prove_exactly(problem, x, rows, solved)
-    return _prove_by_krawczyk(problem, x, rows, solved)
+    distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
+    if not distinct or not 0 < rows.size == solved.size:
+        return None
+    if proof == "krawczyk":
+        return _prove_by_krawczyk(problem, x, rows, solved)
+    return _prove_by_substitution(problem, x, rows, solved)
 
 
 # ---- proofs ---------------------------------------------------------------------------------
@@ -188,28 +200,62 @@ def _holds_exactly(problem: Problem, x: list[Fraction]) -> bool:
 def _prove_by_krawczyk(
     problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
 ) -> ProvedPoint | None:
-    distinct = np.unique(rows).size == rows.size and np.unique(solved).size == solved.size
-    if not distinct or not 0 < rows.size == solved.size <= _LARGEST_SYSTEM:
-        return None
     system = problem.rows.take(rows)
-    near = polished(system, x, solved)
-    if near is None:
+    near = polished(system, x, solved) if rows.size <= _LARGEST_SYSTEM else None
+    box = None if near is None else zero_near(system, near, solved)
+    if near is None or box is None or not _holds_over(problem, box, rows):
         return None
-    x = near
-    box = zero_near(system, x, solved)
-    if box is None:
+    return _within(problem, near, box, "krawczyk", rows, solved)
+
+
+def _prove_by_substitution(
+    problem: Problem, x: NDArray[Any], rows: NDArray[Any], solved: NDArray[Any]
+) -> ProvedPoint | None:
+    box = substituted(problem.rows.take(rows), x, solved)
+    if box is None or not np.all(np.isfinite([box.lo, box.hi])):
         return None
+    if not _holds_over(problem, box, rows):
+        return None
+    near = x.copy()
+    near[solved] = box.middle()[solved]
+    return _within(problem, near, box, "substitution", rows, solved)
+
+
+def _holds_over(problem: Problem, box: Interval, rows: NDArray[Any]) -> bool:
+    """Check bounds, matrices, and all constraints but those that are solved, over a box."""
     if not (np.all(box.lo >= problem.lower) and np.all(box.hi <= problem.upper)):
-        return None
+        return False
     others = np.setdiff1d(np.arange(len(problem.constraints)), rows)
     values = range_over(problem.rows.take(others), box)
     equal = problem.equality[others]
-    if not (np.all(values.lo >= 0) and np.all(values.hi[equal] <= 0)):
-        return None
-    if not hold_over(problem.matrices, box):
-        return None
+    holds = (values.lo >= 0) & ((values.hi <= 0) | ~equal)
+    kept = box.lo == box.hi
+    failing = any(not _holds_at_kept(problem, row, box, kept) for row in others[~holds].tolist())
+    return not failing and hold_over(problem.matrices, box)
+
+
+def _holds_at_kept(problem: Problem, row: int, box: Interval, kept: NDArray[np.bool_]) -> bool:
+    """Check a constraint exactly where its variables are points of the box."""
+    system = problem.rows.take(np.array([row]))
+    letters = np.unique(system.words)
+    if not np.all(kept[letters[letters > 0] - 1]):
+        return False
+    x = [Fraction(value) for value in box.lo.tolist()]
+    value = exact_values(system.words, system.coefficients, system.row, 1, x)[0]
+    return value == 0 if problem.equality[row] else value >= 0
+
+
+def _within(
+    problem: Problem,
+    x: NDArray[Any],
+    box: Interval,
+    proof: Literal["krawczyk", "substitution"],
+    rows: NDArray[Any],
+    solved: NDArray[Any],
+) -> ProvedPoint | None:
+    """The point near x, with the largest value of the objective over a box."""
     value = float(range_over(problem.objective_row, box).hi[0])
     if not np.isfinite(value):
         return None
     spread = float(np.max(np.maximum(box.hi - x, x - box.lo)))
-    return ProvedPoint(x, value, float(np.nextafter(spread, np.inf)), "krawczyk", rows, solved)
+    return ProvedPoint(x, value, float(np.nextafter(spread, np.inf)), proof, rows, solved)

@@ -234,7 +234,7 @@ def test_stored_points_that_make_no_sense_are_refused_without_an_exception():
         {"rows": np.array([0, 5])},
         {"solved": np.array([0, 5])},
     ):
-        for proof in ("exact", "krawczyk"):
+        for proof in ("exact", "krawczyk", "substitution"):
             assert replace(good, proof=proof, **fields).recheck(problem) is None, fields
     with pytest.raises(sp.ProblemError, match="x: found"):  # no point can be made of it
         replace(good, x=np.array([[0.25, 0.75]]))

@@ -1,0 +1,216 @@
+"""What rows of a record say one by one: |Y + R m| <= w0 + W |m|, noise at its largest effect.
+
+The columns m are the parameters, or sums of products of them.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+from . import interval as iv
+from .left_inverse import contracts
+from .polynomial import INF, Word
+from .reading import Malformed, alike, below, fields, finite, item, items, rational, whole
+from .result import NotProved
+
+ZERO = Fraction(0)
+Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF
+
+
+def nothing(ends: Ends) -> bool:
+    """Whether a box is empty."""
+    return any(a > b for a, b in zip(*ends, strict=True))
+
+
+def met(ends: Ends, low: list[Any], high: list[Any]) -> Ends:
+    """The intersection with another box."""
+    lows = [max(pair) for pair in zip(ends[0], low, strict=True)]
+    return [lows, [min(pair) for pair in zip(ends[1], high, strict=True)]]
+
+
+def move(box: Ends, v: int, side: int, least: Any) -> None:
+    """Shrink a box by x_v >= least (side 0) or -x_v >= least (side 1)."""
+    if side == 0:
+        box[0][v] = max(box[0][v], least)
+    else:
+        box[1][v] = min(box[1][v], -least)
+
+
+def bound_rows(lower: list[Any], upper: list[Any]) -> list[list[Any]]:
+    """Rows x_v - lower >= 0 and then upper - x_v >= 0: slopes, and the constant or INF."""
+    n = len(lower)
+    rows = [[*(Fraction(j == v) for j in range(n)), -lower[v]] for v in range(n)]
+    return rows + [[*(Fraction(-(j == v)) for j in range(n)), upper[v]] for v in range(n)]
+
+
+class Regression:
+    """The rows of a record in columns, each the sum of some products of parameters."""
+
+    def __init__(self, about: Any, columns: list[list[Word]]) -> None:
+        self.about, self.columns, self.count = about, columns, len(columns)
+        self.places = {name: v for v, name in enumerate(about.names)}
+        self._known: dict[tuple[int, int], tuple[list[Fraction], list[Fraction]]] = {}
+
+    def row(self, output: Any, k: Any) -> tuple[list[Fraction], list[Fraction]]:
+        """R and W of an output (from 1) and sample (from 0), with Y and w0 behind them."""
+        key = whole(output, "box"), whole(k, "box")
+        if key not in self._known:
+            record, structure = self.about.record, self.about.structure
+            below([key[0] - 1], len(record.y), "box: outputs")
+            below([key[1]], record.samples, "box: samples")
+            terms = record.row(structure.direct(output - 1), self.places, k, structure.zero)
+            pairs = [self._spread(factors) for factors in self._split(terms)]
+            centre, radius = ([pair[side] for pair in pairs] for side in (0, 1))
+            radius[-1] += record.bounds["equation"][output - 1][k]
+            self._known[key] = centre, radius
+        return self._known[key]
+
+    def _split(self, terms: dict[Word, Fraction]) -> list[dict[Word, Fraction]]:
+        """What multiplies each column, in the unknowns that are no parameters; the rest last."""
+        found: dict[Word, dict[Word, Fraction]] = {}
+        for word, value in terms.items():
+            head = tuple(v for v in word if v <= len(self.places))
+            if value:
+                found.setdefault(head, {})[word[len(head) :]] = value
+        parts = []
+        for column in self.columns:
+            shared = [found.pop(monomial, {}) for monomial in column]
+            if any(other != shared[0] for other in shared):
+                raise NotProved("products of one column multiply different signals")
+            parts.append(shared[0])
+        parts.append(found.pop((), {}))
+        if found:
+            raise Malformed("box: a row with a product of parameters that is no column")
+        return parts
+
+    def _spread(self, factors: dict[Word, Fraction]) -> tuple[Fraction, Fraction]:
+        """The middle of a sum of numbers and bounded unknowns, and how far it may be away."""
+        centre, radius, problem = ZERO, ZERO, self.about.problem
+        for word, value in factors.items():
+            if not word:
+                centre += value
+                continue
+            (v,) = (letter - 1 for letter in word)
+            low, high = problem.lower[v], problem.upper[v]
+            if low == -INF or high == INF:
+                raise Malformed("box: a row with an unknown that is not bounded")
+            centre += value * self.about.units[v] * (low + high) / 2
+            radius += abs(value) * self.about.units[v] * (high - low) / 2
+        return centre, radius
+
+
+def by_inverse(step: Any, rows: Regression, ends: Ends) -> Ends:
+    """|m - centre| <= radius, as rows with the intervals Y +- w0 and R +- W prove it."""
+    got = fields(step, "box", 0, rows="l", inverse="l", centre="l", radius="l")
+    inverse = [[finite(v, "box") for v in items(row, "box")] for row in got.inverse]
+    c, v = ([finite(x, "box") for x in side] for side in (got.centre, got.radius))
+    table = []
+    for place in got.rows:
+        pairs = list(zip(*rows.row(*items(place, "box")), strict=True))
+        table.append([(iv.below(a - r), iv.above(a + r)) for a, r in pairs])
+    alike("box", inverse, c, v, range(rows.count))
+    alike("box", table, *inverse)
+    if any(not r > 0 for r in v) or not contracts(inverse, table, c, v):
+        raise NotProved("the left inverse of the rows does not give its box")
+    ball = [(Fraction(m), Fraction(r)) for m, r in zip(c, v, strict=True)]
+    return met(ends, [m - r for m, r in ball], [m + r for m, r in ball])
+
+
+def by_tree(step: Any, rows: Regression, ends: Ends) -> Ends:
+    """The hull of what linear programs prove on the parts that signs of parameters make."""
+    nodes, p = items(item(step, "nodes", "box"), "box.nodes"), rows.count
+    hull: Ends = [[INF] * p, [-INF] * p]
+    stack = [(0, ends)]
+    while stack:
+        place, part = stack.pop()
+        node = fields(nodes[place], "box", 0, split="i", children="l", rows="l", bounds="l")
+        if node.split < 0:
+            found = leaf(node, rows, part)
+            if not nothing(found):
+                hull[0] = [min(a, b) for a, b in zip(hull[0], found[0], strict=True)]
+                hull[1] = [max(a, b) for a, b in zip(hull[1], found[1], strict=True)]
+            continue
+        if len(node.children) != 2 or node.split >= p:
+            raise Malformed("box: a split of no parameter, or not in two")
+        if any(not place < whole(child, "box") < len(nodes) for child in node.children):
+            raise Malformed("box: children that do not come later")
+        left, right = ([list(side) for side in part] for _ in range(2))
+        left[1][node.split] = min(left[1][node.split], ZERO)
+        right[0][node.split] = max(right[0][node.split], ZERO)
+        stack += [(node.children[0], left), (node.children[1], right)]
+    return hull
+
+
+def leaf(node: Any, rows: Regression, part: Ends) -> Ends:
+    """What linear programs leave of a part; an end without multipliers stays as it is."""
+    p = rows.count
+    known = [given_row(row, rows, part) for row in node.rows]
+    known += bound_rows(*part)
+    found = [list(side) for side in part]
+    if len(node.bounds) not in (0, 1, 2 * p):
+        raise Malformed("box: not one bound for each end")
+    for place, given in enumerate(node.bounds):
+        pairs = items(item(given, "multipliers", "box"), "box")
+        if item(given, "empty", "box") is True:
+            combined(known, pairs, None)
+            return [[INF] * p, [-INF] * p]
+        if pairs:
+            move(found, *divmod(place, 2), combined(known, pairs, divmod(place, 2)))
+    return found
+
+
+def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
+    """A linear row a theta + b >= 0 that follows from a row of the record on a part.
+
+    What it exceeds w0 + W |theta| - s (Y + R theta) by is concave in each parameter, so that its
+    least value over the part is at ends. Towards an infinite end it must not fall.
+    """
+    output, k, sign, slope = items(row, "box")
+    centre, radius = rows.row(output, k)
+    a = [Fraction(finite(v, "box")) for v in items(slope, "box")]
+    if len(a) != len(centre) or sign not in (1, -1):
+        raise Malformed("box: a row of another length")
+    least: Any = a[-1] - radius[-1] + sign * centre[-1]
+    for j in range(rows.count):
+        rest = a[j] + sign * centre[j]
+        values = []
+        for end in (part[0][j], part[1][j]):
+            if end in (INF, -INF):
+                falls = (rest if end > 0 else -rest) < radius[j]
+                values.append(-INF if falls else ZERO)
+            else:
+                values.append(rest * end - radius[j] * abs(end))
+        least = -INF if -INF in values or least == -INF else least + min(values)
+    if not least >= 0:
+        raise NotProved("a linear row does not follow from the record")
+    return a
+
+
+def combined(
+    rows: list[list[Any]],
+    pairs: list[Any],
+    goal: tuple[int, int] | None,
+    equal: set[int] | None = None,
+) -> Any:
+    """What multipliers of rows a x + b >= 0 prove of x_v (goal v, 0) or -x_v (goal v, 1).
+
+    Without a goal they prove that nothing satisfies the rows, and the bound is INF.
+    """
+    total = [ZERO] * len(rows[0])
+    for pair in pairs:
+        place, value = (
+            whole(items(pair, "multipliers")[0], "multipliers"),
+            rational(pair[1], "multipliers"),
+        )
+        if not 0 <= place < len(rows) or rows[place][-1] in (INF, -INF):
+            raise Malformed("multipliers: of a row that does not exist")
+        if value < 0 and place not in (equal or ()):
+            raise NotProved("a multiplier of an inequality is negative")
+        total = [a + value * b if b else a for a, b in zip(total, rows[place], strict=True)]
+    wanted = [ZERO] * (len(total) - 1)
+    if goal is not None:
+        wanted[goal[0]] = Fraction(1 - 2 * goal[1])
+    if total[:-1] != wanted or (goal is None and not total[-1] < 0):
+        raise NotProved("the multipliers of a linear program do not add up")
+    return INF if goal is None else -total[-1]

@@ -1,0 +1,188 @@
+"""Zeros of triangular systems: rows solved one after the other, in fixed point rounded outwards.
+
+Row i is linear in its own variable v_i and contains no v_j with j > i, as in a recursion over time:
+
+    p_i = c_i + s_i v_i,    c_i, s_i polynomials in v_1, ..., v_{i-1} and variables that are kept.
+
+Where s_i is not zero over what encloses v_1, ..., v_{i-1}, v_i = -c_i / s_i exists and lies in the
+quotient of the ranges. Numbers are whole multiples of 2**-K. Enclosures widen from row to row by
+the sum of the magnitudes of the slopes at most, so K grows with the length of a record and the
+work with its square, divided by the length of a machine word.
+
+References
+----------
+A. Neumaier, Interval Methods for Systems of Equations, Cambridge, 1990, section 4.4 (triangular
+systems by substitution).
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.budget import check
+from sparsepop_py.verified.arithmetic.interval import Interval
+
+__all__ = ["substituted"]
+
+_BITS = (256, 1024, 4096, 16384, 65536)
+_NARROW = 64  # bits below 1 that an enclosure has to be narrower than
+_KEPT = 80  # leading bits of ends that are turned into doubles
+Ends = tuple[int, int]
+
+
+def substituted(
+    system: PolynomialSystem, x: NDArray[np.float64], solved: NDArray[np.int64]
+) -> Interval | None:
+    """Enclose the zero of a triangular system whose other variables are kept.
+
+    Parameters
+    ----------
+    system : PolynomialSystem
+        As many rows as there are variables in ``solved``, in the order of the substitution.
+    x : (n,) float
+        The variables that are kept; entries of ``solved`` do not count.
+    solved : (r,) int
+        Distinct; row i is solved for ``solved[i]``.
+
+    Returns
+    -------
+    Interval (n,) or None
+        Degenerate in all variables but ``solved``. None if a row is not linear in its variable,
+        contains a later one, or has a slope that may be zero.
+    """
+    rows = _terms(system, x, solved)
+    if rows is None:
+        return None
+    for bits in _BITS:
+        found = _enclosures(rows, bits)
+        if found is None or len(found) == solved.size:
+            return None if found is None else _as_doubles(x, solved, found, bits)
+    return None
+
+
+class _Term(NamedTuple):
+    """A term: whole * 2**exponent, times solved variables, times its own or not."""
+
+    whole: int
+    exponent: int
+    before: list[int]
+    own: bool
+
+
+def _terms(
+    system: PolynomialSystem, x: NDArray[Any], solved: NDArray[Any]
+) -> list[list[_Term]] | None:
+    """Terms of each row; None where one is not linear in its variable or contains a later one."""
+    place = {variable: i for i, variable in enumerate(solved.tolist())}
+    values = [_dyadic(value) for value in x.tolist()]
+    found: list[list[_Term]] = [[] for _ in range(system.size)]
+    for letters, coefficient, row in zip(
+        system.words.tolist(), system.coefficients.tolist(), system.row.tolist(), strict=True
+    ):
+        whole, exponent = _dyadic(coefficient)
+        inside: list[int] = []
+        for letter in letters:
+            if letter and (number := place.get(letter - 1)) is not None:
+                inside.append(number)
+            elif letter:
+                factor, more = values[letter - 1]
+                whole, exponent = whole * factor, exponent + more
+        own = inside.count(row)
+        if own > 1 or any(number > row for number in inside):
+            return None
+        before = [number for number in inside if number != row]
+        found[row].append(_Term(whole, exponent, before, own > 0))
+    return found
+
+
+def _dyadic(value: float) -> Ends:
+    """A double as a whole number and an exponent of two."""
+    top, bottom = value.as_integer_ratio()
+    return top, 1 - bottom.bit_length()
+
+
+def _enclosures(rows: list[list[_Term]], bits: int) -> list[Ends] | None:
+    """Ends of all variables in turn; fewer where one is too wide, None where a slope may be 0."""
+    found: list[Ends] = []
+    for terms in rows:
+        check()
+        rest = [_range(term, found, bits) for term in terms if not term.own]
+        negated = -sum(high for _, high in rest), -sum(low for low, _ in rest)
+        ends = _quotient(negated, _slope([term for term in terms if term.own], found, bits))
+        if ends is None:
+            return None
+        if ends[1] - ends[0] > 1 << (bits - _NARROW):
+            break
+        found.append(ends)
+    return found
+
+
+def _range(term: _Term, found: list[Ends], bits: int) -> Ends:
+    """The range of a term without its own variable, in units of 2**-bits."""
+    whole, exponent, before, _ = term
+    if not before:
+        return _shifted(whole, whole, exponent + bits)
+    low, high = found[before[0]]
+    for number in before[1:]:
+        a, b = found[number]
+        ends = low * a, low * b, high * a, high * b
+        low, high = _shifted(min(ends), max(ends), -bits)
+    if whole < 0:
+        low, high = high, low
+    return _shifted(whole * low, whole * high, exponent)
+
+
+def _shifted(low: int, high: int, exponent: int) -> Ends:
+    """Ends times a power of two, rounded outwards."""
+    if exponent >= 0:
+        return low << exponent, high << exponent
+    return low >> -exponent, -(-high >> -exponent)
+
+
+def _slope(terms: list[_Term], found: list[Ends], bits: int) -> tuple[int, int, int]:
+    """Ends of the slope in units of a power of two, and its exponent; exact without variables."""
+    if not terms:
+        return 0, 0, 0
+    if any(term.before for term in terms):
+        parts = [_range(term, found, bits) for term in terms]
+        return sum(a for a, _ in parts), sum(b for _, b in parts), -bits
+    least = min(term.exponent for term in terms)
+    value = sum(term.whole << term.exponent - least for term in terms)
+    return value, value, least
+
+
+def _quotient(ends: Ends, slope: tuple[int, int, int]) -> Ends | None:
+    """The quotients of ends by a slope, None where the slope may be zero."""
+    low, high = ends
+    least, most, exponent = slope
+    if most < 0:
+        low, high, least, most = -high, -low, -most, -least
+    if least <= 0:
+        return None
+    if exponent < 0:
+        low, high = low << -exponent, high << -exponent
+    else:
+        least, most = least << exponent, most << exponent
+    return low // (most if low >= 0 else least), -(-high // (least if high >= 0 else most))
+
+
+def _as_doubles(
+    x: NDArray[np.float64], solved: NDArray[np.int64], found: list[Ends], bits: int
+) -> Interval:
+    low, high = x.copy(), x.copy()
+    for variable, (a, b) in zip(solved.tolist(), found, strict=True):
+        low[variable], high[variable] = _double_below(a, bits), -_double_below(-b, bits)
+    return Interval(low, high)
+
+
+def _double_below(value: int, bits: int) -> float:
+    """The largest double that the leading bits of value * 2**-bits, rounded down, show."""
+    drop = max(value.bit_length() - _KEPT, 0)
+    top, exponent = value >> drop, drop - bits
+    scaled = Fraction(top << exponent) if exponent >= 0 else Fraction(top, 1 << -exponent)
+    return float(Interval.of_fraction(scaled).lo)

@@ -1,0 +1,283 @@
+"""Boxes of parameters from a record: directions, products, and what damage does to their proofs."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import random
+from fractions import Fraction
+from types import SimpleNamespace
+
+import certificate_damage as damage
+import pytest
+from record_corpus import written
+
+from checker import interval as iv
+from checker import reading
+from checker.linear_rows import Regression, nothing
+from checker.parameter_box import by_products, cube_side, proved_box, settle, total
+from checker.record import Identification
+from checker.result import NotProved
+
+INF = math.inf
+PROVED = {"strong-oi": "Directions", "two-poles-o": "Products"}
+
+
+def loaded(name: str) -> dict:
+    return json.loads(written(name))["identification"]
+
+
+def boxed(found: dict) -> tuple[Identification, list]:
+    """The box that a file proves, after a check of its rows."""
+    about = Identification(found)
+    about.check_rows()
+    box, taken = proved_box(about)
+    assert not taken
+    return about, box
+
+
+def verdict(found: dict) -> str:
+    try:
+        boxed(found)
+    except NotProved:
+        return "refused"
+    except reading.Malformed:
+        return "malformed"
+    return "accepted"
+
+
+def step_of(found: dict, kind: str) -> dict:
+    return next(step for step in found["box"]["steps"] if step["is"] == kind)
+
+
+@pytest.mark.parametrize("name", PROVED)
+def test_boxes_of_strong_noise_and_of_two_denominators_are_proved(name):
+    found = loaded(name)
+    step_of(found, PROVED[name])
+    lines = Identification(found).check()
+    assert not any(line.startswith("taken as given") for line in lines)
+    assert sum("attained from" in line for line in lines) == len(found["parameters"])
+
+
+def test_a_tree_with_empty_parts_next_to_unbounded_ones():
+    """Parts that linear programs prove empty do not count, however large their boxes are."""
+    found = loaded("strong-oi")
+    del found["box"]["steps"][1:]
+    tree = step_of(found, "SignTree")["nodes"]
+    assert any(bound["empty"] for node in tree for bound in node["bounds"])
+    assert any(not bound["multipliers"] for node in tree for bound in node["bounds"])
+    p = len(found["parameters"])
+    found["box"] |= {"lower": ["-inf"] * p, "upper": ["inf"] * p}
+    assert verdict(found) == "accepted"
+    found["box"]["upper"][0] = 100.0
+    assert verdict(found) == "refused"  # these rows one by one leave it unbounded
+
+
+# ---- directions ---------------------------------------------------------------------------------
+
+
+def halved(values):
+    values[:] = [value / 2 for value in values]
+
+
+def with_claims(step, change):
+    for side in step["sides"]:
+        last = side["certificate"][-1]
+        last["bound"] = change(last["bound"])
+
+
+FORGED = {
+    "smaller units": lambda s: halved(s["scale"]),
+    "larger claims": lambda s: with_claims(s, lambda v: 3.9 if v == "inf" else v + 3.0),
+    "no far point on any side": lambda s: with_claims(s, lambda v: "inf"),
+    "claims of nothing": lambda s: with_claims(s, lambda v: -1.0),
+    "sides in another order": lambda s: s["sides"].reverse(),
+    "a side less": lambda s: s["sides"].pop(),
+    "no rows": lambda s: [side.update(rows=[], factors=[]) for side in s["sides"]],
+    "rows of nothing": lambda s: s["sides"][0]["rows"].__setitem__(0, 10**6),
+    "a negative number of a row": lambda s: s["sides"][0]["rows"].__setitem__(0, -1),
+    "a negative factor": lambda s: s["sides"][0]["factors"].__setitem__(0, -1.0),
+    "factors of less rows": lambda s: s["sides"][0]["factors"].pop(),
+    "a smaller first box": lambda s: s.update(lower=[-1.0] * 3, upper=[1.0] * 3),
+    "a unit that is no power": lambda s: s["sides"][0]["units"].__setitem__(0, 3.0),
+    "a scale of zero": lambda s: s["scale"].__setitem__(0, 0.0),
+    "a negative scale": lambda s: s["scale"].__setitem__(0, -1.0),
+    "units of less unknowns": lambda s: s["sides"][0]["units"].pop(),
+    "another kind": lambda s: s.update({"is": "Compass"}),
+}
+
+
+@pytest.mark.parametrize("change", FORGED)
+def test_forged_directions_are_refused(change):
+    found = loaded("strong-oi")
+    FORGED[change](step_of(found, "Directions"))
+    assert verdict(found) != "accepted"
+
+
+def test_rows_of_directions_vanish_where_the_record_was_made():
+    """phi = s theta / c: a row of the cube is the row of the record times s, by hand."""
+    found = loaded("strong-o")
+    about = Identification(found)
+    step = step_of(found, "Directions")
+    scale = [Fraction(v) for v in step["scale"]]
+    assumed = [[-INF, Fraction(-2), -INF], [Fraction(3), INF, INF]]
+    side = copy.deepcopy(step["sides"][3])
+    side["factors"] = [*([1.0] * len(side["rows"])), 2.0, 4.0]
+    made, size = cube_side(about, side, scale, assumed, (1, 1))
+    y, u = about.record.y[0], about.record.u[0]
+    theta, s = [Fraction(-1, 2), Fraction(1, 4), Fraction(3, 4)], Fraction(1, 8)
+    n = about.problem.dimension
+    noise = [Fraction(v, 100) for v in range(n - 3)]
+    x = [*(s * t / c for t, c in zip(theta, scale, strict=True)), *noise, s]
+    z = [value / Fraction(unit) for value, unit in zip(x, side["units"], strict=True)]
+    eta = {k: x[about.record.letters["eta", 1, k] - 1] for k in range(len(y))}
+    samples = [about.got.rows[row][1] for row in side["rows"]]
+    for k, row in zip(samples, made.constraints, strict=False):
+        clean = [y[k - lag] - eta[k - lag] for lag in range(3)]
+        value = clean[0] + theta[0] * clean[1] + theta[1] * clean[2] - theta[2] * u[k - 1]
+        assert row.equality and abs(row.polynomial.at(z)) == abs(s * value)
+    low, high = made.constraints[-2:]  # theta_1 <= 3 stands first: rows go by parameter
+    assert low.polynomial.at(z) == 2 * s * (3 - theta[0])
+    assert high.polynomial.at(z) == 4 * s * (theta[1] + 2)
+    assert (made.lower[1], made.upper[1]) == (-1, -1)
+    assert (made.lower[0], made.upper[0]) == (-1, 1)
+    assert (made.lower[-1] * size, made.upper[-1] * size) == (0, 4)
+
+
+# ---- products -----------------------------------------------------------------------------------
+
+
+def grid(*pairs):
+    return [(iv.below(a), iv.above(b)) for a, b in pairs]
+
+
+def near(pair, low, high):
+    """Whether an interval contains [low, high] and is hardly larger."""
+    a, b = (iv.exact(end) for end in pair)
+    return a <= low and high <= b and low - a < Fraction(1, 10**300) > b - high
+
+
+def test_products_bound_their_factors():
+    """2 <= a b <= 6 with 1 <= a <= 2 bounds b by 1 and 6, and then a by 1/3: nothing new."""
+    box = grid((1, 2), (0, 10))
+    settle([(1, 2)], *grid((2, 6)), box)
+    assert near(box[1], 1, 6) and near(box[0], 1, 2)
+
+
+def test_sums_of_products_bound_each_of_them():
+    """3 <= a + c <= 4 with 1 <= a <= 2 gives 1 <= c <= 3; a + a c over it is at most 8."""
+    box = grid((1, 2), (-10, 10))
+    settle([(1,), (2,)], *grid((3, 4)), box)
+    assert near(box[1], 1, 3)
+    assert near(total([(1,), (1, 2)], box), 2, 8)
+
+
+def test_a_product_with_a_factor_around_zero_bounds_nothing():
+    box = grid((-1, 1), (-10, 10))
+    settle([(1, 2)], *grid((2, 6)), box)
+    assert near(box[1], -10, 10)
+
+
+def products(columns, ends):
+    """A step of products whose own rows say only what the box says."""
+    about = SimpleNamespace(names=["a", "b"])
+    step = {"columns": columns, "steps": []}
+    return by_products(step, Regression(about, [[(1,)], [(2,)]]), ends)
+
+
+def test_products_without_rows_leave_the_box():
+    ends = [[Fraction(1), -INF], [Fraction(2), INF]]
+    assert products([[[0]], [[1]], [[0, 1]]], ends) == ends
+
+
+@pytest.mark.parametrize("columns", [[[[0]], [[0]]], [[]], [[[]]], [[[2]]], [[[-1]]], [[[True]]]])
+def test_columns_that_make_no_sense_are_refused(columns):
+    with pytest.raises(reading.Malformed):
+        products(columns, [[Fraction(0)] * 2, [Fraction(1)] * 2])
+
+
+def swap(columns):
+    columns[0], columns[1] = columns[1], columns[0]
+
+
+SPOILED = {
+    "columns exchanged": lambda s: swap(s["columns"]),
+    "a column less": lambda s: s["columns"].pop(),
+    "two columns in one": lambda s: s["columns"].__setitem__(0, s["columns"][0] + s["columns"][2]),
+    "a product less": lambda s: s["columns"][0].pop(),
+    "a product of others": lambda s: s["columns"][-1].__setitem__(0, [0, 0]),
+    "no rows": lambda s: s.update(steps=[]),
+    "directions inside": lambda s: s["steps"].append({"is": "Directions"}),
+    "products inside": lambda s: s["steps"].append(copy.deepcopy(s)),
+}
+
+
+@pytest.mark.parametrize("change", SPOILED)
+def test_spoiled_products_are_refused(change):
+    found = loaded("two-poles-o")
+    assert any(len(column) > 1 for column in step_of(found, "Products")["columns"])
+    SPOILED[change](step_of(found, "Products"))
+    assert verdict(found) != "accepted"
+
+
+# ---- both ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PROVED)
+def test_narrower_boxes_do_not_follow(name):
+    found = loaded(name)
+    about, _ = boxed(found)
+    for v in range(len(about.names)):
+        other = copy.deepcopy(found)
+        low, high = (other["box"][side][v] for side in ("lower", "upper"))
+        other["box"]["lower"][v] = low + 1e-6 * (high - low)
+        assert verdict(other) == "refused"
+
+
+@pytest.mark.parametrize("name", PROVED)
+@pytest.mark.parametrize("change", ["sample", "noise"])
+def test_boxes_belong_to_their_record(name, change):
+    found = loaded(name)
+    if change == "sample":
+        found["record"]["y"][0][4] += 0.01
+    else:
+        column = found["noise"]["output"][0]
+        column[:] = [value * 1.01 for value in column]
+    assert verdict(found) == "refused"
+
+
+def attack(name, count, seed=0):
+    """Damage fields of the steps; accepted boxes have to hold what is attained."""
+    found, said = loaded(name), {"accepted": 0, "refused": 0, "malformed": 0}
+    for number in range(count):
+        chance, other = random.Random(f"{seed} {name} {number}"), copy.deepcopy(found)
+        inside = {"certificate": other["box"]}
+        other["box"] = damage.damaged(inside, chance)[0].get("certificate")
+        try:
+            _, box = boxed(other)
+        except NotProved:
+            said["refused"] += 1
+            continue
+        except (reading.Malformed, ArithmeticError, AttributeError, LookupError, TypeError,
+                ValueError, AssertionError):  # fmt: skip
+            said["malformed"] += 1
+            continue
+        said["accepted"] += 1
+        assert not nothing(box), number
+        for interval, low, high in zip(found["intervals"], *box, strict=True):
+            assert low <= interval["inner"][0] and high >= interval["inner"][1], number
+    return said
+
+
+@pytest.mark.parametrize("name", PROVED)
+def test_damaged_steps_prove_nothing_false(name):
+    said = attack(name, 20)
+    assert said["refused"] + said["malformed"] > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROVED)
+def test_hundreds_of_damaged_steps_prove_nothing_false(name):
+    said = attack(name, 300, 1)
+    assert said["refused"] + said["malformed"] > 100
