@@ -81,8 +81,8 @@ def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> 
         return Verification(False, "only block structures have a reference")
     if not reference_follows(again, reference, claims.nonzero):
         return Verification(False, "the normalisation of the reference does not follow")
-    wanted = formulate(again.data, reference, again.noise, again.priors).problem
-    if wanted.fingerprint != found.formulation.problem.fingerprint:
+    stated = formulate(again.data, reference, again.noise, again.priors)
+    if stated.problem.fingerprint != found.formulation.problem.fingerprint:
         return Verification(False, "the reference is not that of the data")
     if found.empty != claims.empty:
         return Verification(False, "emptiness is not that of the reference")
@@ -91,7 +91,7 @@ def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> 
     for name, item in claims.intervals.items():
         if not claims.empty and (item.outer, item.inner) != known.get(name):
             return Verification(False, f"the interval of {name} is not that of the reference")
-    return verify(found, again.data)
+    return verify(replace(found, formulation=stated), again.data)  # priors may mean more than rows
 
 
 def _verify_linear(claims: Evidence, again: Formulation) -> Verification:

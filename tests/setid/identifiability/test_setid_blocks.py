@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ import pytest
 import setid
 import sparsepop_py as sp
 from setid.models.block import StaticMap
+from setid.priors.base import Plain
 
 G = setid.TransferFunction
 ONE, TWO = G(1, 1, 1), G(2, 2, 1)
@@ -219,6 +220,14 @@ def test_what_is_not_unique_is_found(
     assert setid.unidentifiable(model) == affected
 
 
+@dataclass(frozen=True)
+class Never(Plain):
+    """A prior whose rows say nothing, and which no parameters are proved to meet."""
+
+    def admits(self, model: object, box: object) -> bool:
+        return False
+
+
 def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
     """Claims that do not follow from the reference, or from one of other data."""
     item, reference = result.intervals["b1"], result.reference
@@ -231,6 +240,10 @@ def forgeries(result: setid.Identification) -> Iterator[setid.Identification]:
     known = reference.formulation
     other = setid.formulate(known.data, known.model, setid.Noise(output=1.0))
     yield replace(result, reference=replace(reference, formulation=other))
+    given = result.formulation
+    less = setid.formulate(given.data, given.model, given.noise, [Never()])
+    assert less.problem.fingerprint == given.problem.fingerprint
+    yield replace(result, formulation=less)  # the reference knows nothing of the prior
 
 
 def test_structures_without_normalisation_are_refused_or_reported() -> None:

@@ -62,7 +62,7 @@ def test_exact_factors_are_those_of_the_noise_and_rows_as_given() -> None:
     assert found.theta is not None
     for theta in (None, found.theta + 1.0):
         assert not replace(found, theta=theta).verify().ok
-    assert found.bound is not None
+    assert found.bound is not None and found.bound.value is not None
     forged = replace(found.bound, lower=2 * low, upper=2 * low, value=2 * found.bound.value)
     assert not replace(found, scale=(2 * low, 2 * low), bound=forged).verify().ok
 
@@ -82,7 +82,7 @@ def test_scaled_bounds_are_no_smaller_than_their_products() -> None:
     factor = 0.7
     found = scaled_noise(bounds, factor)
     for given, scaled in zip(bounds, (found.output, found.input, found.equation), strict=True):
-        for one, other in zip(given.ravel(), np.ravel(scaled), strict=True):  # type: ignore[arg-type]
+        for one, other in zip(given.ravel(), np.ravel(scaled), strict=True):
             assert Fraction(float(other)) >= Fraction(float(one)) * Fraction(factor)
 
 
@@ -143,3 +143,32 @@ def test_the_factor_multiplies_every_bound() -> None:
         full = problem.constraints[row].polynomial
         assert full(one) - full(quarter) == pytest.approx(0.375, rel=1e-12)
         assert full(one) == pytest.approx(known.problem.constraints[row].polynomial(x[:-1]))
+
+
+def test_lies_about_points_and_empty_boxes_are_refused(bracket: setid.Consistency) -> None:
+    low, high = bracket.scale
+    assert bracket.result is not None and bracket.result.attained is not None
+    assert bracket.theta is not None and bracket.witness is not None and bracket.box is not None
+    point = bracket.result.attained
+    less = replace(point, value=0.5 * low / bracket.limit)
+    result = replace(bracket.result, attained=less)
+    assert not replace(bracket, scale=(0.0, 0.6 * low), result=result).verify().ok
+    seen = replace(bracket, scale=(0.0, 1.5 * high), result=None, refuted=None)
+    assert seen.verify().ok  # by its witness alone
+    assert not replace(seen, theta=bracket.theta + 1e-9).verify().ok
+    assert not replace(seen, witness=bracket.witness + 30.0).verify().ok
+    assert not replace(seen, scale=(0.0, 0.5 * low)).verify().ok
+    full = (bracket.limit, bracket.box)
+    claim = replace(seen, scale=(bracket.limit, inf), refuted=full)  # type: ignore[arg-type]
+    assert not bracket.box.empty and not claim.verify().ok
+
+
+def test_linear_problems_keep_the_rows_of_priors() -> None:
+    a, b = sp.variables(2)
+    noise = setid.Noise(equation=1.0)
+    free = setid.formulate(laboratory_two_first(), FIRST, noise)
+    tied = setid.formulate(laboratory_two_first(), FIRST, noise, [a + b >= 3.0])
+    problem, other = linear_problem(free), linear_problem(tied)
+    assert len(other.constraints) == len(problem.constraints) + 1
+    x = np.array([1.0, 1.5, 1e3])  # much noise, and a sum of 2.5
+    assert problem.violation(x) == 0.0 and other.violation(x) == 0.5

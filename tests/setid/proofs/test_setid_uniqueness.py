@@ -1,0 +1,197 @@
+"""Freedom of parameters and normalisations, on problems of a few terms."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+from itertools import product
+from math import inf
+
+import numpy as np
+import pytest
+
+import setid
+import sparsepop_py as sp
+from setid.proofs.parameter_box import ParameterBox, start_of
+from setid.proofs.uniqueness.free_parameters import _free, free_parameters
+from setid.proofs.uniqueness.normalisation import (
+    convert_ends,
+    normalised_by,
+    products_with,
+    reference_follows,
+)
+from sparsepop_py.uncertain_rows.sign_tree import parameter_box
+
+ONE = setid.TransferFunction(1, 1, 1)
+BARE = setid.Hammerstein(ONE, 2)
+
+a, b, x, y = sp.variables(4, ["a", "b", "x", "y"])
+OPEN = (-inf, inf)
+
+
+def free(rows: list[sp.Constraint], at: list[float], ends: tuple[float, float] = OPEN) -> list[int]:
+    lower, upper = [ends[0], -inf, -inf, -inf], [ends[1], inf, inf, inf]
+    problem = sp.Problem(0.0 * x, rows, lower=lower, upper=upper)
+    return _free(problem, np.array(at), 2)
+
+
+# ---- free parameters --------------------------------------------------------------------
+
+
+def test_parameters_that_multiply_zeros_are_free() -> None:
+    assert free([a * x + b * y >= -1], [5.0, 5.0, 0.0, 0.0]) == [0, 1]
+    assert free([a * x + b * y >= -1], [0.0, 5.0, 0.5, 0.0]) == [1]
+    assert free([a * x + b * y >= -1], [0.0, 0.0, 0.5, 0.5]) == []
+    assert free([a * x >= -1, a * y == 0, b * y == 0], [0.0, 0.0, 0.0, 0.25]) == []
+
+
+def test_terms_of_one_parameter_cancel_exactly_or_not_at_all() -> None:
+    assert free([a * x - a * y == 0], [7.0, 0.0, 0.5, 0.5]) == [0, 1]
+    assert free([a * x - a * y == 0], [0.0, 0.0, 0.5, 0.5 + 2.0**-53]) == [1]
+    near, square = 1.0 + 2.0**-30, 1.0 + 2.0**-29  # the square, rounded
+    assert free([a * x**2 - a * y == 0], [0.0, 0.0, near, square]) == [1]
+
+
+def test_powers_of_a_parameter_count_one_by_one() -> None:
+    """a^2 - a is zero at 1 and at 0, and no other value of a will do."""
+    assert free([a**2 - a == 0, b * y == 0], [1.0, 0.0, 0.0, 0.0]) == [1]
+    assert free([a**2 * x - a * y == 0], [0.0, 0.0, 0.5, 0.5]) == [1]
+
+
+def test_nothing_is_free_at_points_that_fail() -> None:
+    assert free([a * x + y >= 0], [1.0, 1.0, 0.0, -1e-300]) == []
+    assert free([a * x + y >= 0], [1.0, 1.0, 0.0, 1e-300]) == [0, 1]
+    assert free([a * x + y == 0], [1.0, 1.0, 0.0, 1e-300]) == []
+
+
+@pytest.mark.parametrize("ends", [(0.0, inf), (-inf, 0.0)])
+def test_bounded_parameters_are_not_free(ends: tuple[float, float]) -> None:
+    assert free([a * x >= -1], [0.0, 0.0, 0.0, 0.0], ends) == [1]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_noise_explains_no_reading_beyond_its_bounds(sign: float) -> None:
+    u = np.array([1.0, -1.0, 2.0, 0.5])
+    first, noise = setid.TransferFunction(1, 1), setid.Noise(output=0.25)
+    for reading, names in ((0.25, ("a1",)), (0.2500001, ())):
+        data = setid.IOData(u, sign * np.array([0.125, reading, 0.0625, 0.125]))
+        assert free_parameters(setid.formulate(data, first, noise))[0] == names
+
+
+# ---- normalisations ---------------------------------------------------------------------
+
+
+def hammerstein(noise: float = 0.01) -> setid.Formulation:
+    u = np.random.default_rng(3).uniform(-1.0, 1.0, 30)
+    theta = [-0.5, 0.8, 1.0, 0.4]
+    data = setid.simulate_record(BARE, theta, u, setid.Noise(output=noise), 1).data
+    return setid.formulate(data, BARE, setid.Noise(output=noise))
+
+
+def test_references_need_a_proof_that_what_they_fix_is_not_zero() -> None:
+    known = hammerstein()
+    rows = known.products
+    assert rows is not None
+    box = parameter_box(rows.regression, rows.start(start_of(known)))
+    assert isinstance(box, ParameterBox)
+    sure = products_with(rows, box)
+    for place, name in enumerate(BARE.parameters):
+        reference = normalised_by(BARE, name)
+        assert reference_follows(known, reference, box) == (place in sure and place > 0)
+        assert not reference_follows(known, reference, None)
+    reference = normalised_by(BARE, "b1")
+    assert reference_follows(known, reference, box)
+    assert not reference_follows(hammerstein(5.0), reference, box)  # of other data
+    loud = hammerstein(5.0)
+    assert loud.products is not None
+    other = parameter_box(loud.products.regression, loud.products.start(start_of(loud)))
+    assert not products_with(loud.products, other)
+    assert not reference_follows(loud, reference, other)
+    assert not reference_follows(known, normalised_by(BARE, "dcgain"), box)
+    assert not reference_follows(known, BARE, box)
+    first = [setid.Box({"gamma1": (0.5, 2.0)})]
+    bounded = setid.formulate(known.data, BARE, known.noise, first)
+    assert not reference_follows(bounded, reference, box)  # the prior fixes a scale of its own
+
+
+def test_products_are_not_zero_on_one_side_of_zero_only() -> None:
+    known = hammerstein()
+    rows = known.products
+    assert rows is not None
+    box = parameter_box(rows.regression, rows.start(start_of(known)))
+    pairs = {place: m for m, place in rows.place.items() if len(m) == 2}
+    for place, m in pairs.items():
+        for low, high, good in ((0.5, 1.0, True), (-1.0, -0.5, True), (-1.0, 1.0, False)):
+            lower, upper = np.full(box.lower.size, -9.0), np.full(box.lower.size, 9.0)
+            lower[place], upper[place] = low, high
+            found = products_with(rows, with_ends(box, lower, upper))
+            assert (set(m) <= found) == good
+    lower = np.full(box.lower.size, 0.0)
+    assert products_with(rows, with_ends(box, lower, lower + 1.0)) == set()
+
+
+def with_ends(box: ParameterBox, lower: np.ndarray, upper: np.ndarray) -> ParameterBox:
+    return replace(box, lower=lower, upper=upper)
+
+
+def test_loops_take_the_linear_part_of_the_map_alone() -> None:
+    model = setid.Lure(ONE, 2)
+    u = np.random.default_rng(3).uniform(-0.5, 0.5, 12)
+    truth = setid.simulate_record(model, [-0.6, 0.8, 0.1, 0.3], u, setid.Noise(output=0.01), 1)
+    known = setid.formulate(truth.data, model, setid.Noise(output=0.01))
+    assert reference_follows(known, normalised_by(model, {"gamma1": 0.0}), None)
+    assert not reference_follows(known, normalised_by(model, {"gamma1": 0.5}), None)
+    assert not reference_follows(known, normalised_by(model, "dcgain"), None)
+
+
+def test_converted_ends_hold_every_conversion_in_rationals() -> None:
+    """gamma1 = 1: scale k = 1 / gamma1, b1 k^-1, gamma2 k; a1 stays."""
+    ends = {"a1": (-0.7, -0.5), "b1": (0.3, 0.7), "gamma1": (0.7, 1.1), "gamma2": (-0.3, 0.7)}
+    found = convert_ends(BARE, ends, "gamma1")
+    assert set(found) == {"a1", "b1", "gamma2"} and found["a1"] == ends["a1"]
+    for values in product(*ends.values()):
+        _, b1, g1, g2 = (Fraction(v) for v in values)
+        for name, value in (("b1", b1 * g1), ("gamma2", g2 / g1)):
+            low, high = found[name]
+            assert Fraction(low) <= value <= Fraction(high)
+    assert found["b1"] == pytest.approx((0.21, 0.77)) and found["gamma2"][1] == pytest.approx(1.0)
+
+
+def test_shifted_ends_hold_every_shift_in_rationals() -> None:
+    """gamma1 = 0: kappa = gamma1, a1 + kappa b1, gamma2 as it is."""
+    model = setid.Lure(ONE, 2)
+    ends = {"a1": (-0.7, -0.5), "b1": (0.3, 0.7), "gamma1": (-0.1, 0.3), "gamma2": (0.2, 0.3)}
+    found = convert_ends(model, ends, {"gamma1": 0.0})
+    assert found["b1"] == ends["b1"] and found["gamma2"] == ends["gamma2"]
+    low, high = found["a1"]
+    for values in product(*ends.values()):
+        a1, b1, g1, _ = (Fraction(v) for v in values)
+        assert Fraction(low) <= a1 + g1 * b1 <= Fraction(high)
+    assert (low, high) == pytest.approx((-0.77, -0.29))
+
+
+def test_a_scale_that_may_be_zero_settles_nothing() -> None:
+    ends = {"a1": (-0.7, -0.5), "b1": (0.3, 0.7), "gamma1": (-0.1, 1.1), "gamma2": (-0.3, 0.7)}
+    with pytest.raises(setid.ModelError, match="may be zero"):
+        convert_ends(BARE, ends, "gamma1")
+
+
+def test_scales_of_arguments_divide_as_often_as_they_occur() -> None:
+    """Wiener with gamma1 = 1: k = gamma1, b1 k and gamma2 / k^2, exact in doubles."""
+    known = {"a1": -0.5, "b1": 0.75, "gamma1": 2.0, "gamma2": 3.0}
+    ends = {name: (value, value) for name, value in known.items()}
+    found = convert_ends(setid.Wiener(ONE, 2), ends, "gamma1")
+    middle = {name: (low + high) / 2 for name, (low, high) in found.items()}
+    assert middle == pytest.approx({"a1": -0.5, "b1": 1.5, "gamma2": 0.75}, rel=1e-14)
+
+
+def test_what_a_shift_gives_to_the_block_is_taken_from_the_map() -> None:
+    """Static gain 1: a1' = b1 - 1 = -0.25, kappa = 1/4 / (3/4), gamma1' = gamma1 - 1/3."""
+    known = {"a1": -0.5, "b1": 0.75, "gamma1": 0.125, "gamma2": 3.0}
+    ends = {name: (value, value) for name, value in known.items()}
+    found = convert_ends(setid.Lure(ONE, 2), ends, "dcgain")
+    middle = {name: (low + high) / 2 for name, (low, high) in found.items()}
+    wanted = {"a1": -0.25, "b1": 0.75, "gamma1": 0.125 - 1 / 3, "gamma2": 3.0}
+    assert middle == pytest.approx(wanted, rel=1e-13)
+    assert Fraction(found["gamma1"][0]) <= Fraction(1, 8) - Fraction(1, 3)
+    assert Fraction(1, 8) - Fraction(1, 3) <= Fraction(found["gamma1"][1])
