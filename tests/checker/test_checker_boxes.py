@@ -122,6 +122,14 @@ def test_forged_directions_are_refused(change):
     assert verdict(found) != "accepted"
 
 
+@pytest.mark.parametrize(("side", "end"), [("lower", -1.0), ("upper", 1.0)])
+def test_directions_may_assume_no_more_than_the_box_before_them(side, end):
+    found = loaded("strong-oi")
+    step_of(found, "Directions")[side][0] = end
+    with pytest.raises(NotProved, match="about a smaller box"):
+        boxed(found)
+
+
 def test_rows_of_directions_vanish_where_the_record_was_made():
     """phi = s theta / c: a row of the cube is the row of the record times s, by hand."""
     found = loaded("strong-o")
