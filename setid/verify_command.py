@@ -89,7 +89,13 @@ def _read(path: str) -> Identification:
         return from_json(json.dumps(found))
     stored = {"format": "setid", "version": 1, "is": "result", "result": found.pop("result", None)}
     result = from_json(json.dumps(stored))
-    if json.loads(json.dumps(certificate_files(result))) != found:
+    again = json.loads(json.dumps(certificate_files(result)))
+    if found.get("version") != again["version"]:
+        raise SetidError(
+            f"{path}: found version {found.get('version')!r:.20}, expected {again['version']}; "
+            "checker/check.py reads version 1 as well"
+        )
+    if again != found:
         raise SetidError(f"{path}: found two parts that claim different things, expected one claim")
     return result
 

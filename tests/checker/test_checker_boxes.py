@@ -7,16 +7,14 @@ import json
 import math
 import random
 from fractions import Fraction
-from types import SimpleNamespace
 
 import certificate_damage as damage
 import pytest
 from record_corpus import written
 
-from checker import interval as iv
 from checker import reading
-from checker.linear_rows import Regression, nothing
-from checker.parameter_box import by_products, cube_side, proved_box, settle, total
+from checker.linear_rows import nothing
+from checker.parameter_box import cube_side, proved_box
 from checker.record import Identification
 from checker.result import NotProved
 
@@ -74,6 +72,15 @@ def test_a_tree_with_empty_parts_next_to_unbounded_ones():
     assert verdict(found) == "refused"  # these rows one by one leave it unbounded
 
 
+@pytest.mark.parametrize("change", [lambda v: v / 2, lambda v: -v, lambda v: 0.0])
+def test_left_inverses_of_a_record_are_not_believed(change):
+    found = loaded("o-0")
+    step = step_of(found, "LeftInverse")
+    assert verdict(found) == "accepted"
+    step["radius"] = [change(v) for v in step["radius"]]
+    assert verdict(found) == "refused"
+
+
 # ---- directions ---------------------------------------------------------------------------------
 
 
@@ -115,6 +122,14 @@ def test_forged_directions_are_refused(change):
     assert verdict(found) != "accepted"
 
 
+@pytest.mark.parametrize(("side", "end"), [("lower", -1.0), ("upper", 1.0)])
+def test_directions_may_assume_no_more_than_the_box_before_them(side, end):
+    found = loaded("strong-oi")
+    step_of(found, "Directions")[side][0] = end
+    with pytest.raises(NotProved, match="about a smaller box"):
+        boxed(found)
+
+
 def test_rows_of_directions_vanish_where_the_record_was_made():
     """phi = s theta / c: a row of the cube is the row of the record times s, by hand."""
     found = loaded("strong-o")
@@ -140,61 +155,23 @@ def test_rows_of_directions_vanish_where_the_record_was_made():
     low, high = made.constraints[-2:]  # theta_1 <= 3 stands first: rows go by parameter
     assert low.polynomial.at(z) == 2 * s * (3 - theta[0])
     assert high.polynomial.at(z) == 4 * s * (theta[1] + 2)
+    used = about.record.letters["eta", 1, samples[0]] - 1
+    assert made.upper[used] * Fraction(side["units"][used]) == Fraction(0.35) == -made.lower[used]
     assert (made.lower[1], made.upper[1]) == (-1, -1)
     assert (made.lower[0], made.upper[0]) == (-1, 1)
     assert (made.lower[-1] * size, made.upper[-1] * size) == (0, 4)
 
 
+def test_directions_need_rows_that_are_linear_in_the_parameters():
+    about = Identification(loaded("two-poles-o"))
+    n, p = about.problem.dimension, len(about.names)
+    side = {"rows": [0], "units": [1.0] * (n + 1), "factors": [1.0]}
+    free = [[-INF] * p, [INF] * p]
+    with pytest.raises(reading.Malformed, match="not linear"):
+        cube_side(about, side, [Fraction(1)] * p, free, (0, 0))
+
+
 # ---- products -----------------------------------------------------------------------------------
-
-
-def grid(*pairs):
-    return [(iv.below(a), iv.above(b)) for a, b in pairs]
-
-
-def near(pair, low, high):
-    """Whether an interval contains [low, high] and is hardly larger."""
-    a, b = (iv.exact(end) for end in pair)
-    return a <= low and high <= b and low - a < Fraction(1, 10**300) > b - high
-
-
-def test_products_bound_their_factors():
-    """2 <= a b <= 6 with 1 <= a <= 2 bounds b by 1 and 6, and then a by 1/3: nothing new."""
-    box = grid((1, 2), (0, 10))
-    settle([(1, 2)], *grid((2, 6)), box)
-    assert near(box[1], 1, 6) and near(box[0], 1, 2)
-
-
-def test_sums_of_products_bound_each_of_them():
-    """3 <= a + c <= 4 with 1 <= a <= 2 gives 1 <= c <= 3; a + a c over it is at most 8."""
-    box = grid((1, 2), (-10, 10))
-    settle([(1,), (2,)], *grid((3, 4)), box)
-    assert near(box[1], 1, 3)
-    assert near(total([(1,), (1, 2)], box), 2, 8)
-
-
-def test_a_product_with_a_factor_around_zero_bounds_nothing():
-    box = grid((-1, 1), (-10, 10))
-    settle([(1, 2)], *grid((2, 6)), box)
-    assert near(box[1], -10, 10)
-
-
-def products(columns, ends):
-    """A step of products whose own rows say only what the box says."""
-    about = SimpleNamespace(names=["a", "b"])
-    step = {"columns": columns, "steps": []}
-    return by_products(step, Regression(about, [[(1,)], [(2,)]]), ends)
-
-
-def test_products_without_rows_leave_the_box():
-    ends = [[Fraction(1), -INF], [Fraction(2), INF]]
-    assert products([[[0]], [[1]], [[0, 1]]], ends) == ends
-
-
-@pytest.mark.parametrize("columns", [[[[0]], [[0]]], [[]], [[[]]], [[[2]]], [[[-1]]], [[[True]]]])
-def test_columns_that_make_no_sense_are_refused(columns):
-    with pytest.raises(reading.Malformed):
-        products(columns, [[Fraction(0)] * 2, [Fraction(1)] * 2])
 
 
 def swap(columns):

@@ -51,9 +51,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-LISTS = tuple(Path(__file__).with_name(name) for name in ("verified.toml", "setid.toml"))
+LISTS = tuple(
+    Path(__file__).with_name(name) for name in ("verified.toml", "setid.toml", "checker.toml")
+)
 STORE = ROOT / ".mutants" / "results.json"
-COPIED = ("sparsepop_py", "setid", "tests", "benchmarks", "examples", "pyproject.toml")
+COPIED = ("sparsepop_py", "setid", "checker", "tests", "benchmarks", "examples", "pyproject.toml")
 LONGEST = 240.0  # seconds for the tests of one fault; a fault that makes them hang is noticed
 PLAIN = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--assert=plain")
 ARGUMENTS = (*PLAIN, "--hypothesis-profile=mutants")

@@ -1,0 +1,141 @@
+"""Boxes from rows of a record, one by one and in products of parameters, by hand."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from types import SimpleNamespace
+
+import pytest
+
+from checker import interval as iv
+from checker import reading
+from checker.left_inverse import contracts
+from checker.linear_rows import Regression, combined, given_row
+from checker.parameter_box import by_products, settle, total
+from checker.result import NotProved
+from checker.structure import Record, Structure
+
+INF = math.inf
+
+
+# ---- rows one by one, by hand -------------------------------------------------------------------
+
+
+def small(columns):
+    """y(k) + a y(k-1) = b u(k) at k = 1: readings 4, 2 and u = 3; noise .1, .2, errors .5."""
+    table = {"na": [[1]], "nb": [[1]], "nk": [[0]], "form": "auto", "initial": "free"}
+    stated = {"u": [[1.0, 3.0]], "y": [[4.0, 2.0]], "starts": [0], "ranges": {"u": None, "y": None}}
+    noise = {"output": [[0.125] * 2], "input": [[0.25] * 2], "equation": [[0.5] * 2]}
+    record = Record({"record": stated, "noise": noise})
+    record.letters = {("eta", 1, 0): 3, ("eta", 1, 1): 4, ("xi", 1, 1): 5}
+    wide = [Fraction(1, 8), Fraction(1, 8), Fraction(1, 4)]
+    problem = SimpleNamespace(lower=[-INF] * 2 + [-v for v in wide], upper=[INF] * 2 + wide)
+    made = Structure(table | {"common_denominator": False, "offset": False}, 1, 1)
+    about = SimpleNamespace(
+        names=["a1", "b0"], record=record, structure=made, problem=problem, units=[Fraction(1)] * 5
+    )
+    return Regression(about, columns)
+
+
+def test_noise_at_its_largest_effect():
+    """|2 + 4 a - 3 b| <= .125 + .5 + .125 |a| + .25 |b|, by hand."""
+    centre, radius = small([[(1,)], [(2,)]]).row(1, 1)
+    assert centre == [4, -3, 2]
+    assert radius == [Fraction(1, 8), Fraction(1, 4), Fraction(5, 8)]
+
+
+def test_rows_need_a_column_for_each_product_and_one_signal_in_each():
+    with pytest.raises(reading.Malformed, match="no column"):
+        small([[(1,)]]).row(1, 1)
+    with pytest.raises(NotProved, match="different signals"):
+        small([[(1,), (2,)]]).row(1, 1)
+
+
+@pytest.mark.parametrize(
+    ("slope", "constant", "good"),
+    [(-3.875, -1.375, True), (-3.875, -1.5, False), (-4.0, -1.25, True), (-4.0, -1.375, False)],
+)
+def test_linear_rows_follow_where_their_least_value_does(slope, constant, good):
+    """For 0 <= a <= 1, b = 0 the row says .625 + .125 a - 2 - 4 a >= 0: no less, at both ends."""
+    rows, part = small([[(1,)], [(2,)]]), [[Fraction(0)] * 2, [Fraction(1), Fraction(0)]]
+    asked = [1, 1, 1, [slope, 0.0, constant]]
+    if good:
+        assert given_row(asked, rows, part) == [slope, 0, constant]
+        return
+    with pytest.raises(NotProved):
+        given_row(asked, rows, part)
+
+
+def test_multipliers_of_linear_rows():
+    """x + y >= 1 and x - y >= 2 give x >= 3/2; with x <= 1 nothing is left."""
+    rows = [[Fraction(v) for v in row] for row in ([1, 1, -1], [1, -1, -2], [-1, 0, 1])]
+    half = [[0, "1/2"], [1, "1/2"]]
+    assert combined(rows, half, (0, 0)) == Fraction(3, 2)
+    assert combined(rows, [*half, [2, "1"]], None) == INF
+    for pairs, goal in ((half, (1, 0)), (half, None), ([[0, "-1"], [1, "2"]], (0, 0))):
+        with pytest.raises(NotProved):
+            combined(rows, pairs, goal)
+    with pytest.raises(NotProved, match="negative"):
+        combined(rows, [[0, "1/2"], [1, "-1/2"]], (1, 0))
+    with pytest.raises(reading.Malformed):
+        combined([[Fraction(1), Fraction(0), INF]], [[0, "1"]], (0, 0))
+
+
+@pytest.mark.parametrize(("radius", "good"), [(1.0, False), (1.0009765625, True)])
+def test_left_inverses_of_intervals(radius, good):
+    """-1 + C x = 0 for C in [1/2, 3/2], around 1: G = 1/2 and d = 1/2 need more than 1."""
+    table = [[(iv.below(0.5), iv.above(1.5)), (iv.below(-1), iv.above(-1))]]
+    assert contracts([[1.0]], table, [1.0], [radius]) is good
+
+
+# ---- products ----
+
+
+def grid(*pairs):
+    return [(iv.below(a), iv.above(b)) for a, b in pairs]
+
+
+def near(pair, low, high):
+    """Whether an interval contains [low, high] and is hardly larger."""
+    a, b = (iv.exact(end) for end in pair)
+    return a <= low and high <= b and low - a < Fraction(1, 10**300) > b - high
+
+
+def test_products_bound_their_factors():
+    """2 <= a b <= 6 with 1 <= a <= 2 bounds b by 1 and 6, and then a by 1/3: nothing new."""
+    box = grid((1, 2), (0, 10))
+    settle([(1, 2)], *grid((2, 6)), box)
+    assert near(box[1], 1, 6) and near(box[0], 1, 2)
+
+
+def test_sums_of_products_bound_each_of_them():
+    """3 <= a + c <= 4 with 1 <= a <= 2 gives 1 <= c <= 3; a + a c over it is at most 8."""
+    box = grid((1, 2), (-10, 10))
+    settle([(1,), (2,)], *grid((3, 4)), box)
+    assert near(box[1], 1, 3)
+    assert near(total([(1,), (1, 2)], box), 2, 8)
+
+
+def test_a_product_with_a_factor_around_zero_bounds_nothing():
+    box = grid((-1, 1), (-10, 10))
+    settle([(1, 2)], *grid((2, 6)), box)
+    assert near(box[1], -10, 10)
+
+
+def products(columns, ends):
+    """A step of products whose own rows say only what the box says."""
+    about = SimpleNamespace(names=["a", "b"])
+    step = {"columns": columns, "steps": []}
+    return by_products(step, Regression(about, [[(1,)], [(2,)]]), ends)
+
+
+def test_products_without_rows_leave_the_box():
+    ends = [[Fraction(1), -INF], [Fraction(2), INF]]
+    assert products([[[0]], [[1]], [[0, 1]]], ends) == ends
+
+
+@pytest.mark.parametrize("columns", [[[[0]], [[0]]], [[]], [[[]]], [[[2]]], [[[-1]]], [[[True]]]])
+def test_columns_that_make_no_sense_are_refused(columns):
+    with pytest.raises(reading.Malformed):
+        products(columns, [[Fraction(0)] * 2, [Fraction(1)] * 2])
