@@ -190,7 +190,8 @@ def _candidates(
     kept: list[tuple[float, NDArray[np.float64]]] = []
     size = 1.0 + abs(aim.known)
     close = np.isfinite(size) and aim.known - aim.enough <= _CLOSE * size  # else others lead away
-    near = _AGAIN * size if close else -1.0
+    accurate = not rows.given.equality.any()  # linear programs come first there, and end rough
+    near = _AGAIN * size if close and accurate else -1.0
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
         kept += ended
