@@ -37,7 +37,7 @@ def main() -> None:
     # specification: settle like one time constant, with the three samples of delay of the plant
     reference = control.reference_model(rise=2.0, Ts=data.Ts, delay=2)
     print("reference model", reference)
-    options = setid.Options(time_limit=6.0, progress=False)
+    options = setid.Options(cpu_limit=5.0, progress=False)
     simple = control.design(
         experiment, reference, control.PID(derivative=False), BOUND, options=options
     )

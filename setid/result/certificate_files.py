@@ -295,7 +295,7 @@ def _directions(
 
 
 def _factors(rows: list[sp.Constraint], scaled: InUnits) -> list[float]:
-    """What rows in units were multiplied by, powers of two."""
+    """Powers of two by which rows in units were multiplied."""
     units, found = np.append(1.0, scaled.units), list[float]()
     for row, made in zip(rows, scaled.problem.constraints, strict=True):
         plain = row.polynomial.coefficients[:1] * np.prod(units[row.polynomial.words[:1]], axis=1)

@@ -47,6 +47,7 @@ Reals = NDArray[np.float64]
 Method = Literal["small_gain", "characteristic"]
 _SNAP = 1e-6  # largest residual of a pole that is taken to be at z = 1, relative
 _PROOF = 0.75  # of the time for the proof; the rest looks for a plant that refutes it
+_EARLY = 0.2  # of the time that is left, to look for it before the engine is asked
 _ROOM = 1.0 + 1e-9  # on bounds, so that a proof that is drawn again elsewhere stays below them
 _WITHOUT_MARGIN = "unbounded without a margin"
 
@@ -332,19 +333,16 @@ class Question:
                 None, blank, f"{failed.name} fails: {failed.text}", conditions, assumptions, None
             )
         claim = self.claim(factor)
-        found, outcome, result = self._prove(claim, begin + _PROOF * limit)
-        plant = None
-        if not outcome.proved and not (found is not None and found.empty):
-            plant = unstable_plant(
-                self.data,
-                self.model,
-                self.noise,
-                self.controller,
-                found,
-                self.integrators,
-                self.margin,
-                begin + limit,
-            )
+        until, result = begin + _PROOF * limit, None
+        found, outcome = self._prove(claim, until)
+        now, plant = time.monotonic(), None
+        if not outcome.proved and now < until:
+            plant = self._refuting(found, now + _EARLY * (until - now))
+        asks = not outcome.proved and plant is None and time.monotonic() < until
+        if asks and found is not None and not found.empty:
+            found, outcome, result = self._prove_within(found, claim, until)
+        if not outcome.proved and plant is None:
+            plant = self._refuting(found, begin + limit)
         reason = self._reason(found, outcome, plant)
         answer = self._answer(
             found, outcome, reason, self._judged(conditions, outcome), assumptions, plant
@@ -358,18 +356,22 @@ class Question:
         assert factor is not None
         return SmallGain(self.model, factor, self.reference, self.integrators, self.margin)
 
-    def _prove(
-        self, claim: Claim, until: float
-    ) -> tuple[ParameterSet | None, Outcome, Identification | None]:
-        """Sums of rows alone, then with the engine's intervals, then cell by cell."""
-        found = self.known(until)
+    def _prove(self, claim: Claim, until: float) -> tuple[ParameterSet | None, Outcome]:
+        """Prove a claim over the set from sums of rows alone: whole, then cell by cell."""
+        found, outcome = self.known(until), Outcome(False, (), (), 0)
         if found is None or found.empty:
-            return found, Outcome(False, (), (), 0), None
+            return found, outcome
         now = time.monotonic()
         for part in (0.0, 0.2):  # of the time that is left, before the engine is asked
             outcome = prove_over_cells(found, claim, now + part * (until - now))
             if outcome.proved or time.monotonic() > until:
-                return found, outcome, None
+                break
+        return found, outcome
+
+    def _prove_within(
+        self, found: ParameterSet, claim: Claim, until: float
+    ) -> tuple[ParameterSet, Outcome, Identification | None]:
+        """Prove a claim over what the engine's intervals leave of a set, cell by cell."""
         share = Options(time_limit=max(0.5 * (until - time.monotonic()), 0.1), progress=False)
         result = identified(
             self.data, self.model, self.noise, found, self.integrators, share, self.margin
@@ -378,6 +380,21 @@ class Question:
             return self.narrowed(found, result), Outcome(False, (), (), 0), result
         found = self.narrowed(found, result, until)
         return found, prove_over_cells(found, claim, until), result
+
+    def _refuting(self, found: ParameterSet | None, until: float) -> Transfer | None:
+        """Look for a consistent plant that the controller does not stabilise."""
+        if found is not None and found.empty:
+            return None
+        return unstable_plant(
+            self.data,
+            self.model,
+            self.noise,
+            self.controller,
+            found,
+            self.integrators,
+            self.margin,
+            until,
+        )
 
     def known(self, until: float = inf) -> ParameterSet | None:
         """The polytope of all consistent plants by sums of rows."""

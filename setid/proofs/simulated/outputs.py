@@ -205,7 +205,7 @@ def _measured(formulation: Formulation) -> bool:
 
 
 def _past(formulation: Formulation, equation: Equation) -> Past:
-    """What the readings say of the samples on which the first equation of an output rests."""
+    """Readings of the samples on which the first equation of an output rests."""
     channel = equation.output
     assert channel is not None
     lags = [s.lag for t in equation.terms for s in t.signals if s.signal == equation.defines]

@@ -77,7 +77,7 @@ class _Term(NamedTuple):
 def _terms(
     system: PolynomialSystem, x: NDArray[Any], solved: NDArray[Any]
 ) -> list[list[_Term]] | None:
-    """Terms of each row; None where one is not linear in its variable or contains a later one."""
+    """Terms of each row; None where one is not as it should be."""
     place = {variable: i for i, variable in enumerate(solved.tolist())}
     values = [_dyadic(value) for value in x.tolist()]
     found: list[list[_Term]] = [[] for _ in range(system.size)]
@@ -107,7 +107,7 @@ def _dyadic(value: float) -> Ends:
 
 
 def _enclosures(rows: list[list[_Term]], bits: int) -> list[Ends] | None:
-    """Ends of all variables in turn; fewer where one is too wide, None where a slope may be 0."""
+    """Ends of all variables in turn; fewer where one is too wide, None without a slope."""
     found: list[Ends] = []
     for terms in rows:
         check()

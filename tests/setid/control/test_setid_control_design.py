@@ -188,7 +188,7 @@ def test_a_measured_record_where_the_noise_decides_whether_there_are_controllers
     record = setid.IOData.from_csv(DRYER, inputs="u", outputs="y", Ts=0.08).detrend()
     experiment = record.split(200)[0]
     reference = control.reference_model(rise=2.0, Ts=0.08, delay=2)
-    limit = setid.Options(time_limit=6.0, progress=False)
+    limit = setid.Options(cpu_limit=5.0, progress=False)
     found = control.design(experiment, reference, control.PID(filter=0.08), 0.33, options=limit)
     assert not found.empty
     theta = found.result.feasible
