@@ -145,7 +145,7 @@ def _shifted(low: int, high: int, exponent: int) -> Ends:
 
 
 def _slope(terms: list[_Term], found: list[Ends], bits: int) -> tuple[int, int, int]:
-    """Ends of the slope in units of a power of two, and its exponent; exact without variables."""
+    """Ends of the slope in units of a power of two, and its exponent."""
     if not terms:
         return 0, 0, 0
     if any(term.before for term in terms):
