@@ -107,7 +107,7 @@ def _dyadic(value: float) -> Ends:
 
 
 def _enclosures(rows: list[list[_Term]], bits: int) -> list[Ends] | None:
-    """Ends of all variables in turn; fewer where one is too wide, None without a slope."""
+    """Ends of all variables in turn; fewer where one is too wide."""
     found: list[Ends] = []
     for terms in rows:
         check()
