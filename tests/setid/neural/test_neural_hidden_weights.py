@@ -11,6 +11,8 @@ from scipy.optimize import linprog
 
 import setid
 from setid import neural
+from setid.neural.training import hidden_weights
+from setid.neural.training.patterns import PatternNode
 
 
 def planted(rows: int, seed: int, slopes: list[list[float]], signs: list[float], leak: float,
@@ -98,6 +100,22 @@ def test_forged_intervals_are_found() -> None:
     ]
     for number, item in enumerate(forged):
         assert not item.verify(), number
+
+
+def scaled(node: PatternNode, share: float) -> PatternNode:
+    children = tuple(scaled(child, share) for child in node.children)
+    return replace(node, dual=node.dual * share, children=children)
+
+
+@pytest.mark.parametrize("goal", [(0, 3.0), (-1, 1.0), (0, float("nan")), (7, 1.0)])
+def test_goals_that_are_no_ends_prove_nothing(goal: tuple[int, float]) -> None:
+    """Three times the multipliers of a weight bound three times the weight, not the weight."""
+    data = planted(10, 0, [[0.5, 1.0, -0.3, 0.2]], [1.0], 0.0, 0.05)
+    found = neural.hidden_weights(structure(1, 0.0), data, 0.06, weights=4.0)
+    kept = found.choices[0]
+    tree = next(tree for end, tree in kept.steps if end == (0, 1.0))
+    task = hidden_weights._Task.of(found.net, data, 0.06, 4.0)
+    assert np.array_equal(task.drawn(kept.signs, ((goal, scaled(tree, 3.0)),)), task.box())
 
 
 def test_what_means_nothing_is_refused() -> None:
