@@ -24,7 +24,7 @@ _PROGRAM_WORK, _PIVOT_WORK = 2e-4, 2e-8  # a program, and a pivot for each row a
 _OPTIONS: dict[str, bool | int | float | str] = {
     "output_flag": False,
     "threads": 1,
-    "presolve": "off",
+    "presolve": "off",  # it writes beyond its memory where it eliminates long recursions
     "solver": "simplex",
     "primal_feasibility_tolerance": 1e-9,
     "dual_feasibility_tolerance": 1e-9,

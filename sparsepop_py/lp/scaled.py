@@ -2,7 +2,7 @@
 
 Nothing proved rests on it. :class:`~sparsepop_py.lp.highs.LinearModel` keeps a program whose
 numbers are of ordinary size and solves it again and again; here one program of numbers of any size
-is solved once, with presolve, and by another method where one meets numerical difficulties.
+is solved once, and by another method where one meets numerical difficulties.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ __all__ = ["solve_scaled"]
 
 # the least that HiGHS takes: boxes may be far wider than what is asked of them
 _TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-# the next where one meets numerical difficulties; long recursions lose their meaning in presolve
-_TRIES = (
-    {"solver": "choose", "presolve": "on"},
-    {"solver": "ipm", "presolve": "on"},
-    {"solver": "choose", "presolve": "off"},
+# the next where one meets numerical difficulties
+_TRIES: tuple[dict[str, str | int], ...] = (
+    {"solver": "simplex"},
+    {"solver": "ipm"},
+    {"solver": "simplex", "simplex_strategy": 4},
 )
 _BALANCING = 10  # passes
 
