@@ -109,7 +109,7 @@ def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
 
 def _in_other_coordinates(context: SolveContext, model: Model) -> CertifiedBound:
     """Certify a Gram matrix of coordinates in which the leading form is a monomial."""
-    f, replay = context.problem.objective, context.replay()
+    f, replay = context.problem.objective, context.at_cutoff()
     box_bound = BoxBound(Proved(-np.inf, 0.0, ""), Node())
     with context.stages.stage("certify"):
         coordinates = coordinates_of_leading_form(f)
@@ -139,7 +139,7 @@ def _grams(
 def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
     """Certify the first exact Gram matrix that is found, however singular."""
     relaxation = model.relaxations[-1]
-    replay, f = context.replay(), context.problem.objective
+    replay, f = context.at_cutoff(), context.problem.objective
     box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     with context.stages.stage("certify"):
         for gram in exact_grams(f, relaxation, context.deadline.left):
@@ -156,7 +156,7 @@ def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
 def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
     """Solve the relaxation without a box and certify Gram matrices of its interior."""
     relaxation = model.relaxations[-1]
-    replay, box_bound = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
+    replay, box_bound = context.at_cutoff(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
     minimised, size = scale_objective(context.problem.objective, scaled.scaling)
     solver = "cliquetree" if context.options.solver == "auto" else context.options.solver
     with context.stages.stage("assemble"):

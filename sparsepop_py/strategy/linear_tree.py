@@ -212,7 +212,7 @@ def _first_model(context: SolveContext) -> Model:
     box = Interval(context.problem.lower, context.problem.upper)
     if finite(box):
         return Model(BoxProof(), box)
-    box, step = tighten(context.replay(), box, LINEAR_TREE.first_sweeps)
+    box, step = tighten(context.at_cutoff(), box, LINEAR_TREE.first_sweeps)
     return Model(BoxProof((step,)), box)
 
 
@@ -264,7 +264,7 @@ def bound_by_box(
     LinearTreeResult
         With an outcome where the gap is closed.
     """
-    replay = context.replay()
+    replay = context.at_cutoff()
     proved = prove(replay, model.box, None, False)
     if not context.closed(proved.bound):
         return LinearTreeResult(context, candidates)

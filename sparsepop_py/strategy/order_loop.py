@@ -340,7 +340,7 @@ def _run_orders(
             return _of_linear_tree(found)
         context, candidates = found.context, found.candidates
         with context.stages.stage("presolve"):
-            replay = context.replay()
+            replay = context.at_cutoff()
             proof, box = find_box(
                 context.problem,
                 context.best if replay.cutoff is not None else None,

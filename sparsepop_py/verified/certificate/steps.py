@@ -288,7 +288,8 @@ class Replay:
     ) -> Any:
         """Compute once what an argument proves on this feasible set.
 
-        The argument is kept with the result: nothing else can come to have its id.
+        The result is kept under the argument's ``id``. The argument is kept with it: while it is
+        alive, Python gives its id to no other object.
         """
         key = (self._feasible_set, id(argument), about)
         if key not in self.known:
