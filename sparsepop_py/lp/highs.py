@@ -203,8 +203,8 @@ class LinearModel:
 
 def solve_lp(
     cost: NDArray[np.float64],
-    margins: tuple[sps.csr_array, NDArray[np.float64], NDArray[np.float64]],
-    equalities: tuple[sps.csr_array, NDArray[np.float64]],
+    margins: tuple[sps.csr_array | NDArray[Any], NDArray[np.float64], NDArray[np.float64]],
+    equalities: tuple[sps.csr_array | NDArray[Any], NDArray[np.float64]],
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64] | None:
     """Minimise cost'(d, t) for G d - w t >= -g, H d = r.
@@ -215,6 +215,7 @@ def solve_lp(
     margins : (G, w, g)
         Rows that ask for a margin t, weighted by w.
     equalities : (H, r)
+        G and H are both sparse or both dense.
     bounds : (lower, upper), each (n + 1,)
 
     Returns
@@ -224,14 +225,28 @@ def solve_lp(
     """
     matrix, weight, value = margins
     equal, right = equalities
-    stacked = sps.csr_array(
-        sps.vstack(
-            [
-                sps.hstack([matrix, sps.csr_array(-weight[:, None])]),
-                sps.hstack([equal, sps.csr_array((right.size, 1))]),
-            ]
+    if isinstance(matrix, np.ndarray):
+        table = np.zeros((weight.size + right.size, matrix.shape[1] + 1))
+        table[: weight.size, :-1], table[: weight.size, -1] = matrix, -weight
+        table[weight.size :, :-1] = equal
+        stacked = _rows_of(table)
+    else:
+        stacked = sps.csr_array(
+            sps.vstack(
+                [
+                    sps.hstack([matrix, sps.csr_array(-weight[:, None])]),
+                    sps.hstack([equal, sps.csr_array((right.size, 1))]),
+                ]
+            )
         )
-    )
     rows = np.append(-value, right), np.append(np.full(weight.size, np.inf), right)
     found = LinearModel(stacked, rows, bounds).solve(cost)
     return found.x if found.status == "solved" else None
+
+
+def _rows_of(table: NDArray[np.float64]) -> SparseRows:
+    """Take the nonzeros of a dense matrix."""
+    row, column = np.nonzero(table)
+    first = np.searchsorted(row, np.arange(table.shape[0] + 1)).astype(np.int32)
+    shape = (table.shape[0], table.shape[1])
+    return SparseRows(table[row, column], column.astype(np.int32), first, shape)

@@ -167,6 +167,15 @@ def joined(*parts):
     return Interval(np.concatenate([p.lo for p in parts]), np.concatenate([p.hi for p in parts]))
 
 
+@given(intervals(), intervals())
+@settings(deadline=None)
+def test_parts_of_intervals_have_both_ends(a, b):
+    both = joined(a, b)
+    for part, whole in ((both[np.array([1])], b), (both[:1], a)):
+        assert part.lo.tolist() == whole.lo.tolist()
+        assert part.hi.tolist() == whole.hi.tolist()
+
+
 COMPANY = [
     (Interval.point([0.0]), Interval(np.array([-np.inf]), np.array([np.inf]))),
     (Interval.point([1e-300]), Interval.point([-1e-300])),
