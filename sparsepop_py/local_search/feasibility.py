@@ -62,12 +62,16 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     goal = problem.objective(x)
     goal += _WORSE * (1.0 + abs(goal))
     best: ProvedPoint | None = None
-    for candidate in _candidates(problem, x):
+    tried: set[bytes] = set()
+    for candidate, pulled in _candidates(problem, x):
         check()
+        if candidate.tobytes() in tried:
+            continue
+        tried.add(candidate.tobytes())
         proved = _first_proof(problem, candidate)
         if proved is None:
             continue
-        if best is not None or proved.value <= goal:
+        if best is not None or pulled or proved.value <= goal:
             return proved if best is None or proved.value < best.value else best
         best = proved  # a round number that costs objective: one more is tried
     return best
@@ -81,23 +85,26 @@ def _first_proof(problem: Problem, candidate: NDArray[np.float64]) -> ProvedPoin
     return None
 
 
-def _candidates(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
-    """Yield x snapped to bounds and round numbers, then pulled further and further inside."""
+def _candidates(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[np.float64], bool]]:
+    """Yield x snapped to bounds and round numbers, then pulled further and further inside.
+
+    Those that are pulled are marked: what follows them costs more.
+    """
     size = 1.0 + np.abs(x)
     snapped = np.where(x - problem.lower <= _ACTIVE * size, problem.lower, x)
     snapped = np.where(problem.upper - x <= _ACTIVE * size, problem.upper, snapped)
     rounded: NDArray[np.float64] = np.round(snapped, 4).astype(float)
     inside = (rounded >= problem.lower) & (rounded <= problem.upper)
     rounded = np.where(inside & (np.abs(rounded - snapped) <= 1e-6 * size), rounded, snapped)
-    yield rounded
+    yield rounded, False
     if np.any(rounded != snapped):
-        yield snapped
+        yield snapped, False
     if len(problem.constraints):
         for depth in (1e-9, 1e-8, 1e-7, 1e-6, 1e-5):
             for start, loose in ((snapped, False), (x, False), (snapped, True)):
                 pulled = _pull_inside(problem, start, depth, loose)
                 if pulled is not None:
-                    yield pulled
+                    yield pulled, True
 
 
 def _pull_inside(
