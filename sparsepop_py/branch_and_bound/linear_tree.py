@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -158,7 +158,7 @@ class LinearTree:
         if self.variables is None:
             self.variables = self.model.factors
         self._preference = np.full(self.model.dimension, LINEAR_TREE.others)
-        products = Products.of(self.context.problem, [self.context.problem.objective])
+        products = Products.of(self.context.problem)
         self._preference[list(products.complicating)] = 1.0
         self._begin = spent()
         self._branches = np.zeros(self.model.dimension, bool)
@@ -311,7 +311,7 @@ class LinearTree:
         ]
         new = tuple(cut for cut in made if cut is not None and self._violates(cut, program))
         if new:
-            self.model = replace(model, cuts=(*model.cuts, *new))
+            self.model = model.with_cuts((*model.cuts, *new))
         return bool(new)
 
     def _minimiser(self, program: _Program, number: int) -> Floats:
@@ -368,7 +368,7 @@ class LinearTree:
         high = self.model.high(data)
         high[self.model.rows] = cutoff / data.size - data.constant
         rows, columns = (data.low, high), (self.model.least, np.ones(self.model.columns))
-        matrix = self.model.matrix(data.values)
+        matrix = self.model.sparse_rows(data.values)
         if self._highs is None:
             self._highs = LinearModel(matrix, rows, columns)
         else:
@@ -551,8 +551,9 @@ class LinearTree:
         assert t is not None
         n, i, j = model.dimension, model.first, model.second
         error = np.abs(t[n:] - t[i] * t[j])
-        matrix = model.matrix(np.abs(program.data.values))[: model.rows]
-        weight = matrix.T @ np.abs(program.price[: model.rows]) + np.abs(program.data.cost)
+        price = np.abs(program.price)
+        price[model.rows :] = 0.0
+        weight = model.combined(np.abs(program.data.values), price) + np.abs(program.data.cost)
         error *= weight[n:]
         total: Floats = np.bincount(i, error, minlength=n).astype(float)
         return total + np.bincount(j, error * (i != j), minlength=n)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
 from importlib import import_module
 from types import ModuleType
 from typing import TypeVar
@@ -81,6 +82,7 @@ def check(deadline: float | None) -> None:
         raise OutOfTime("time limit")
 
 
+@cache  # each kernel of each iteration asks for it
 def compiled_kernels() -> ModuleType:
     """Import the kernels that numba compiles.
 
