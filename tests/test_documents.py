@@ -117,6 +117,13 @@ def test_the_design_page_names_every_room() -> None:
     assert [room for room in rooms if f"`{room}`" not in page] == []
 
 
+def test_the_page_on_trust_adds_the_lines_up() -> None:
+    pages = ("sparsepop_py/verified/README.md", "setid/proofs/README.md")
+    counted = [int(re.findall(r"That is (\d+) lines", text(page))[0]) for page in pages]
+    stated = [int(number) for number in re.findall(r" on (\d+) lines", text("docs/trust.md"))]
+    assert stated == [counted[0], sum(counted)]
+
+
 def test_every_page_is_listed() -> None:
     listed = {
         (ROOT / folder / target).resolve()
