@@ -203,6 +203,21 @@ def test_rests_are_not_much_more_than_they_have_to_be():
     assert sorted(forms) == list(range(10))
 
 
+@pytest.mark.parametrize("shares", [[0.5, 0.5], [1, 0], [0, 1], [0, 0], [-1, 3], [0.25, 0.5]])
+@pytest.mark.parametrize("slope", [(1, 1), (1, -1), (2, 0), (-1, 3), (0, 0)])
+def test_the_reach_is_at_least_that_of_the_vertices(shares, slope):
+    """x and y in [0, 4] with x + y <= 1: the vertices are (0, 0), (1, 0) and (0, 1)."""
+    box, hints = [[0, 0], [4 * ONE, 4 * ONE]], [[down(v)] for v in shares]
+    own = Region(box, [[0], [ONE]], [[ONE, ONE]], hints)
+    middle = [Fraction(m, ONE) for m in own.middle]
+    assert all(0 <= m <= 4 for m in middle)
+    found = Fraction(own.reach([v * ONE for v in slope]), ONE)
+    for x in ((0, 0), (1, 0), (0, 1)):
+        away = sum(g * (v - m) for g, v, m in zip(slope, x, middle, strict=True))
+        assert abs(away) <= found
+    assert found <= 4 * sum(abs(g) for g in slope)
+
+
 def test_products_of_forms_hold_their_factors():
     own = region([Fraction(0), Fraction(0)], 1.0, False)
     chance = random.Random(3)
