@@ -101,7 +101,9 @@ def test_results_are_valid(group):
         assert valid(json.loads(text), SCHEMA), name
 
 
-@pytest.mark.parametrize("name", ["e-0", "o-0", "strong-o", "two-poles-o", "narx"])
+@pytest.mark.parametrize(
+    "name", ["e-0", "o-0", "strong-o", "two-poles-o", "narx", "simulated-free-0"]
+)
 def test_identifications_are_valid(name):
     assert valid(json.loads(written(name)), SCHEMA)
 
