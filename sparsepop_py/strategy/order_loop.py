@@ -303,9 +303,16 @@ def _by_gram_matrices(
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
     start, bound = time.process_time(), None
+
+    def search(expected: float) -> SolveContext:
+        nonlocal context, candidates
+        context, more = update_incumbent(context, list(more_starts), expected)
+        candidates = candidates + more
+        return context
+
     while True:
         try:
-            found = unconstrained_bound(context)
+            found = unconstrained_bound(context, search)
         except EARLY as cause:
             context.deadline.ended(cause)
             return unstarted_state(context, candidates)
