@@ -25,6 +25,8 @@ _TRIES: tuple[dict[str, str | int], ...] = (
     {"solver": "ipm"},
     {"solver": "simplex", "simplex_strategy": 4},
 )
+# presolve of long chains of equations corrupted memory in HiGHS 1.15.1 (a recursion of 511 rows)
+_TIED = (_TRIES[2], {"solver": "ipm", "presolve": "off"}, _TRIES[0])
 _BALANCING = 10  # passes
 
 
@@ -69,7 +71,7 @@ def solve_scaled(
     bottom = np.where(np.arange(right.size) < below[1].size, -np.inf, right)
     weights = cost * units
     size = float(np.abs(weights).max(initial=0.0)) or 1.0
-    for options in _TRIES:
+    for options in _TRIES if equal is None else _TIED:
         model = LinearModel(
             matrix, (bottom, right), (low / units, high / units), {**_TOLERANCES, **options}
         )
