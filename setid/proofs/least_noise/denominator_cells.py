@@ -56,6 +56,7 @@ Cone = NDArray[np.object_]  # rows of Python's integers
 _UNIT = 2.0**-53
 _MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
 _LARGEST = 2**400  # of vectors: their doubles are finite
+_LEAST, _MOST = 2.0**-300, 2.0**300  # of other numbers: their products are normal
 
 
 class OutputRows(NamedTuple):
@@ -306,14 +307,18 @@ class DenominatorCells:
         table, n = self.multipliers, rows.y.size
         if table.ndim != 2 or table.shape[1] != n or np.any(table[:, ~rows.row]):
             return False
+        if not all(map(_is_ordinary, (table, rows.y, rows.bound, rows.known))):
+            return False
         doubt = _doubts(rows, self.free, table)
-        if doubt is None or not np.all(np.isfinite(table)):
+        if doubt is None:
             return False
         waiting = list(enumerate(first_cones(rows.order, rows.stable)))
+        unseen = set(range(len(self.cells)))
         while waiting:
             number, cone = waiting.pop()
-            if not 0 <= number < len(self.cells):
+            if number not in unseen:
                 return False
+            unseen.remove(number)
             cell = self.cells[number]
             if not cell.children:
                 if not self._refutes(rows, doubt, cone, cell):
@@ -354,9 +359,16 @@ def is_refuted(
     value, most = _sides(rows, multipliers, doubts, cone)
     size = np.abs(shares)
     with np.errstate(over="ignore", invalid="ignore"):
-        total, room = shares @ value, (size @ most) * _MORE
-        loss = (shares.size + 8) * _UNIT * (size @ np.abs(value))
+        rounding = (shares.size + 8) * _UNIT
+        total, room = shares @ value, (size @ most) * (1.0 + 4.0 * rounding) * _MORE
+        loss = rounding * (size @ np.abs(value))
         return bool(np.all(total - room > 2.0 * loss + 1e-280))
+
+
+def _is_ordinary(numbers: Reals) -> bool:
+    """Check that all numbers are 0 or of a size whose products neither underflow nor overflow."""
+    size = np.abs(numbers[numbers != 0])
+    return bool(np.all((size >= _LEAST) & (size <= _MOST)))
 
 
 def _sides(rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone) -> tuple[Reals, Reals]:
@@ -405,7 +417,10 @@ def _doubts(rows: OutputRows, free: Integers, multipliers: Reals) -> Reals | Non
 
 
 def _inverse(matrix: Reals) -> Reals | None:
-    """The inverse of a matrix of doubles, each entry rounded once; None where there is none."""
+    """The inverse of a matrix of doubles, each entry rounded once.
+
+    None where there is none, and where an entry is too large or too small.
+    """
     size = len(matrix)
     table = [
         [*map(Fraction, line), *(Fraction(int(i == k)) for k in range(size))]
@@ -423,4 +438,7 @@ def _inverse(matrix: Reals) -> Reals | None:
             if i != column and factor:
                 pairs = zip(table[i], table[column], strict=True)
                 table[i] = [a - factor * b for a, b in pairs]
-    return np.array([[float(value) for value in line[size:]] for line in table])
+    entries = [value for line in table for value in line[size:]]
+    if any(value and not _LEAST <= abs(value) <= _MOST for value in entries):
+        return None
+    return np.array([float(value) for value in entries]).reshape(size, size)

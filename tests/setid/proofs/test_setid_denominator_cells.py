@@ -85,6 +85,41 @@ def test_multipliers_off_the_columns_cost_what_they_are_off() -> None:
     assert not claim.verify(stated(data, STATIC, 1.0 - 1.0 * off))
 
 
+def test_tiny_multipliers_whose_products_lose_their_digits_prove_nothing() -> None:
+    """5e-324 times a reading of 2.6 is 3 times 5e-324, so that 2.6 would count as 3."""
+    data = setid.IOData([1.0, 2.0], [0.0, 2.6])  # noise of 2.6 / 3 explains it
+    only = Cell(used=(0,), shares=(2.0**600,))
+    for size in (2.0**-1074, 2.0**-400, 2.0**400):
+        claim = DenominatorCells(0, np.array([0]), size * np.array([[-2.0, 1.0]]), (only,))
+        assert not claim.verify(stated(data, STATIC, 0.9))
+        assert not claim.verify(stated(data, STATIC, 0.5))
+    small = setid.IOData([1.0, 2.0], [0.0, 2.6 * 2.0**-400])
+    assert not by_one([-2.0, 1.0]).verify(stated(small, STATIC, 0.5 * 2.0**-400))
+    steep = setid.IOData([2.0**-400, 2.0**-399], [0.0, 3.0])
+    assert not by_one([-2.0, 1.0]).verify(stated(steep, STATIC, 0.5))
+
+
+def test_many_shares_cost_their_rounding() -> None:
+    """The sum of 2^14 equal numbers may be wrong by 2^-40 of itself and proves less."""
+    data = setid.IOData([1.0, 2.0], [0.0, 3.0])
+    count = 2**14
+    only = Cell(used=(0,) * count, shares=(1.0,) * count)
+    claim = DenominatorCells(0, np.array([0]), np.array([[-2.0, 1.0]]), (only,))
+    assert claim.verify(stated(data, STATIC, 1.0 - 1e-10))
+    assert not claim.verify(stated(data, STATIC, 1.0 - 2.5e-12))
+
+
+def test_a_cell_serves_once() -> None:
+    data = setid.IOData([0.0, 0.0, 1.0], [1.0, -1.0, -1.0])
+    model = setid.TransferFunction(na=1, nb=1, nk=1)
+    leaf = Cell(used=(0,), shares=(-1.0,))
+    table, stable = np.array([[0.0, 1.0, 1.0]]), stated(data, model, 0.4, setid.Stable())
+    twice = (Cell((1, 1), (0, 1)), leaf)
+    assert not DenominatorCells(0, np.zeros(0, int), table, twice).verify(stable)
+    once = (Cell((1, 2), (0, 1)), leaf, leaf)
+    assert DenominatorCells(0, np.zeros(0, int), table, once).verify(stable)
+
+
 def test_poles_by_hand() -> None:
     """y(k) + a y(k-1) = 0 with y = 1, -1, -1: |a| <= 1 needs noise of 1, by [1, a] on rows 1, 2.
 
