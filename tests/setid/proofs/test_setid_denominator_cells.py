@@ -13,6 +13,7 @@ from setid.minimum_noise.denominators import least_output_noise
 from setid.proofs.least_noise.denominator_cells import (
     Cell,
     DenominatorCells,
+    _inverse,
     first_cones,
     output_rows,
     parted_cone,
@@ -97,6 +98,14 @@ def test_tiny_multipliers_whose_products_lose_their_digits_prove_nothing() -> No
     assert not by_one([-2.0, 1.0]).verify(stated(small, STATIC, 0.5 * 2.0**-400))
     steep = setid.IOData([2.0**-400, 2.0**-399], [0.0, 3.0])
     assert not by_one([-2.0, 1.0]).verify(stated(steep, STATIC, 0.5))
+
+
+def test_inverses_whose_entries_underflow_are_none() -> None:
+    large, small = 2.0**300, 2.0**-300
+    assert _inverse(np.array([[large, small], [0.0, large]])) is None
+    assert _inverse(np.array([[large, large], [large, large]])) is None
+    found = _inverse(np.array([[2.0, 1.0], [0.0, 4.0]]))
+    assert found is not None and found.tolist() == [[0.5, -0.125], [0.0, 0.25]]
 
 
 def test_many_shares_cost_their_rounding() -> None:
