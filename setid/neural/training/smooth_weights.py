@@ -257,7 +257,9 @@ class _Task:
 
     def parts(self, step: WeightStep, box: Interval) -> list[Interval | None] | None:
         """The boxes that a step hands on; None where the box remains."""
-        if len(step.children) == 2 and step.entry in range(self.hidden):
+        if len(step.children) == 2:
+            if step.entry not in range(self.hidden) or not np.isfinite(step.at):
+                return None
             return list(halves(box, step.entry, step.at))
         if len(step.children) == 1:
             return [self.after(step, box)]

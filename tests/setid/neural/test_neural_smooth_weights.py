@@ -140,3 +140,11 @@ def test_moved_cuts_are_not_believed(found: neural.SmoothHiddenWeights) -> None:
     low, high, _ = task.drawn(steps)
     truth = np.array(list(TRUTH.values()))
     assert np.all(low <= truth) and np.all(truth <= high)
+
+
+@pytest.mark.parametrize("at", [np.nan, np.inf, -np.inf])
+def test_branches_at_no_number_leave_all_weights(at: float) -> None:
+    """Comparisons with no number are false: both halves would count as wrongly ordered."""
+    task = smooth_weights._Task.of(structure("tanh", 2), planted("tanh", 12, 0.02), 0.03, 2.0)
+    low, high, _ = task.drawn((WeightStep((1, 2), 4, at), WeightStep(), WeightStep()))
+    assert np.all(low[:8] == -2.0) and np.all(high[:8] == 2.0)
