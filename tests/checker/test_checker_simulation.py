@@ -218,6 +218,18 @@ def test_the_reach_is_at_least_that_of_the_vertices(shares, slope):
     assert found <= 4 * sum(abs(g) for g in slope)
 
 
+@pytest.mark.parametrize(("reach", "rest"), [(ONE // 4, 0), (0, ONE // 4), (ONE // 8, ONE // 8)])
+def test_the_response_is_that_of_all_poles(reach, rest):
+    """1 / (1 + p q^-1 + q^-2 / 8) for p within 1/4 of -1/2, by replay of both ends."""
+    pole = Form(-ONE // 2, [0], rest, reach)
+    found = simulation._response([(1, pole), (2, Form(ONE // 8, [0], 0, 0))], 8)
+    for p in (Fraction(-3, 4), Fraction(-1, 2), Fraction(-1, 4)):
+        h = [Fraction(1)]
+        for k in range(1, 8):
+            h.append(-p * h[k - 1] - (h[k - 2] / 8 if k > 1 else 0))
+        assert all(abs(v) <= Fraction(most, ONE) for v, most in zip(h, found, strict=True))
+
+
 def test_products_of_forms_hold_their_factors():
     own = region([Fraction(0), Fraction(0)], 1.0, False)
     chance = random.Random(3)
@@ -452,6 +464,21 @@ def test_partial_outputs_have_to_begin_at_rest():
     known = about(table | {"initial": "free"}, [INPUT, INPUT], [0.0] * 10, 0.1)
     with pytest.raises(NotProved, match="do not begin at rest"):
         simulated(known)
+
+
+def test_first_samples_lie_within_their_noise():
+    """Two poles, rows from sample 3 on: they rest on samples 1 and 2, not on 0."""
+    table = {"na": 2, "nb": 2, "nk": 2, "initial": "free"}
+    y = [5.0, 0.3, -0.7, *INPUT[3:]]
+    known = about(table, [INPUT], y, 0.1)
+    low, high = simulated(known).root([[Fraction(1)] * 4, [Fraction(2)] * 4])
+    assert simulated(known).unknowns == [("y1", 1), ("y1", 2)]
+    assert (low[:4], high[:4]) == ([ONE] * 4, [2 * ONE] * 4)
+    for place, reading_ in ((4, 0.3), (5, -0.7)):
+        ends = Fraction(reading_) - Fraction(0.1), Fraction(reading_) + Fraction(0.1)
+        found = Fraction(low[place], ONE), Fraction(high[place], ONE)
+        assert found[0] <= ends[0] < found[0] + NEAR
+        assert found[1] - NEAR < ends[1] <= found[1]
 
 
 def test_parameters_have_to_be_bounded():
