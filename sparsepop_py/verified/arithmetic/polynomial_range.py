@@ -137,7 +137,7 @@ def expand_affine(
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """What the terms of an expansion are, whatever the numbers.
+    """Terms of an expansion, whatever the numbers.
 
     Parameters
     ----------
