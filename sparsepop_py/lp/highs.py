@@ -65,7 +65,7 @@ class LinearSolution:
 
 
 class SparseRows(NamedTuple):
-    """The parts of a matrix in rows that HiGHS takes: made faster than an array of SciPy.
+    """Parts of a matrix in rows, made faster than an array of SciPy.
 
     Parameters
     ----------

@@ -137,7 +137,7 @@ def expand_affine(
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """What the terms of an expansion are, whatever the numbers.
+    """Terms of an expansion, whatever the numbers.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _layout_of(
 def _known_layout(
     letters: bytes, shape: tuple[int, int], rows: bytes, dimension: int, still: bytes, gone: bytes
 ) -> _Layout:
-    """Lay out an expansion: a function of the bytes alone, so that equal ones share it."""
+    """Lay out an expansion, given as bytes, so that equal ones share it."""
     words = np.frombuffer(letters, np.int32).reshape(shape)
     row = np.frombuffer(rows, np.int64)
     zero = np.append(np.frombuffer(still, bool), True)

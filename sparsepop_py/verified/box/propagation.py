@@ -196,7 +196,7 @@ def _of_others(
     unbounded: NDArray[Any],
     infinity: float,
 ) -> NDArray[np.float64]:
-    """Ends of the sums of other atoms from the sums of finite ones; 0 where there are none."""
+    """Ends of the sums of other atoms, from those of finite ones."""
     finite = np.where(alone, 0.0, finite)
     if not np.count_nonzero(unbounded):
         return finite
