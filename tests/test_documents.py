@@ -52,9 +52,7 @@ def test_code_of_a_page_runs_and_prints_what_the_page_shows(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    for record in (ROOT / "examples" / "data").glob(
-        "*.csv"
-    ):  # as readers do
+    for record in (ROOT / "examples" / "data").glob("*.csv"):  # as readers do
         shutil.copy(record, tmp_path)
     monkeypatch.chdir(tmp_path)
     scope: dict[str, object] = {"__name__": "page"}
