@@ -9,7 +9,9 @@ import re
 import tomllib
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -86,6 +88,27 @@ def _first_line(found: Any) -> str:
     text = inspect.getdoc(found) or ""
     own = inspect.isroutine(found) or inspect.isclass(found) or inspect.ismodule(found)
     return text.split("\n")[0].replace("|", r"\|") if own else ""
+
+
+def on_post_build(config: Any) -> None:
+    """Refuse a built site with a link to a file or heading that is not there."""
+    site = Path(config["site_dir"])
+    pages = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+    known = {
+        path: set(re.findall(r'\b(?:id|name)="([^"]+)"', text)) for path, text in pages.items()
+    }
+    broken = []
+    for page, text in pages.items():
+        for target in (
+            set(re.findall(r'(?:href|src)="([^":]+)"', text)) if page.stem != "404" else ()
+        ):
+            path, _, anchor = unquote(target).partition("#")
+            found = (page.parent / path.partition("?")[0]).resolve() if path else page
+            found = found / "index.html" if found.is_dir() else found
+            if not found.exists() or (anchor and found in known and anchor not in known[found]):
+                broken.append(f"{page.relative_to(site)}: {target}")
+    if broken:
+        raise PluginError("links lead nowhere:\n" + "\n".join(sorted(broken)))
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
