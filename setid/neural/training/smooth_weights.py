@@ -36,7 +36,7 @@ _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between i
 _LINEAR = 0.3  # distance of the lines from the activation below which cuts are tried
 _WORTH = 0.1  # of the width of a box: what a cut must take off
 _STARTS, _TRIES = 10, 30  # local searches: at the start, and in all (successes count 6)
-_SHARE = 0.85  # of the time for the search, the rest for ends of v and c
+_CHECK = 0.4  # seconds that a step takes to check, of those that it takes to find
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -316,19 +316,18 @@ class _Search:
         self.steps: list[WeightStep] = [WeightStep()]
         self.alive: dict[int, Interval] = {0: self.program.root()}
         self.members: dict[tuple[int, float], Reals] = {}
-        self.tries = 0
+        self.tries, self.begin = 0, time.monotonic()
         self.local = MemberSearch(task.program, task.bound)
 
     def run(self) -> None:
         """Work on the ends in turn until they are closed or the time is over."""
         goals = [(entry, side) for entry in range(self.task.hidden) for side in (1.0, -1.0)]
         self.start()
-        stop = time.monotonic() + _SHARE * (self.until - time.monotonic())
         busy = True
-        while busy and self.alive and time.monotonic() < stop:
+        while busy and self.alive and self.spare():
             busy = False
             for entry, side in goals:
-                if not self.alive or time.monotonic() > stop:
+                if not self.alive or not self.spare():
                     break
                 number = min(self.alive, key=lambda n: self.end(n, entry, side))
                 if self.open_(number, entry, side):
@@ -338,6 +337,12 @@ class _Search:
             if time.monotonic() > self.until:
                 break
             self.steps[number] = WeightStep(ends=self.ends(box))
+
+    def spare(self) -> bool:
+        """Check that time is left beyond what the ends of v and c and a last check need."""
+        now = time.monotonic()
+        each = (now - self.begin) / len(self.steps)
+        return now + each * (len(self.alive) + _CHECK * len(self.steps)) < self.until
 
     def end(self, number: int, entry: int, side: float) -> float:
         box = self.alive[number]
