@@ -169,7 +169,7 @@ def given_row(row: Any, rows: Regression, part: Ends) -> list[Fraction]:
     output, k, sign, slope = items(row, "box")
     centre, radius = rows.row(output, k)
     a = [Fraction(finite(v, "box")) for v in items(slope, "box")]
-    if len(a) != len(centre) or sign not in (1, -1):
+    if len(a) != len(centre) or whole(sign, "box") not in (1, -1):
         raise Malformed("box: a row of another length")
     least: Any = a[-1] - radius[-1] + sign * centre[-1]
     for j in range(rows.count):

@@ -31,6 +31,7 @@ from .reading import (
     whole,
 )
 from .result import NotProved
+from .simulation import by_simulation
 
 LARGEST = Fraction(4)  # s above this needs no proof
 SWEEPS = 3  # over the columns of products
@@ -40,7 +41,7 @@ KINDS = {
     "DirectionBox": "from bounds on the directions of the parameters",
     "LiftedBox": "from linear programs in products of parameters",
     "CellBox": "from cells of the noise-free outputs",
-    "SimulatedBox": "from cells of the parameters and simulated outputs",
+    "SimulatedBox": "from simulations of another structure, or from cells of the outputs",
 }
 
 
@@ -221,4 +222,8 @@ def in_units(terms: dict[Word, Fraction], units: list[Fraction], factor: Fractio
 
 Step = Callable[[Any, Regression, Ends], Ends]
 ONE_BY_ONE: dict[str, Step] = {"LeftInverse": by_inverse, "SignTree": by_tree}
-STEPS = ONE_BY_ONE | {"Products": by_products, "Directions": by_directions}
+STEPS = ONE_BY_ONE | {
+    "Products": by_products,
+    "Directions": by_directions,
+    "Simulation": by_simulation,
+}

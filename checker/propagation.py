@@ -23,7 +23,8 @@ class Box:
     """Intervals of all variables; it holds no point where a lower end lies above the upper one.
 
     ``stale`` holds the variables that changed since the last sweep with and without a cutoff:
-    a row none of whose variables changed says what it said before.
+    a row none of whose variables changed says what it said before, unless an even root has to
+    choose its branch by the box as it is by then.
     """
 
     def __init__(self, ends: list[Interval], stale: dict[bool, set[int]] | None = None) -> None:
@@ -66,6 +67,11 @@ class Row:
         self.exp = polynomial.exp
         for word, value in terms.items():
             self.terms.append((iv.scaled(value, self.exp), powers(word)))
+        self.branches = any(n % 2 == 0 for _, factors in self.terms for _, n in factors)
+
+    def matters(self, stale: set[int]) -> bool:
+        """Whether it may say more than it did before these variables changed."""
+        return bool(stale) and (self.branches or not stale.isdisjoint(self.variables))
 
 
 class Rows:
@@ -78,7 +84,7 @@ class Rows:
     def sweep(self, box: Box, uses_cutoff: bool) -> None:
         """One sweep, in place; the box is empty where it proves that it holds no point."""
         stale = box.stale[uses_cutoff]
-        chosen = [r for r in self.rows if self.minors or not stale.isdisjoint(r.variables)]
+        chosen = [r for r in self.rows if self.minors or r.matters(stale)]
         box.stale[uses_cutoff] = set()
         if uses_cutoff:  # the other rows are among these
             box.stale[False] = set()

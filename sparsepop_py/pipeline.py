@@ -403,7 +403,7 @@ def _start_vectors(problem: Problem, start: NDArray[Any] | None) -> list[NDArray
         return []
     try:
         vector = np.asarray(start, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ProblemError(f"start: found {start!r}, expected numbers") from None
     if vector.shape != (problem.dimension,) or not np.all(np.isfinite(vector)):
         raise ProblemError(

@@ -355,3 +355,13 @@ def test_wrong_objectives_are_named():
     for wrong in (3, "x", sp.variables(3)[0], x >= 0):
         with pytest.raises(sp.ProblemError, match=r"objectives\[1\]"):
             sp.solve_each(problem, [x, wrong])
+
+
+@pytest.mark.parametrize("size", [1e15, pytest.param(2.0**54, marks=pytest.mark.slow)])
+def test_a_corner_of_a_huge_box_is_attained(size):
+    """x + y on [0, size]^2: the least value is 0, and the search ends."""
+    x, y = sp.variables(2)
+    problem = sp.Problem(x + y, [], 0.0, size)
+    result = check(problem, sp.solve(problem, sp.Options(time_limit=60.0)), 0.0)
+    assert result.status is sp.Status.OPTIMAL
+    assert result.upper_bound == 0.0

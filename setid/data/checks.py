@@ -90,7 +90,7 @@ def real_array(given: Any, field: str, error: type[SetidError]) -> NDArray[np.fl
         if np.iscomplexobj(array) or array.dtype.kind in "USm":  # text, durations
             raise TypeError
         values = np.array(array, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise error(
             f"{field}: found {type(given).__name__} {given!r:.60}, expected real numbers"
         ) from None
@@ -126,9 +126,13 @@ def natural(given: Any, field: str, error: type[SetidError], least: int = 0) -> 
 def number(given: Any, field: str, error: type[SetidError]) -> float:
     """A real number that is not NaN; infinity is allowed."""
     real = isinstance(given, numbers.Real) and not isinstance(given, (bool, np.bool_))
-    if not real or np.isnan(float(given)):
+    try:
+        value = float(given) if real else np.nan
+    except OverflowError:
+        raise error(f"{field}: found a number beyond all doubles, expected a smaller one") from None
+    if np.isnan(value):
         raise error(f"{field}: found {given!r}, expected a number")
-    return float(given)
+    return value
 
 
 def channels_of(given: ArrayLike, field: str) -> NDArray[np.float64]:

@@ -28,6 +28,7 @@ __all__ = [
     "box_ranges",
     "cover",
     "safe_maxima",
+    "sources",
     "supports",
 ]
 
@@ -139,13 +140,41 @@ def cover(formulation: Formulation, lower: Reals, upper: Reals) -> Cover:
     -------
     Cover
     """
-    matrix, right, all_linear = _linear_constraints(formulation)
-    if not all_linear and formulation.smoothed is not None:
-        more, width = _regression_rows(formulation, lower, upper)
-        matrix, right = np.concatenate([matrix, more]), np.concatenate([right, width])
-    matrix, right = _binding(matrix, right, lower, upper)
+    matrix, right, _, all_linear = _candidates(formulation, lower, upper)
+    cuts = _binding(matrix, right, lower, upper)
     ends = frozen(np.array(lower)), frozen(np.array(upper))
-    return Cover(formulation.parameters, *ends, frozen(matrix), frozen(right), all_linear)
+    rows = frozen(matrix[cuts]), frozen(right[cuts])
+    return Cover(formulation.parameters, *ends, *rows, all_linear)
+
+
+def sources(formulation: Formulation, lower: Reals, upper: Reals) -> NDArray[np.int64]:
+    """Where the rows of a cover come from, for those who write or explain them.
+
+    Parameters
+    ----------
+    formulation, lower, upper
+        As of :func:`cover`.
+
+    Returns
+    -------
+    (m, 3) int
+        0 and a constraint of the problem, or 1 and a row of ``formulation.smoothed``; then 1 or -1:
+        for constraints -1 is ``<= 0`` of an equation, for rows the sign of target and regressors.
+    """
+    matrix, right, origin, _ = _candidates(formulation, lower, upper)
+    return origin[_binding(matrix, right, lower, upper)]
+
+
+def _candidates(
+    formulation: Formulation, lower: Reals, upper: Reals
+) -> tuple[Reals, Reals, NDArray[np.int64], bool]:
+    """Rows, right sides, where they come from, and whether the constraints are all there is."""
+    matrix, right, origin, all_linear = _linear_constraints(formulation)
+    if not all_linear and formulation.smoothed is not None:
+        more, width, places = _regression_rows(formulation, lower, upper)
+        matrix, right = np.concatenate([matrix, more]), np.concatenate([right, width])
+        origin = np.concatenate([origin, places])
+    return matrix, right, origin, all_linear
 
 
 def supports(
@@ -206,11 +235,13 @@ def box_ranges(cover: Cover, directions: Reals) -> Reals:
 # ---- rows -------------------------------------------------------------------------------
 
 
-def _linear_constraints(formulation: Formulation) -> tuple[Reals, Reals, bool]:
-    """Constraints in theta alone that are linear, and whether these are all."""
+def _linear_constraints(
+    formulation: Formulation,
+) -> tuple[Reals, Reals, NDArray[np.int64], bool]:
+    """Constraints in theta alone that are linear, which, and whether these are all."""
     problem, p = formulation.problem, len(formulation.parameters)
-    matrix, right = [], []
-    for row in problem.constraints:
+    matrix, right, origin = [], [], []
+    for number, row in enumerate(problem.constraints):
         polynomial = row.polynomial
         if polynomial.degree > 1 or np.any(polynomial.support >= p):
             continue
@@ -224,11 +255,15 @@ def _linear_constraints(formulation: Formulation) -> tuple[Reals, Reals, bool]:
         signs = (1.0, -1.0) if row.kind is sp.Kind.ZERO else (1.0,)
         matrix += [-sign * slope for sign in signs]
         right += [sign * constant for sign in signs]
+        origin += [(0, number, int(sign)) for sign in signs]
     every = problem.degree <= 1 and problem.dimension == p
-    return np.reshape(matrix, (-1, p)), np.array(right), every
+    places = np.reshape(np.array(origin, np.int64), (-1, 3))
+    return np.reshape(matrix, (-1, p)), np.array(right), places, every
 
 
-def _regression_rows(formulation: Formulation, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+def _regression_rows(
+    formulation: Formulation, lower: Reals, upper: Reals
+) -> tuple[Reals, Reals, NDArray[np.int64]]:
     """Rows of the regression, abs(theta) replaced by its chord over the box."""
     rows = formulation.smoothed
     assert rows is not None
@@ -243,11 +278,13 @@ def _regression_rows(formulation: Formulation, lower: Reals, upper: Reals) -> tu
     slack = slack * (np.abs(target) + width + (np.abs(regressors) + radii) @ size)
     matrix = np.concatenate([regressors - radii * slope, -regressors - radii * slope])
     right = np.concatenate([width - target + slack, width + target + slack])
-    return matrix, right
+    kept = np.flatnonzero(usable)
+    signs = np.repeat([1, -1], kept.size)
+    return matrix, right, np.stack([np.ones_like(signs), np.tile(kept, 2), signs], axis=1)
 
 
 def _chords(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
-    """slope, level with abs(t) <= slope t + level on each interval; level inf where none is."""
+    """Bound abs(t) <= slope t + level on each interval; level is inf on infinite ones."""
     mixed = (lower < 0) & (upper > 0)
     finite = mixed & np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(finite, lower, -1.0), np.where(finite, upper, 1.0)
@@ -259,13 +296,12 @@ def _chords(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
     )
 
 
-def _binding(matrix: Reals, right: Reals, lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
+def _binding(matrix: Reals, right: Reals, lower: Reals, upper: Reals) -> NDArray[np.bool_]:
     """Rows that cut the box; leaving others out only enlarges the cover."""
     with np.errstate(invalid="ignore"):
         ends = np.maximum(matrix * lower, matrix * upper)
     most = np.where(matrix == 0.0, 0.0, ends).sum(axis=1)
-    cuts = ~(most <= right)
-    return matrix[cuts], right[cuts]
+    return np.asarray(~(most <= right))
 
 
 # ---- bounds -----------------------------------------------------------------------------

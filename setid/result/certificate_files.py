@@ -22,6 +22,8 @@ from setid.formulation.units import InUnits, coupled_rows, in_units
 from setid.models.lti import TransferFunction
 from setid.proofs.evidence import Claimed, EndProof
 from setid.proofs.parameter_box import product_rows, start_of
+from setid.proofs.simulated.tree import SimulatedBox
+from setid.result.simulation_files import simulation_step
 from sparsepop_py.io.json_files.certificates import CERTIFICATE
 from sparsepop_py.io.json_files.values import PROVED_POINT
 from sparsepop_py.verified.uncertain_rows.directions import LARGEST, DirectionBox, cubes, within
@@ -37,7 +39,7 @@ __all__ = ["certificate_files"]
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
-_FORMAT, _VERSION = "setid", 2
+_FORMAT, _VERSION = "setid", 3
 
 
 def certificate_files(result: Claimed) -> dict[str, Any]:
@@ -213,6 +215,8 @@ def _box(box: Any, formulation: Formulation, start: NDArray[np.float64]) -> dict
     if type(formulation.model) is TransferFunction:
         if isinstance(box, LiftedBox):
             steps = _lifted(box, formulation, start)
+        elif isinstance(box, SimulatedBox):
+            steps = _simulated(box, formulation, start)
         elif formulation.smoothed is formulation.regression:
             steps = _by_rows(box, formulation, start)
     return ends | {"steps": steps, "kind": type(box).__name__}
@@ -230,6 +234,20 @@ def _by_rows(
     step, inside = _directions(box, formulation)
     first = _steps(box.first, rows, (start[0], start[1]))
     return [*first, step, *_steps(box.last, rows, (inside[0], inside[1]))]
+
+
+def _simulated(
+    box: SimulatedBox, formulation: Formulation, start: NDArray[np.float64]
+) -> list[dict[str, Any]] | None:
+    """Steps of simulations; None where they begin with cells of the outputs."""
+    inside, first = (start[0], start[1]), list[dict[str, Any]]()
+    if box.first is not None:
+        rows = formulation.regression
+        if not isinstance(box.first, ParameterBox) or rows is None:
+            return None
+        first = _steps(box.first, rows, inside)
+        inside = np.maximum(start[0], box.first.lower), np.minimum(start[1], box.first.upper)
+    return [*first, simulation_step(box, formulation, inside)]
 
 
 def _steps(box: ParameterBox, rows: Regression, inside: Box) -> list[dict[str, Any]]:

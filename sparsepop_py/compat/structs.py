@@ -235,7 +235,7 @@ def _array(value: Any, label: str) -> NDArray[np.float64]:
         if array.dtype.kind not in "biuf":
             raise TypeError
         return array.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         found = "complex numbers" if np.iscomplexobj(dense) else _kind(value)
         raise ProblemError(f"{label}: found {found}, expected real numbers") from None
 

@@ -399,6 +399,10 @@ def _bounds(field: str, given: ArrayLike | None, n: int, default: float) -> NDAr
         values = np.array(default if given is None else given, float)
     except (TypeError, ValueError):
         raise ProblemError(f"{field}: found {given!r}, expected numbers") from None
+    except OverflowError:
+        raise ProblemError(
+            f"{field}: found a number beyond all doubles, expected smaller ones, inf or -inf"
+        ) from None
     if values.ndim == 0:
         values = np.full(n, float(values))
     if values.shape != (n,):

@@ -19,7 +19,7 @@ from checker.record import Identification
 from checker.result import NotProved
 
 INF = math.inf
-PROVED = {"strong-oi": "Directions", "two-poles-o": "Products"}
+PROVED = {"strong-oi": "Directions", "two-poles-o": "Products", "simulated-free-0": "Simulation"}
 
 
 def loaded(name: str) -> dict:

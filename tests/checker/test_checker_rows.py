@@ -67,6 +67,17 @@ def test_linear_rows_follow_where_their_least_value_does(slope, constant, good):
         given_row(asked, rows, part)
 
 
+def test_signs_of_rows_are_whole_numbers():
+    """1.0 times a fraction is a float: the constant is too small by less than floats show."""
+    rows, part = small([[(1,)], [(2,)]]), [[Fraction(0)] * 2, [Fraction(1), Fraction(0)]]
+    low = math.nextafter(-1.375, -INF)
+    with pytest.raises(NotProved):
+        given_row([1, 1, 1, [-3.875, 0.0, low]], rows, part)
+    for sign in (1.0, True, 2):
+        with pytest.raises(reading.Malformed):
+            given_row([1, 1, sign, [-3.875, 0.0, low]], rows, part)
+
+
 def test_multipliers_of_linear_rows():
     """x + y >= 1 and x - y >= 2 give x >= 3/2; with x <= 1 nothing is left."""
     rows = [[Fraction(v) for v in row] for row in ([1, 1, -1], [1, -1, -2], [-1, 0, 1])]

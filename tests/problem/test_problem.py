@@ -118,6 +118,8 @@ def malformed():
         "upper a matrix": ((x,), {"upper": np.zeros((2, 1))}, "upper: found shape (2, 1)"),
         "lower text": ((x,), {"lower": "low"}, "lower: found 'low', expected numbers"),
         "upper ragged": ((x,), {"upper": [[1], [1, 2]]}, "upper: found"),
+        "lower beyond doubles": ((x,), {"lower": [-(10**400), 0]}, "lower: found a number beyond"),
+        "upper beyond doubles": ((x,), {"upper": 10**400}, "upper: found a number beyond"),
         "lower nan": ((x,), {"lower": [0.0, np.nan]}, "lower: found NaN for variable 2"),
         "crossed": ((x,), {"lower": [0, 2], "upper": 1}, "found [2.0, 1.0] for variable 2"),
         "lower inf": ((x,), {"lower": np.inf}, "found [inf, inf] for variable 1"),

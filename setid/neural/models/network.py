@@ -35,7 +35,7 @@ def finite_array(given: Any, field: str, dimensions: int | None = None) -> Reals
     """
     try:
         values = np.array(given, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ModelError(f"{field}: found {type(given).__name__}, expected real numbers") from None
     if dimensions is not None and values.ndim != dimensions:
         raise ModelError(f"{field}: found shape {values.shape}, expected {dimensions} axes")

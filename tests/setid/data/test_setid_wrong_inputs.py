@@ -23,6 +23,12 @@ WRONG: dict[str, tuple[Callable[[], Any], str]] = {
         "common_denominator: found 3",
     ),
     "a truth value": (lambda: setid.Noise(output=True), "output: found True"),
+    "a huge bound": (lambda: setid.Noise(output=10**400), "output: found int 1000"),
+    "a huge sample": (lambda: setid.IOData([1, 10**400], [0, 1]), "u: found list"),
+    "a huge end": (
+        lambda: setid.Box({"a1": (0, 10**400)}),
+        "a1: high: found a number beyond all doubles",
+    ),
     "no list of sets": (lambda: setid.Noise(constraints=3), "constraints: found int"),
     "a class": (
         lambda: setid.identify(DATA, setid.TransferFunction, NOISE),
