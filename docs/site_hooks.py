@@ -87,7 +87,8 @@ def _page(package: str) -> str:
 def _first_line(found: Any) -> str:
     text = inspect.getdoc(found) or ""
     own = inspect.isroutine(found) or inspect.isclass(found) or inspect.ismodule(found)
-    return text.split("\n")[0].replace("|", r"\|") if own else ""
+    line = re.sub(r":\w+:`~?([^`]*)`", r"`\1`", text.split("\n")[0])
+    return line.replace("|", r"\|") if own else ""
 
 
 def on_post_build(config: Any) -> None:

@@ -88,7 +88,7 @@ def test_the_project_moves(tmp_path: Path) -> None:
     for path in tmp_path.rglob("*.*"):
         if path.is_file():
             assert PROJECT["urls"]["Homepage"] not in path.read_text(encoding="utf-8")
-    assert "](https://example.org/a/b/blob/main/" in (tmp_path / "README.md").read_text()
+    assert "https://example.org/a/b/blob/main/docs/" in (tmp_path / "README.md").read_text()
 
 
 def test_the_start_page_names_the_wheel() -> None:
