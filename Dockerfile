@@ -2,6 +2,7 @@
 # The example problems of `make demo`; pictures: docker run --rm -v "$PWD/demo_output:/app/demo_output" sparsepop
 FROM python:3.12-slim
 
+# hadolint ignore=DL3008
 RUN apt-get update \
  && apt-get install --yes --no-install-recommends make \
  && rm -rf /var/lib/apt/lists/*

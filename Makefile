@@ -35,7 +35,7 @@ test: $(VENV)/.with-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-fast: $(VENV)/.with-dev
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -q $(FAST)
@@ -64,7 +64,7 @@ docs: $(VENV)/.with-docs
 	$(BIN)/python -m mkdocs build --strict --site-dir site
 
 gallery: $(VENV)/.with-plot
-	for script in examples/gallery/[!s]*.py examples/gallery/stability.py; do \
+	for script in examples/gallery/[!s]*.py examples/gallery/s[it]*.py; do \
 	  OMP_NUM_THREADS=1 $(BIN)/python $$script || exit 1; done
 
 # An editable installation with one extra; made again only when pyproject.toml changes.

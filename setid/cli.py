@@ -164,6 +164,7 @@ def _add_data(command: argparse.ArgumentParser) -> None:
     group.add_argument("--input", action="append", metavar="COLUMN", help="may be repeated")
     group.add_argument("--output", action="append", metavar="COLUMN", help="may be repeated")
     group.add_argument("--Ts", type=float, default=1.0, help="sampling time")
+    group.add_argument("--decimal", choices=(".", ","), default=".", help="decimal mark (.)")
     group.add_argument("--rows", metavar="FIRST:END", help="part of the record, from 0")
     for kind in ("output", "input", "equation"):
         group.add_argument(f"--{kind}-noise", type=float, metavar="BOUND", help=_NOISE[kind])
@@ -174,7 +175,9 @@ def _record(arguments: argparse.Namespace) -> IOData:
     defaults = _default_columns(arguments.record)
     inputs = _columns(arguments.input) or [defaults[0]]
     outputs = _columns(arguments.output) or [defaults[1]]
-    data = IOData.from_csv(arguments.record, inputs, outputs, arguments.Ts)
+    data = IOData.from_csv(
+        arguments.record, inputs, outputs, arguments.Ts, decimal=arguments.decimal
+    )
     if arguments.rows is None:
         return data
     try:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -30,12 +31,14 @@ from setid.formulation.regression import check_channels
 from setid.formulation.units import in_units
 from setid.html import listing, section, table
 from setid.minimum_noise.conflicting_samples import conflicting_rows
+from setid.minimum_noise.denominators import least_output_noise
 from setid.minimum_noise.factor import least_factor, refuted_factor, rounding_factor, search_factor
 from setid.models.continuous import without_delta
 from setid.models.equations import Structure
 from setid.options import Options, with_executor
 from setid.priors.base import Prior
 from setid.proofs.evidence import Verification
+from setid.proofs.least_noise.denominator_cells import DenominatorCells, output_rows
 from setid.proofs.least_noise.noise_scale import (
     NoiseScale,
     admitted_point,
@@ -48,6 +51,7 @@ from setid.proofs.least_noise.noise_scale import (
     verify_scale,
 )
 from setid.proofs.parameter_box import start_of
+from sparsepop_py.budget import Deadline
 from sparsepop_py.uncertain_rows.sign_tree import parameter_box
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
@@ -59,6 +63,9 @@ __all__ = ["READ_OFF", "Consistency", "consistency"]
 READ_OFF = "read off this record"
 
 _SEARCH = 5.0  # seconds for a better estimate
+_MANY = 200  # equations: where the engine's relaxations are large
+_SHARE = 0.7  # of the time, for what refutes denominators
+_STARTS = 3  # denominators from which a fit begins
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -86,8 +93,8 @@ class Consistency(NoiseScale):
         What the engine proved, otherwise.
     box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
         The box of the parameters with the factor at ``limit``.
-    refuted : (float, ParameterBox) or None
-        A factor at which the box from the data alone is proved empty.
+    refuted : (float, ParameterBox or DenominatorCells) or None
+        A factor at which no parameters are proved to be consistent, by rows or by denominators.
     noise : Noise
         As given: a factor of 1.
     assumptions : tuple of str
@@ -240,7 +247,8 @@ def consistency(
     -----
     For equation errors this is a linear program and settled exactly. Otherwise emptiness of
     boxes gives a first bound, and the factor is an unknown that the engine minimises. Noise as
-    small as the rounding of the readings is not resolved further.
+    small as the rounding of the readings is not resolved further. Long records of noisy outputs
+    are bounded from below by cells of denominators, which need no box of the parameters.
     A discretisation error bound of a continuous-time model counts as output noise.
 
     Examples
@@ -270,7 +278,8 @@ def consistency(
     formulation = formulate(data, model, scaled_noise(bounds, 1.0), given)
     if formulation.problem.degree <= 1 and not np.any(bounds[0]) and not np.any(bounds[1]):
         return _exactly(formulation, noise)
-    return _by_engine(data, model, noise, given, settings, until)
+    way = _by_denominators if _is_long(formulation) else _by_engine
+    return way(data, model, noise, given, settings, until)
 
 
 def _assumptions(formulation: Formulation, noise: Noise) -> tuple[str, ...]:
@@ -365,6 +374,75 @@ def _by_engine(
     )
 
 
+# ---- long records of noisy outputs: cells of denominators --------------------------------
+
+
+def _is_long(formulation: Formulation) -> bool:
+    """Check that a record is too long for the engine, and of noisy outputs alone."""
+    if np.count_nonzero(formulation.problem.equality) <= _MANY:
+        return False
+    outputs = range(formulation.model.outputs)
+    return all(output_rows(formulation, output) is not None for output in outputs)
+
+
+def _by_denominators(
+    data: IOData,
+    model: Structure,
+    noise: Noise,
+    priors: list[Any],
+    settings: Options,
+    until: float,
+) -> Consistency:
+    bounds = noise.bounds(data)
+
+    def stated(factor: float) -> Formulation:
+        return formulate(data, model, scaled_noise(bounds, factor), priors)
+
+    given = stated(1.0)
+    refuted, best = _refuted_denominators(given, settings, until)
+    formulation, limit, theta, witness, high = given, 1.0, None, None, inf
+    for level, x in _estimates(data, given, best):
+        limit = max(level * (1.0 + 1e-3), rounding_factor(data, bounds))
+        formulation = stated(limit)
+        witness = consistent(formulation, x[: len(formulation.parameters)])
+        if witness is not None:
+            theta, high = witness[: len(formulation.parameters)], limit * (1.0 + 1e-15)
+            break
+    return Consistency(
+        scale=(0.0 if refuted is None else refuted[0], high),
+        theta=theta,
+        witness=witness,
+        formulation=formulation,
+        limit=limit,
+        problem=problem_with_factor(formulation, None),
+        bound=None,
+        result=None,
+        box=None,
+        refuted=refuted,
+        noise=noise,
+        assumptions=_assumptions(formulation, noise),
+        samples=(),
+    )
+
+
+def _refuted_denominators(
+    formulation: Formulation, settings: Options, until: float
+) -> tuple[tuple[float, DenominatorCells] | None, tuple[NDArray[np.float64], ...]]:
+    """The largest factor that an output refutes, and denominators to begin from."""
+    refuted, outputs = None, formulation.model.outputs
+    best: tuple[NDArray[np.float64], ...] = ()
+    for output in range(outputs):
+        left = (until - time.monotonic()) * _SHARE / (outputs - output)
+        rows = output_rows(formulation, output)
+        assert rows is not None
+        deadline = Deadline(None if left == inf else max(left, 0.0))
+        found = least_output_noise(rows, output, 0.5 * settings.tol, deadline)
+        if found.cells is not None and (refuted is None or found.factor > refuted[0]):
+            refuted = found.factor, found.cells
+        best = found.best[:_STARTS] if outputs == 1 else ()
+    return refuted, best
+
+
 def _from_zero(formulation: Formulation, box: ParameterBox) -> tuple[tuple[int, int], ...]:
     """Records and samples, counted from 0, whose rows refute a factor."""
     return tuple((record, k - 1) for record, k in conflicting_rows(formulation, box))
@@ -381,7 +459,18 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
 
 def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
     """A factor with which some estimate is consistent, a little more than its least one."""
-    best, x = inf, None
+    found = _estimates(data, formulation)
+    if not found:
+        return 1.0, None
+    level, x = found[0]
+    return level * (1.0 + 1e-3), x
+
+
+def _estimates(
+    data: IOData, formulation: Formulation, denominators: Iterable[NDArray[np.float64]] = ()
+) -> list[tuple[float, NDArray[np.float64]]]:
+    """Factors that estimates need, with all unknowns; the least one first."""
+    found: list[tuple[float, NDArray[np.float64]]] = []
     low, high = formulation.problem.lower, formulation.problem.upper
     estimates: list[Callable[[], NDArray[np.float64]]] = [
         lambda: linf(data, formulation.model).theta,
@@ -389,7 +478,8 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
     ]
     output = formulation.noise.bounds(data)[0]
     if np.any(output > 0):
-        estimates.append(lambda: least_largest_error(data, formulation.model, output))
+        fit = partial(least_largest_error, data, formulation.model, output)
+        estimates += [fit, *(partial(fit, denominator) for denominator in denominators)]
     for estimate in estimates:
         try:
             theta = estimate()
@@ -397,8 +487,6 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
             witness = least_noise(formulation, np.clip(theta, low[:p], high[:p]))
         except (ModelError, ValueError):
             continue
-        if witness.level < best:
-            best, x = witness.level, witness.x
-    if not np.isfinite(best):
-        return 1.0, None
-    return best * (1.0 + 1e-3), x
+        if np.isfinite(witness.level):
+            found.append((witness.level, witness.x))
+    return sorted(found, key=lambda pair: pair[0])

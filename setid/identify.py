@@ -714,7 +714,7 @@ def _intervals(
 def _admitted_point(
     formulation: Formulation, scaled: InUnits, point: sp.ProvedPoint | None
 ) -> sp.ProvedPoint | None:
-    """A point, None where priors mean less than their rows and do not admit it."""
+    """Keep a point that passes the priors' own tests, which may ask for more than their rows."""
     if point is None:
         return None
     p = len(formulation.parameters)

@@ -207,7 +207,7 @@ class Study(BaseStudy):
 
 
 def _repeatable(options: Options) -> Options:
-    """Let no decision rest on a clock without a time limit; draw no lines."""
+    """Count work in place of time unless a time limit is given; switch progress off."""
     if options.time_limit is None:
         engine = repeatable(options.engine or sp.Options(effort="auto"))
         options = replace(options, engine=engine)

@@ -65,11 +65,14 @@ def add_verify(commands: Any) -> None:
         metavar="RECORD.csv",
         help="the table of samples that it should be about, with columns as in the file",
     )
+    command.add_argument("--decimal", choices=(".", ","), default=".", help="its decimal mark (.)")
 
 
 def _run(arguments: argparse.Namespace) -> int:
     result = _read(arguments.file)
-    data = None if arguments.record is None else _record(arguments.record, result.formulation.data)
+    data = None
+    if arguments.record is not None:
+        data = _record(arguments.record, result.formulation.data, arguments.decimal)
     verdict = verify(result.evidence, data)
     if not verdict.ok:
         print(f"NOT PROVED  {verdict.reason}")
@@ -100,9 +103,9 @@ def _read(path: str) -> Identification:
     return result
 
 
-def _record(path: str, stored: IOData) -> IOData:
+def _record(path: str, stored: IOData, decimal: str) -> IOData:
     """Read a table with the channels and the sampling time of a stored record."""
     names = [*stored.input_names, *stored.output_names]
     columns: list[str | int] = [*names] if has_names(path) else [*range(len(names))]
     nu = stored.inputs
-    return IOData.from_csv(path, columns[:nu], columns[nu:], stored.Ts)
+    return IOData.from_csv(path, columns[:nu], columns[nu:], stored.Ts, decimal=decimal)

@@ -30,6 +30,7 @@ from sparsepop_py.errors import (
 )
 from sparsepop_py.files import read_bytes, write_text
 from sparsepop_py.formats import FORMATS, read, read_stream
+from sparsepop_py.io.json_files.files import write_json
 from sparsepop_py.options import Options
 from sparsepop_py.pipeline import solve
 from sparsepop_py.problem.problem import Problem
@@ -253,6 +254,11 @@ def _add_solve_options(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="more relaxations and branch and bound while the gap is open",
     )
+    command.add_argument(
+        "--certificate",
+        metavar="OUT.json",
+        help="write the result with its proof, for `sparsepop verify` and checker/check.py",
+    )
     _add_outputs(command)
 
 
@@ -370,6 +376,8 @@ def _problem(arguments: argparse.Namespace) -> Problem | RationalProblem:
 def _solve(arguments: argparse.Namespace) -> int:
     problem = _problem(arguments)
     check_outputs(arguments)
+    if arguments.certificate:
+        check_writable(arguments.certificate, "--certificate")
     if arguments.plot and isinstance(problem, RationalProblem):
         raise ProblemError("--plot: found a problem with ratios, expected a polynomial one")
     options = Options(
@@ -384,6 +392,8 @@ def _solve(arguments: argparse.Namespace) -> int:
     result = solve(problem, options)
     record = _record(arguments.file, result) if arguments.json else None
     print_or_write(arguments.json, record, _text(arguments.file, result))
+    if arguments.certificate:
+        write_json(result, arguments.certificate)
     if arguments.plot and isinstance(result, Result):
         plots.save_plot(result, arguments.plot)
     return EXIT_PROVED if result.status in _PROVED else EXIT_OPEN

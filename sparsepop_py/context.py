@@ -115,10 +115,10 @@ class SolveContext:
     @property
     def cutoff(self) -> float:
         """The cutoff with which boxes are tightened, +inf without one."""
-        cutoff = self.replay().cutoff
+        cutoff = self.at_cutoff().cutoff
         return np.inf if cutoff is None else cutoff
 
-    def replay(self, *, below: bool | None = None) -> Replay:
+    def at_cutoff(self, *, below: bool | None = None) -> Replay:
         """Attach the cutoff to the problem: the attained value, or a little below it.
 
         A cutoff below the attained value, by most of the allowed gap, lets nodes become empty; a
@@ -136,6 +136,7 @@ class SolveContext:
         without = self.best is None or "cutoff" in self.options.skip
         cutoff = None if without else self.upper
         if (self.below if below is None else below) and cutoff is not None:
-            # falls with the attained value, whatever the gap, so that boxes found before hold
+            # a smaller attained value gives a smaller cutoff, whatever the gap: boxes that were
+            # found with the larger one stay proved
             cutoff -= 0.9 * min(self.allowed, max(1.0, abs(cutoff)))
         return Replay(self.problem, cutoff)

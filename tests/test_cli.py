@@ -18,6 +18,7 @@ from sparsepop_py.cli import EXIT_INPUT, EXIT_MISSING, EXIT_OPEN, EXIT_PIPE, EXI
 from sparsepop_py.errors import SolverNotFound
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
+CHECKER = ROOT / "checker" / "check.py"
 
 HEAD = "Variables x1,x2,objvar; Equations e1,e2;\n"
 BOX = "x1.lo = 0; x1.up = 1; x2.lo = 0; x2.up = 1;\n"
@@ -243,6 +244,20 @@ def test_a_format_in_place_of_the_ending(folder: pathlib.Path) -> None:
     path.write_text("min x^2 - x")
     assert main(["solve", str(path)]) == EXIT_INPUT
     assert main(["solve", str(path), "--format", ".txt"]) == EXIT_PROVED
+
+
+def test_the_certificate_of_a_solve_is_checked_by_both_checkers(
+    folder: pathlib.Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = str(folder / "closed.gms"), str(folder / "proof.json")
+    assert main(["solve", file, "--order", "2", "--certificate", out]) == EXIT_PROVED
+    assert main(["verify", out]) == EXIT_PROVED
+    call = [sys.executable, str(CHECKER), file, out]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0 and done.stdout.startswith("proved: objective >= ")
+    capsys.readouterr()
+    assert main(["solve", file, "--certificate", str(folder / "no" / "out.json")]) == EXIT_INPUT
+    assert "--certificate: found" in capsys.readouterr().err
 
 
 def test_json_means_the_same_as_in_setid(

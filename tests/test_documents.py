@@ -52,6 +52,8 @@ def test_code_of_a_page_runs_and_prints_what_the_page_shows(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    for record in (ROOT / "examples" / "data").glob("*.csv"):  # as readers do
+        shutil.copy(record, tmp_path)
     monkeypatch.chdir(tmp_path)
     scope: dict[str, object] = {"__name__": "page"}
     for number, (block, shown) in enumerate(code(name)):
@@ -64,7 +66,9 @@ def test_code_of_a_page_runs_and_prints_what_the_page_shows(
 @pytest.mark.parametrize("name", NAMES)
 def test_links_lead_somewhere(name: str) -> None:
     page = ROOT / name
-    for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)]*))?\)", text(name)):
+    inline = re.findall(r"\]\(([^)#\s]*)(?:#([^)]*))?\)", text(name))
+    defined = re.findall(r"^\[[^\]]+\]: ([^#\s]*)(?:#(\S*))?$", text(name), re.M)
+    for target, anchor in inline + defined:
         if "://" in target and not target.startswith(OURS):
             continue
         found = page.parent / target if target else page
@@ -84,7 +88,8 @@ def anchors(page: Path) -> set[str]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_pages_speak_the_words_of_the_field(name: str) -> None:
-    prose = re.sub(r"```.*?```|`[^`\n]*`|\]\([^)]*\)", "", text(name), flags=re.S)
+    hidden = r"```.*?```|`[^`\n]*`|\]\([^)]*\)|^\[[^\]\n]+\]: \S+$"
+    prose = re.sub(hidden, "", text(name), flags=re.S | re.M)
     assert re.findall(rf"\b(?:{PRIVATE})\b", prose, re.I) == []
 
 
@@ -112,6 +117,13 @@ def test_the_design_page_names_every_room() -> None:
     assert [room for room in rooms if f"`{room}`" not in page] == []
 
 
+def test_the_page_on_trust_adds_the_lines_up() -> None:
+    pages = ("sparsepop_py/verified/README.md", "setid/proofs/README.md")
+    counted = [int(re.findall(r"That is (\d+) lines", text(page))[0]) for page in pages]
+    stated = [int(number) for number in re.findall(r" on (\d+) lines", text("docs/trust.md"))]
+    assert stated == [counted[0], sum(counted)]
+
+
 def test_every_page_is_listed() -> None:
     listed = {
         (ROOT / folder / target).resolve()
@@ -133,8 +145,12 @@ def test_every_page_is_in_the_menu_of_the_site() -> None:
 
 def test_links_of_the_readme_work_where_it_is_copied() -> None:
     """Package indices show it without the files beside it."""
-    relative = [t for t in re.findall(r"\]\(([^)]*)\)", text("README.md")) if "://" not in t]
-    assert relative == []
+    page = re.sub(r"```.*?```|`[^`\n]*`", "", text("README.md"), flags=re.S)
+    targets = re.findall(r"\]\(([^)]*)\)", page) + re.findall(r"^\[.*\]: (.*)$", page, re.M)
+    assert [target for target in targets if "://" not in target] == []
+    defined = set(re.findall(r"^\[(.*)\]: ", page.lower(), re.M))
+    labels = {" ".join(found.split()) for found in re.findall(r"\[([^\]]+)\]", page.lower())}
+    assert labels == defined
 
 
 @pytest.mark.slow

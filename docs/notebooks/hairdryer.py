@@ -4,25 +4,36 @@
 # A fan blows air through a tube, a heater warms it (DaISy 96-006, Ts = 0.08 s). The input is the heater's voltage,
 # the output the voltage of the thermocouple at the outlet. Every number called proved follows from the
 # readings and the stated bound, whatever the solver did.
+#
+# To repeat it beside this page: [hairdryer.csv](../../files/examples/data/hairdryer.csv), and the lines below.
 
-# %%
+# %% tags=["setup"]
+import os
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-import setid
-
 here = Path.cwd().resolve()
-ROOT = next(p for p in (here, *here.parents) if (p / "examples" / "data").is_dir())
+ROOT = next(
+    p
+    for p in (here, *here.parents)
+    if (p / "examples" / "data").is_dir()
+)
 plt.style.use(ROOT / "docs" / "notebooks" / "site.mplstyle")
+os.chdir(ROOT / "examples" / "data")
 
 # %%
-data = setid.IOData.from_csv(ROOT / "examples/data/hairdryer.csv", inputs="u", outputs="y", Ts=0.08)
+import setid
+
+data = setid.IOData.from_csv(
+    "hairdryer.csv", inputs="u", outputs="y", Ts=0.08
+)
 first, second = data.split(200)
 model = setid.TransferFunction(na=2, nb=2, nk=3, offset=True)
-result = setid.identify(first, model, setid.Noise(equation=0.11), [setid.Stable()])
+noise = setid.Noise(equation=0.11)
+result = setid.identify(first, model, noise, [setid.Stable()])
 print(result.table())
-print(bool(result.verify()), "verified again from the record, without a solver")
+print("verified again, without a solver:", bool(result.verify()))
 
 # %% [markdown]
 # The intervals: proved ends in blue, attained ones in orange.
@@ -42,7 +53,8 @@ _ = band.plot()
 
 # %%
 def draw():
-    return result.compare(second, "prediction").plot()[0].get_figure(root=True)
+    comparison = result.compare(second, "prediction")
+    return comparison.plot()[0].get_figure(root=True)
 
 
 _ = draw()

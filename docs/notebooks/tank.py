@@ -3,29 +3,40 @@
 #
 # Voltage of a pump and level of the upper tank (Wigren, Uppsala; Ts = 5 s). Outflow grows with the root of the level,
 # and a quadratic term stands for the bend.
+#
+# To repeat it beside this page: [tank.csv](../../files/examples/data/tank.csv), and the lines below.
 
-# %%
+# %% tags=["setup"]
+import os
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-import setid
-
 here = Path.cwd().resolve()
-ROOT = next(p for p in (here, *here.parents) if (p / "examples" / "data").is_dir())
+ROOT = next(
+    p
+    for p in (here, *here.parents)
+    if (p / "examples" / "data").is_dir()
+)
 plt.style.use(ROOT / "docs" / "notebooks" / "site.mplstyle")
+os.chdir(ROOT / "examples" / "data")
 
 # %%
-data = setid.IOData.from_csv(ROOT / "examples/data/tank.csv", inputs="u", outputs="y1", Ts=5.0)
+import setid
+
+data = setid.IOData.from_csv(
+    "tank.csv", inputs="u", outputs="y1", Ts=5.0
+)
 first, second = data.split(200)
 linear = setid.PolynomialNARX(["1", "y1", "u1"], ny=1, nu=1)
 bent = setid.PolynomialNARX(["1", "y1", "u1", "y1^2"], ny=1, nu=1)
 for name, model in (("linear", linear), ("quadratic", bent)):
     found = setid.consistency(first, model, setid.Noise(equation=0.05))
-    print(f"{name}: least bound of the equation error {0.05 * found.scale[1]:.5f} V")
+    print(f"{name}: least bound {0.05 * found.scale[1]:.5f} V")
 
 # %%
-result = setid.identify(first, bent, setid.Noise(equation=1.02 * 0.05 * found.scale[1]))
+noise = setid.Noise(equation=1.02 * 0.05 * found.scale[1])
+result = setid.identify(first, bent, noise)
 print(result.table())
 
 # %% [markdown]

@@ -15,6 +15,7 @@ from setid.control.design import Design
 from setid.control.engine import SetidError
 from setid.control.loops import loop_margins, loop_step
 from setid.control.plots import plot_certificate, plot_loop_step
+from setid.control.specification import SpecifiedModel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +26,10 @@ _STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto}pre{backgro
 
 
 def report(
-    path: str | os.PathLike[str], design: Design, certificates: Sequence[StabilityCertificate]
+    path: str | os.PathLike[str],
+    design: Design,
+    certificates: Sequence[StabilityCertificate],
+    specified: SpecifiedModel | None = None,
 ) -> None:
     """Write a page with the design, its certificates, margins and pictures (needs matplotlib).
 
@@ -35,6 +39,9 @@ def report(
         An HTML file; pictures are inside it.
     design : Design
     certificates : sequence of StabilityCertificate
+    specified : SpecifiedModel, optional
+        Where the reference model was made from a specification: its limits are shown beside what
+        the model has.
 
     Raises
     ------
@@ -43,7 +50,16 @@ def report(
     """
     if not isinstance(design, Design):
         raise SetidError(f"design: found {type(design).__name__}, expected a Design")
-    parts = [f"<h1>Controller from data</h1><h2>Design</h2>{_text(design.summary())}"]
+    if specified is not None and not isinstance(specified, SpecifiedModel):
+        raise SetidError(f"specified: found {type(specified).__name__}, expected a SpecifiedModel")
+    parts = ["<h1>Controller from data</h1>"]
+    if specified is not None:
+        limits = "\n".join(
+            f"{name}: asked for at most {asked:.4g}, the reference model has {measured:.4g}"
+            for name, (asked, measured) in specified.checks.items()
+        )
+        parts.append(f"<h2>Specification</h2>{_text(limits)}")
+    parts.append(f"<h2>Design</h2>{_text(design.summary())}")
     parts.append(_text(f"experiment: {design.data!r}\nreference model: {design.reference!r}"))
     for item in certificates:
         parts.append(f"<h2>Stability: {html.escape(item.verdict)} ({item.method})</h2>")

@@ -20,6 +20,7 @@ from setid.control.engine import (
     Noise,
     NoiseError,
     SetidError,
+    Verification,
     frozen,
     real_array,
 )
@@ -27,6 +28,7 @@ from setid.control.engine import (
 __all__ = ["Undershoot", "undershoot"]
 
 Reals = NDArray[np.float64]
+Verdict = Literal["present", "absent", "open"]
 _EPS = 2.0**-52
 _GRID = 1.0 + np.geomspace(1e-3, 99.0, 400)  # numbers z > 1 at which the sign is looked at
 
@@ -50,14 +52,51 @@ class Undershoot:
     free : tuple of (low, high)
         Ranges of z at whose grid points no zero is possible (proved at those points alone).
     assumptions : tuple of str
+    record : IOData or (N,) float
+        The step record.
+    noise : Noise or float
+        Bound of the output's noise.
+    tail : (low, high)
+        Range of the noise-free output after the record.
     """
 
-    verdict: Literal["present", "absent", "open"]
+    verdict: Verdict
     depth: tuple[float, float]
     sample: int | None
     zeros: tuple[tuple[float, float], ...]
     free: tuple[tuple[float, float], ...]
     assumptions: tuple[str, ...]
+    record: IOData | Reals
+    noise: Noise | float
+    tail: tuple[float, float]
+
+    def verify(self) -> Verification:
+        """Draw every conclusion again from the record.
+
+        Claims that are weaker than what follows are accepted, stronger ones are not.
+        """
+        low, high, _ = _noise_free(self.record, self.noise)
+        verdict, depth, sample = _conclude(low, high)
+        deep = self.depth[0] <= depth[0] and depth[1] <= self.depth[1]
+        zeros, free = _zeros(low, high, self.tail)
+        at = 0 if self.sample is None else self.sample
+        wrong = -high if low[-1] > 0.0 else low  # above 0 where a sample is on the wrong side
+        shown = sample is not None and 1 <= at <= low.size and bool(wrong[at - 1] > 0.0)
+        claims = (
+            (self.verdict in (verdict, "open"), f"verdict: found {self.verdict}, proved {verdict}"),
+            (deep, f"depth: found {self.depth}, proved {depth}"),
+            (self.sample is None or shown, f"sample: found {self.sample}, proved {sample}"),
+            (
+                all(any(_within(c, z) for c in zeros) for z in self.zeros),
+                "zeros: a change of sign is not proved",
+            ),
+            (
+                all(any(_within(f, c) for c in free) for f in self.free),
+                "free: a sign is not proved",
+            ),
+        )
+        wrong_claim = next((text for holds, text in claims if not holds), None)
+        return Verification(wrong_claim is None, wrong_claim or "")
 
     def __repr__(self) -> str:
         zeros = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in self.zeros) or "none proved"
@@ -101,38 +140,64 @@ def undershoot(
     >>> found = control.undershoot(P.simulate([1.0] * 40), 0.01)
     >>> found.verdict, len(found.zeros), found.zeros[0][0] < 1.5 < found.zeros[0][1]
     ('present', 1, True)
+    >>> bool(found.verify())
+    True
     """
-    y, height, texts = _response(step_record)
-    bound = _bounds(step_record, noise, y)
-    low, high = np.nextafter(y - bound, -inf), np.nextafter(y + bound, inf)
-    ends = (float(low.min()), float(high.max())) if tail is None else tail
-    if not ends[0] <= ends[1]:
-        raise SetidError(f"tail: found {ends}, expected (low, high) with low <= high")
-    last = low[-1], high[-1]
+    record = step_record if isinstance(step_record, IOData) else _signal(step_record)
+    low, high, texts = _noise_free(record, noise)
+    ends = (float(low.min()), float(high.max())) if tail is None else _ends(tail)
     texts = (
         *texts,
         "the plant is linear, stable and at rest before the step",
         "each noise sample lies within its bound",
         f"after the record the noise-free output stays within [{ends[0]:.6g}, {ends[1]:.6g}]",
     )
+    verdict, depth, sample = _conclude(low, high)
     zeros, free = _zeros(low, high, ends)
-    if last[0] <= 0.0 <= last[1]:
-        return Undershoot("open", (0.0, inf), None, zeros, free, texts)
-    sign = 1.0 if last[0] > 0.0 else -1.0
-    below, above = (low, high) if sign > 0 else (-high, -low)
+    return Undershoot(verdict, depth, sample, zeros, free, texts, record, noise, ends)
+
+
+def _within(inner: tuple[float, float], outer: tuple[float, float]) -> bool:
+    return outer[0] <= inner[0] <= inner[1] <= outer[1]
+
+
+def _ends(tail: tuple[float, float]) -> tuple[float, float]:
+    ends = real_array(tail, "tail", SetidError).ravel()
+    if ends.size != 2 or not ends[0] <= ends[1]:
+        raise SetidError(f"tail: found {tail}, expected (low, high) with low <= high")
+    return float(ends[0]), float(ends[1])
+
+
+def _signal(values: ArrayLike) -> Reals:
+    return frozen(real_array(values, "step_record", DataError).ravel())
+
+
+def _noise_free(
+    record: IOData | Reals, noise: Noise | float
+) -> tuple[Reals, Reals, tuple[str, ...]]:
+    """Ranges of the noise-free response from its step on, and what was done to the data."""
+    y, texts = _response(record)
+    bound = _bounds(record, noise, y)
+    return np.nextafter(y - bound, -inf), np.nextafter(y + bound, inf), texts
+
+
+def _conclude(low: Reals, high: Reals) -> tuple[Verdict, tuple[float, float], int | None]:
+    """Verdict, range of the depth and a sample that shows it."""
+    if low[-1] <= 0.0 <= high[-1]:
+        return "open", (0.0, inf), None
+    below, above = (low, high) if low[-1] > 0.0 else (-high, -low)
     depth = max(0.0, float((-above).max())), max(0.0, float((-below).max()))
     if depth[0] > 0.0:
-        sample = int(np.argmin(above)) + 1
-        return Undershoot("present", depth, sample, zeros, free, texts)
-    verdict: Literal["absent", "open"] = "absent" if depth[1] == 0.0 else "open"
-    return Undershoot(verdict, depth, None, zeros, free, texts)
+        return "present", depth, int(np.argmin(above)) + 1
+    return ("absent" if depth[1] == 0.0 else "open"), depth, None
 
 
-def _response(record: IOData | ArrayLike) -> tuple[Reals, float, tuple[str, ...]]:
-    """Response to a unit step, its height, and what was done to the data before."""
+def _response(record: IOData | ArrayLike) -> tuple[Reals, tuple[str, ...]]:
+    """Response to an upward step, and what was done to the data before."""
     if not isinstance(record, IOData):
         y = real_array(record, "step_record", DataError).ravel()
-        height, texts = 1.0, tuple[str, ...]()
+        height: float = 1.0
+        texts: tuple[str, ...] = ()
     else:
         if record.inputs != 1 or record.outputs != 1 or record.records != 1:
             raise DataError("step_record: expected one record with one input and one output")
@@ -143,7 +208,7 @@ def _response(record: IOData | ArrayLike) -> tuple[Reals, float, tuple[str, ...]
         height, y, texts = float(u[begin]), y[begin:], record.assumptions
     if y.size < 2 or np.isnan(y).any():
         raise DataError("step_record: expected at least two readings, none missing")
-    return frozen(y if height > 0 else -y), abs(height), texts
+    return frozen(y if height > 0 else -y), texts
 
 
 def _bounds(record: IOData | ArrayLike, noise: Noise | float, y: Reals) -> Reals:
@@ -160,7 +225,7 @@ def _zeros(
     """Find where the sign of sum_k y_k z^-k is proved to change."""
     count = low.size
     powers = _GRID[:, None] ** -np.arange(float(count))
-    rest = _GRID ** -float(count) / (1.0 - 1.0 / _GRID)
+    rest = _GRID ** -float(count - 1) / (_GRID - 1.0)
     size = powers @ np.maximum(np.abs(low), np.abs(high)) + rest * max(map(abs, ends))
     slack = 8.0 * (count + 8) * count * _EPS * size
     least = powers @ low + rest * ends[0] - slack

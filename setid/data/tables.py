@@ -294,9 +294,11 @@ def _samples(
         for out, place in enumerate(places):
             value = _value(fields[place], decimal)
             if value is None:
+                other = _value(fields[place], "," if decimal == "." else ".")
+                hint = "" if other is None else "; if that is a decimal mark, say decimal="
                 raise DataError(
                     f"{path}, line {number}, column {place}: found {fields[place]!r}, "
-                    "expected a number"
+                    f"expected a number{hint}"
                 )
             values[row, out] = value
     return values
@@ -310,7 +312,8 @@ def _place(path: PathLike, column: Column, names: list[str] | None, width: int) 
         if names is None or names.count(column) != 1:
             raise DataError(
                 f"{path}: found no single column {column!r}, expected one of "
-                f"{names if names else f'the numbers 0..{width - 1} (no line of names)'}"
+                f"{names if names else f'the numbers 0..{width - 1} (no line of names)'}; "
+                "say which by inputs= and outputs= (--input, --output)"
             )
         return names.index(column)
     if isinstance(column, bool) or not isinstance(column, (int, np.integer)):

@@ -1,4 +1,4 @@
-"""Members of the feasible parameter set: what is attained, and what lies between.
+"""Find members of the feasible parameter set: attained points and points between them.
 
 Nothing here is a cover of the set: what is drawn from members is labelled *sampled*.
 """

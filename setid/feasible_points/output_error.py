@@ -59,6 +59,20 @@ class _Simulation:
         errors = np.nan_to_num(errors, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE)
         return np.asarray(errors.clip(-_HUGE, _HUGE), np.float64)
 
+    def at(self, denominator: Reals) -> Reals:
+        """The other unknowns by least squares where the denominator of the output is given."""
+        places = [self.model.parameters.index(n) for n in self.model.transfer(1, 1).denominator]
+        x = self.first.copy()
+        x[places] = denominator
+        others = np.setdiff1d(np.arange(x.size), places)
+        for _ in range(2):  # the errors are affine in them
+            values = self.errors(x)
+            if np.any(np.abs(values) >= _HUGE):
+                break
+            slopes = _slopes(self.errors, x, values)[:, others]
+            x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
+        return x
+
     def fitted(self) -> Reals:
         """Local minimiser of the squares."""
         if np.all(np.abs(self.errors(self.first)) < _HUGE):
@@ -86,7 +100,9 @@ def output_error_fit(data: IOData, model: Structure) -> tuple[Reals, Reals]:
     return np.asarray(x[: simulation.count], np.float64), simulation.outputs(x)
 
 
-def least_largest_error(data: IOData, model: Structure, bound: Reals) -> Reals:
+def least_largest_error(
+    data: IOData, model: Structure, bound: Reals, denominator: Reals | None = None
+) -> Reals:
     """Fit the simulation of a structure so that its largest error is small.
 
     Parameters
@@ -95,13 +111,15 @@ def least_largest_error(data: IOData, model: Structure, bound: Reals) -> Reals:
     model : Structure
     bound : (N, ny) float
         Noise bounds: errors count as parts of them. Readings whose bound is 0 are left out.
+    denominator : (n,) float, optional
+        Coefficients a_1, ..., a_n of a single output to begin from, instead of least squares.
 
     Returns
     -------
     (p,) float
     """
     simulation = _Simulation(data, model)
-    x = simulation.fitted()
+    x = simulation.fitted() if denominator is None else simulation.at(denominator)
     sizes = np.broadcast_to(bound, data.y.shape)[simulation.known]
     counted = np.flatnonzero(sizes > 0)
 

@@ -24,7 +24,6 @@ _LARGEST_CONDITION = 1e12  # of bases that are kept
 _KEPT = 400  # bases
 _NEAR = 1e-8  # of the box: how far beyond a row the vertex of a basis may lie
 _TINY = 1e-300
-_PRESOLVED = {"presolve": "on"}
 
 
 class Proposer:
@@ -100,7 +99,7 @@ class Proposer:
         m, p = self._table.shape
         table = sps.csr_array(np.column_stack([self._table, -np.ones(m)]))
         ends = np.append(np.full(p, -1.0), 0.0), np.append(np.ones(p), np.inf)
-        model = LinearModel(table, (np.full(m, -np.inf), self._room), ends, _PRESOLVED)
+        model = LinearModel(table, (np.full(m, -np.inf), self._room), ends)
         found = model.solve(np.append(np.zeros(p), 1.0))
         if found.status != "solved":
             return None

@@ -83,7 +83,7 @@ def _before(mask: Mask, lag: int, data: IOData, initial: Initial) -> Mask:
 def _pruned(
     plans: Sequence[Planned], data: IOData, measured: Mapping[str, Mask]
 ) -> tuple[Planned, ...]:
-    """Without definitions of internal samples that no row uses."""
+    """Leave out definitions of internal samples that no row uses."""
     used: dict[str, Mask] = {}
     kept = []
     for item in reversed(plans):

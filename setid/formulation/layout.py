@@ -1,4 +1,4 @@
-"""Places of all unknowns in the vector of variables: the only index arithmetic.
+"""Places of all unknowns of a record in the vector of variables of its problem.
 
 The order is theta, output noise, input noise, equation errors, missing outputs, missing
 inputs, internal signals, unknowns of priors. Samples are counted from 1 in names, as in

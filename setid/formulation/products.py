@@ -3,7 +3,7 @@
 Where internal signals can be eliminated, a row is linear in monomials of theta (a1, b1,
 b1*gamma2, ...); what bounds of products say of factors is in
 :mod:`sparsepop_py.verified.uncertain_rows.products`. Products that multiply the same signal
-everywhere (with two denominators a1 and a'1, both at y(k-1)) are one column, their sum.
+in all rows (with two denominators a1 and a'1, both at y(k-1)) share one column: their sum.
 """
 
 from __future__ import annotations

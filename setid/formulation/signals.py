@@ -129,8 +129,8 @@ def product(
     """Range of coefficient * product of lagged signals at the rows.
 
     A single factor without a coefficient keeps its ball exactly; the radius of others is
-    rounded up, and products of several are rounded outwards. Centres are what rows hold.
-    Equal factors are powers, whose range is that of the power.
+    rounded up, and products of several are rounded outwards. The centres become
+    the coefficients of the rows. Equal factors are taken as one power.
     """
     centre, radius = np.full(rows.size, coefficient), np.zeros(rows.size)
     exact = centre  # multiplied in the order in which rows are, for factors without a radius

@@ -13,6 +13,7 @@ from setid.neural.simulations.simulation import SimulationBand, simulate_band
 from setid.neural.status import Status
 from setid.neural.training.envelope import Envelope, envelope
 from setid.neural.training.hidden_weights import HiddenWeights, SignChoice, hidden_weights
+from setid.neural.training.smooth_weights import SmoothHiddenWeights
 from setid.neural.training.train import Trained, initial, train
 from setid.neural.training.train_proved import ProvedTraining, train_proved
 
@@ -33,6 +34,7 @@ __all__ = [
     "ProvedTraining",
     "SignChoice",
     "SimulationBand",
+    "SmoothHiddenWeights",
     "Stability",
     "Status",
     "Trained",

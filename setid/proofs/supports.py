@@ -284,7 +284,7 @@ def _regression_rows(
 
 
 def _chords(lower: Reals, upper: Reals) -> tuple[Reals, Reals]:
-    """slope, level with abs(t) <= slope t + level on each interval; level inf where none is."""
+    """Bound abs(t) <= slope t + level on each interval; level is inf on infinite ones."""
     mixed = (lower < 0) & (upper > 0)
     finite = mixed & np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(finite, lower, -1.0), np.where(finite, upper, 1.0)

@@ -91,7 +91,8 @@ def _verify_reference(claims: Evidence, found: Evidence, again: Formulation) -> 
     for name, item in claims.intervals.items():
         if not claims.empty and (item.outer, item.inner) != known.get(name):
             return Verification(False, f"the interval of {name} is not that of the reference")
-    return verify(replace(found, formulation=stated), again.data)  # priors may mean more than rows
+    # with the priors as stated: a prior may ask for more than its rows do
+    return verify(replace(found, formulation=stated), again.data)
 
 
 def _verify_linear(claims: Evidence, again: Formulation) -> Verification:

@@ -1,4 +1,4 @@
-"""Monomials as integer words: the one index arithmetic of the package.
+"""Monomials as rows of integers, called words.
 
 A monomial of degree at most D in variables x1, ..., xn is a row of D numbers:
 its variables in ascending order, repeated as often as they occur, padded with

@@ -80,7 +80,7 @@ def exact_convex_bound(
             unit = sps.eye_array(program.cost.size, format="csc")
             nearest = solve_convex_qp(program.rows, 0.0 * program.cost, unit, settings)
     model = Model(BoxProof(), Interval(problem.lower, problem.upper))
-    replay = context.replay()
+    replay = context.at_cutoff()
     best = BoxBound(prove(replay, model.box, None, False), Node())
     solved = found.status in ("solved", "almost")
     with context.stages.stage("certify"):

@@ -40,7 +40,7 @@ def gram_box(context: SolveContext, gram: ExactGram) -> tuple[BoxProof, Interval
     box : Interval
         None in place of both where there is no cutoff, or the Gram matrix bounds no variable.
     """
-    problem, replay = context.problem, context.replay()
+    problem, replay = context.problem, context.at_cutoff()
     large = max(problem.dimension, gram.basis.shape[0] // 4) > BOUNDING.exact_variables
     if replay.cutoff is None or large:
         return None

@@ -161,7 +161,7 @@ def bound_box(
     -------
     BoxBound
     """
-    replay = context.replay()
+    replay = context.at_cutoff()
     outcome = start or BoxBound(prove(replay, box, None, False), Node())
     boxed = bool(np.all(scaled.scaling.boxed))
     scaled_objective, size = scale_objective(context.problem.objective, scaled.scaling)
@@ -460,7 +460,7 @@ def _on_derived_box(context: SolveContext, outcome: CertifiedBound) -> Certified
     with context.stages.stage("presolve"):
         proof, box = find_box(context.problem, context.best, options)
     with context.stages.stage("certify"):
-        replay, best = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
+        replay, best = context.at_cutoff(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
         objective, size = scale_objective(context.problem.objective, model.scaled.scaling)
         program = assemble(relaxation, objective)
         for z in (solution.z, repaired(program, solution.z)):
@@ -494,7 +494,7 @@ def closed_without_relaxation(context: SolveContext) -> bool:
     if context.best is None or context.options.effort == "plain":
         return False
     start = Interval(context.problem.lower, context.problem.upper)
-    return context.closed(prove(context.replay(), start, None, False).bound)
+    return context.closed(prove(context.at_cutoff(), start, None, False).bound)
 
 
 def build_relaxations(
@@ -546,7 +546,7 @@ def build_relaxations(
 
 def _prove(context: SolveContext, model: Model) -> CertifiedBound:
     """Solve the relaxations one by one and certify, until the gap is closed."""
-    replay = context.replay()
+    replay = context.at_cutoff()
     box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     used: Relaxation | None = None
     if model.relaxations and model.scaled is not None:

@@ -47,6 +47,8 @@ class BoundingSettings:
         Relative gap that is nearly closed, with many variables.
     few_monomials : int
         Monomials up to which rational elimination takes no time.
+    far_incumbent : float
+        Relative gap at which a better point is looked for before a relaxation is solved.
     linear_entries : int
         Entries of a matrix of linear rows up to which it is formed densely.
     convex_variables : int
@@ -74,6 +76,7 @@ class BoundingSettings:
     many_variables: int = 300
     small_gap: float = 1e-4
     few_monomials: int = 40
+    far_incumbent: float = 0.01
     linear_entries: int = 1_000_000
     convex_variables: int = 300
     lost: float = 1e-7

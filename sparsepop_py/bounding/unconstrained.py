@@ -9,7 +9,7 @@ singular, whatever the constant, get no bound here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -81,8 +81,22 @@ def may_be_squares(objective: Polynomial) -> bool:
     return bool(np.all(held | (highest == 0)))
 
 
-def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
-    """Bound the objective without constraints and bounds, None where that does not apply."""
+def unconstrained_bound(
+    context: SolveContext, search: Callable[[float], SolveContext] | None = None
+) -> CertifiedBound | None:
+    """Bound the objective without constraints and bounds, None where that does not apply.
+
+    Parameters
+    ----------
+    context : SolveContext
+    search : callable, optional
+        Looks for better points, and returns the context with its incumbent. Called once at most,
+        with the value that a Gram matrix seems to prove, where the incumbent is far from it.
+
+    Returns
+    -------
+    CertifiedBound or None
+    """
     problem = Problem(context.problem.objective)
     if problem.degree == 0 or problem.degree % 2 or closed_without_relaxation(context):
         return None
@@ -95,7 +109,7 @@ def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
         if model.scaled is None or not model.relaxations:
             return outcome
         if outcome is None:
-            outcome = _exactly(context, model)
+            context, outcome = _exactly(context, model, search)
             if good_enough(context, lower_bound(outcome.certificate)):
                 break
         outcome = better(outcome, _from_the_interior(context, model, model.scaled))
@@ -109,7 +123,7 @@ def unconstrained_bound(context: SolveContext) -> CertifiedBound | None:
 
 def _in_other_coordinates(context: SolveContext, model: Model) -> CertifiedBound:
     """Certify a Gram matrix of coordinates in which the leading form is a monomial."""
-    f, replay = context.problem.objective, context.replay()
+    f, replay = context.problem.objective, context.at_cutoff()
     box_bound = BoxBound(Proved(-np.inf, 0.0, ""), Node())
     with context.stages.stage("certify"):
         coordinates = coordinates_of_leading_form(f)
@@ -136,27 +150,34 @@ def _grams(
                 yield coordinates.transformed(gram)
 
 
-def _exactly(context: SolveContext, model: Model) -> CertifiedBound:
+def _exactly(
+    context: SolveContext, model: Model, search: Callable[[float], SolveContext] | None
+) -> tuple[SolveContext, CertifiedBound]:
     """Certify the first exact Gram matrix that is found, however singular."""
     relaxation = model.relaxations[-1]
-    replay, f = context.replay(), context.problem.objective
+    replay, f = context.at_cutoff(), context.problem.objective
     box_bound = BoxBound(prove(replay, model.box, None, False), Node())
     with context.stages.stage("certify"):
         for gram in exact_grams(f, relaxation, context.deadline.left):
             slow = gram.basis.shape[0] > BOUNDING.few_monomials and context.best is not None
-            if slow and not good_enough(context, estimate(gram, f)):
-                continue  # rationals would take long to prove little
+            if slow:
+                expected = estimate(gram, f)
+                far = BOUNDING.far_incumbent * (1.0 + abs(context.upper))
+                if search is not None and far < context.upper - expected < np.inf:
+                    context, search = search(expected), None
+                if not good_enough(context, expected):
+                    continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)
             if proved.bound > box_bound.proved.bound:
                 box_bound = BoxBound(proved, Node(argument=gram))
                 break
-    return certified_bound(replay, model, box_bound, relaxation)
+    return context, certified_bound(replay, model, box_bound, relaxation)
 
 
 def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
     """Solve the relaxation without a box and certify Gram matrices of its interior."""
     relaxation = model.relaxations[-1]
-    replay, box_bound = context.replay(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
+    replay, box_bound = context.at_cutoff(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
     minimised, size = scale_objective(context.problem.objective, scaled.scaling)
     solver = "cliquetree" if context.options.solver == "auto" else context.options.solver
     with context.stages.stage("assemble"):

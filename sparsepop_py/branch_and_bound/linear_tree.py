@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -102,7 +102,7 @@ class _Open:
 
 @dataclass(frozen=True, eq=False)
 class _Program:
-    """The linear program of a node, solved: what its prices promise."""
+    """The linear program of a node with its solution, dual prices and bound (not proved)."""
 
     data: LinearData
     price: Floats
@@ -158,7 +158,7 @@ class LinearTree:
         if self.variables is None:
             self.variables = self.model.factors
         self._preference = np.full(self.model.dimension, LINEAR_TREE.others)
-        products = Products.of(self.context.problem, [self.context.problem.objective])
+        products = Products.of(self.context.problem)
         self._preference[list(products.complicating)] = 1.0
         self._begin = spent()
         self._branches = np.zeros(self.model.dimension, bool)
@@ -168,15 +168,15 @@ class LinearTree:
     # ---- the search ---------------------------------------------------------------------------
 
     @property
-    def cutoff(self) -> float:
+    def tree_cutoff(self) -> float:
         """The cutoff, a little below the attained value; +inf without an incumbent."""
-        cutoff = self.context.replay(below=True).cutoff
+        cutoff = self.context.at_cutoff(below=True).cutoff
         return np.inf if cutoff is None else cutoff
 
     @property
     def goal(self) -> float:
         """A bound that fathoms a node: the cutoff and a margin for rounding."""
-        return self.cutoff + LINEAR_TREE.margin * self.context.allowed
+        return self.tree_cutoff + LINEAR_TREE.margin * self.context.allowed
 
     @property
     def closed(self) -> bool:
@@ -266,7 +266,7 @@ class LinearTree:
     def _propagate(self, node: _Open) -> None:
         """Propagate the rows of a node; keep the step where a width shrinks by enough."""
         most = LINEAR_TREE.root_sweeps if node is self.root else LINEAR_TREE.sweeps
-        cutoff = self.cutoff
+        cutoff = self.tree_cutoff
         low, high, count, empty = self.propagation.sweeps(node.low, node.high, cutoff, most)
         step = Propagation(count, cutoff < np.inf)
         if empty:
@@ -311,7 +311,7 @@ class LinearTree:
         ]
         new = tuple(cut for cut in made if cut is not None and self._violates(cut, program))
         if new:
-            self.model = replace(model, cuts=(*model.cuts, *new))
+            self.model = model.with_cuts((*model.cuts, *new))
         return bool(new)
 
     def _minimiser(self, program: _Program, number: int) -> Floats:
@@ -368,7 +368,7 @@ class LinearTree:
         high = self.model.high(data)
         high[self.model.rows] = cutoff / data.size - data.constant
         rows, columns = (data.low, high), (self.model.least, np.ones(self.model.columns))
-        matrix = self.model.matrix(data.values)
+        matrix = self.model.sparse_rows(data.values)
         if self._highs is None:
             self._highs = LinearModel(matrix, rows, columns)
         else:
@@ -378,7 +378,7 @@ class LinearTree:
     # ---- points -------------------------------------------------------------------------------
 
     def _worth_a_search(self) -> bool:
-        """Check for a node with a local search: that costs more than nodes do."""
+        """Decide on a local search at this node; one search costs more than many nodes."""
         if self._searched or self.search_work > LINEAR_TREE.search_share * (spent() - self._begin):
             return False
         self._searched = self.nodes in LINEAR_TREE.searched  # once a node
@@ -408,7 +408,7 @@ class LinearTree:
         From cutoff >= f >= bound + r (t + 1) with a reduced cost r > 0 follows
         t <= -1 + (cutoff - bound) / r.
         """
-        data, cutoff = program.data, self.cutoff
+        data, cutoff = program.data, self.tree_cutoff
         if not program.bound < cutoff < np.inf or self.model.uses_cuts(program.price):
             return False
         n = self.model.dimension
@@ -436,7 +436,7 @@ class LinearTree:
         if node is not self.root or not few or self._obbt_rounds >= LINEAR_TREE.obbt_rounds:
             return False
         self._obbt_rounds += 1
-        data, cutoff = program.data, self.cutoff
+        data, cutoff = program.data, self.tree_cutoff
         highs = self._highs_of(data, cutoff)
         points = [program.t] if program.t is not None else []
         chosen, sides, values, prices, weights = [], [], [], [], []
@@ -486,7 +486,7 @@ class LinearTree:
         value = np.maximum(value - LINEAR_TREE.slack, -1.0)
         claim = side * scaling.centre[variable] + scaling.scale[variable] * value
         claim -= 1e-14 * np.abs(claim)
-        uses = self.cutoff < np.inf
+        uses = self.tree_cutoff < np.inf
         node.steps.append(Tightening(variable, side.astype(np.int64), claim, dual, uses))
         low, high = node.low.copy(), node.high.copy()
         up = side > 0
@@ -551,8 +551,9 @@ class LinearTree:
         assert t is not None
         n, i, j = model.dimension, model.first, model.second
         error = np.abs(t[n:] - t[i] * t[j])
-        matrix = model.matrix(np.abs(program.data.values))[: model.rows]
-        weight = matrix.T @ np.abs(program.price[: model.rows]) + np.abs(program.data.cost)
+        price = np.abs(program.price)
+        price[model.rows :] = 0.0
+        weight = model.combined(np.abs(program.data.values), price) + np.abs(program.data.cost)
         error *= weight[n:]
         total: Floats = np.bincount(i, error, minlength=n).astype(float)
         return total + np.bincount(j, error * (i != j), minlength=n)
@@ -578,7 +579,7 @@ class LinearTree:
         steps = BoxProof((*proof.steps, *root.box.steps))
         root = Node(steps, root.argument, root.empty, root.branch, root.children)
         uses = any(node.box.uses_cutoff for node in root)
-        cutoff = self.cutoff if uses else None
+        cutoff = self.tree_cutoff if uses else None
         bound = self.bound if cutoff is None else min(self.bound, cutoff)
         if bound == -np.inf:
             return None

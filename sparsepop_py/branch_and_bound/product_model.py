@@ -20,7 +20,7 @@ Math. Programming 10, 1976.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -28,6 +28,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.lp.highs import SparseRows
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_cache import indices, interned
@@ -288,10 +289,38 @@ class ProductModel:
         """Number of rows that are envelopes of products."""
         return int(self._envelopes[3].shape[0])
 
+    def sparse_rows(self, values: Floats) -> SparseRows:
+        """Put numbers in the pattern, for HiGHS."""
+        columns, start = self.pattern
+        return SparseRows(values, columns, start, (start.size - 1, self.columns))
+
     def matrix(self, values: Floats) -> sps.csr_array:
         """Put numbers in the pattern, shape (R, N)."""
         columns, start = self.pattern
         return sps.csr_array((values, columns, start), shape=(start.size - 1, self.columns))
+
+    @cached_property
+    def _row_of(self) -> Ints:
+        """Row of each nonzero of A."""
+        start = self.pattern[1]
+        return np.repeat(np.arange(start.size - 1), np.diff(start))
+
+    def with_cuts(self, cuts: tuple[SquareCut, ...]) -> ProductModel:
+        """Take other cuts; what does not depend on them is kept.
+
+        Parameters
+        ----------
+        cuts : tuple of SquareCut
+
+        Returns
+        -------
+        ProductModel
+        """
+        made = replace(self, cuts=cuts)
+        for name in ("square", "two_valued", "least", "_parts", "_places", "_envelopes", "_convex"):
+            if name in self.__dict__:
+                made.__dict__[name] = self.__dict__[name]
+        return made
 
     def on_box(self, scaling: Scaling) -> LinearData:
         """Compute the numbers of the relaxation on the box of a scaling."""
@@ -339,7 +368,12 @@ class ProductModel:
 
     def rest(self, data: LinearData, cost: Floats, price: Floats) -> Floats:
         """Compute the reduced costs of the columns."""
-        return cost - self.matrix(data.values).T @ price
+        return cost - self.combined(data.values, price)
+
+    def combined(self, values: Floats, price: Floats) -> Floats:
+        """Add the rows of A, with these numbers, times their prices."""
+        products = values * price[self._row_of]
+        return np.bincount(self.pattern[0], products, minlength=self.columns).astype(float)
 
     def bound(self, data: LinearData, rest: Floats, price: Floats) -> float:
         """Estimate what prices prove of a cost with these reduced costs."""

@@ -26,7 +26,7 @@ class BranchSettings:
     again : float
         Share of the widths: another round of OBBT follows where one left less.
     error_share : float
-        Share of the error that a bound may have, aimed at; the rest is a margin.
+        OBBT aims at widths with which the bound errs by this share of what would fathom the node.
     middle : float
         Weight of the middle of the interval in the branching point.
     prior_left : float
@@ -68,9 +68,9 @@ class LinearTreeSettings:
     most_nodes, most_columns : int
         Nodes after which it is given up, and columns of all their programs.
     patience : int
-        Nodes before the tree has to be fathomed, or the gap closed, in proportion to the nodes.
+        Number of nodes from which on a tree that progresses too slowly is given up.
     pace : float
-        Share of that proportion.
+        Least share of the gap closed, or of leaves fathomed, in units of nodes / most_nodes.
     margin : float
         Share of the allowed gap by which leaves exceed the cutoff: rounding of their proofs.
     node_work : float

@@ -107,25 +107,27 @@ class Search:
         heapq.heappush(self._heap, (node.proved.bound, self.count, node))
 
     @property
-    def cutoff(self) -> float | None:
+    def tree_cutoff(self) -> float | None:
         """The cutoff, a little below the attained value; None without an incumbent."""
-        return self.context.replay(below=True).cutoff
+        return self.context.at_cutoff(below=True).cutoff
 
     @property
     def bound(self) -> float:
         """The lower bound that the tree proves now."""
         least = min(self._closed, claim(self._heap[0][2].proved) if self._heap else np.inf)
-        return least if self.cutoff is None else min(least, self.cutoff)
+        return least if self.tree_cutoff is None else min(least, self.tree_cutoff)
 
     @property
     def done(self) -> bool:
         """True if no open node is left below the cutoff."""
-        return not self._heap or (self.cutoff is not None and self._heap[0][0] >= self.cutoff)
+        return not self._heap or (
+            self.tree_cutoff is not None and self._heap[0][0] >= self.tree_cutoff
+        )
 
     def update_context(self, context: SolveContext) -> bool:
         """Take a better incumbent; False if boxes were tightened with a lower cutoff."""
-        old, self.context = self.cutoff, context
-        return old is None or (self.cutoff is not None and self.cutoff <= old)
+        old, self.context = self.tree_cutoff, context
+        return old is None or (self.tree_cutoff is not None and self.tree_cutoff <= old)
 
     def grow(self, nodes: int, stop: Callable[[], bool], executor: Executor | None = None) -> int:
         """Process up to ``nodes`` nodes while ``stop()`` is false.
@@ -167,11 +169,12 @@ class Search:
     ) -> list[ProcessedNode]:
         if executor is None:
             return [
-                process_node(self.context, self.settings, node.box, self.cutoff) for node in nodes
+                process_node(self.context, self.settings, node.box, self.tree_cutoff)
+                for node in nodes
             ]
         options = replace(self.context.options, executor=None)  # an executor cannot be pickled
         lone = replace(self.context, stages=Stages(), options=options, repair=None)
-        tasks = [(lone, self.settings, node.box, self.cutoff) for node in nodes]
+        tasks = [(lone, self.settings, node.box, self.tree_cutoff) for node in nodes]
         found, broken = run_on(executor, _in_worker, tasks, self.context.deadline)
         spend(sum(each.work for each in found if each is not None))  # not counted here so far
         if broken:
@@ -179,7 +182,7 @@ class Search:
             text = f"the executor failed ({broken}): nodes are processed in this process"
             self.context.stages.note(text, logging.WARNING)
         return [
-            process_node(self.context, self.settings, node.box, self.cutoff)
+            process_node(self.context, self.settings, node.box, self.tree_cutoff)
             if made is None
             else made
             for node, made in zip(nodes, found, strict=True)
@@ -217,7 +220,7 @@ class Search:
 
     def _settled(self, node: _OpenNode) -> bool:
         """Check whether a node is fathomed."""
-        return node.proved.bound >= (np.inf if self.cutoff is None else self.cutoff)
+        return node.proved.bound >= (np.inf if self.tree_cutoff is None else self.tree_cutoff)
 
     def _child(self, node: _OpenNode, side: int) -> _OpenNode:
         assert node.branch is not None
@@ -253,7 +256,7 @@ class Search:
     def certificate(self) -> Certificate | None:
         """Build the certificate of the current tree, None where nothing is proved."""
         least = min((p.proved for p in _leaves_of(self._root)), key=lambda proved: proved.bound)
-        replay = Replay(self.context.problem, self.cutoff)
+        replay = Replay(self.context.problem, self.tree_cutoff)
         root = _certificate_node(self._root)
         root = replace(root, box=BoxProof((*self.proof.steps, *root.box.steps)))
         return certify(replay, root, least)

@@ -27,6 +27,7 @@ _SOME_ROWS = 20  # equations from which exact repair comes second
 _MANY_ROWS = 60  # equations from which exact repair is not tried
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _CUTS = 12  # linear programs at most that pull a point into a matrix
+_DENSE = 10_000  # entries of the largest Jacobian that is dense
 _ACTIVE = 1e-6  # closer than this (relative) to a bound or to a zero row counts as active
 
 
@@ -61,12 +62,16 @@ def prove_feasible(problem: Problem, x: NDArray[np.float64]) -> ProvedPoint | No
     goal = problem.objective(x)
     goal += _WORSE * (1.0 + abs(goal))
     best: ProvedPoint | None = None
-    for candidate in _candidates(problem, x):
+    tried: set[bytes] = set()
+    for candidate, pulled in _candidates(problem, x):
         check()
+        if candidate.tobytes() in tried:
+            continue
+        tried.add(candidate.tobytes())
         proved = _first_proof(problem, candidate)
         if proved is None:
             continue
-        if best is not None or proved.value <= goal:
+        if best is not None or pulled or proved.value <= goal:
             return proved if best is None or proved.value < best.value else best
         best = proved  # a round number that costs objective: one more is tried
     return best
@@ -80,23 +85,26 @@ def _first_proof(problem: Problem, candidate: NDArray[np.float64]) -> ProvedPoin
     return None
 
 
-def _candidates(problem: Problem, x: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
-    """Yield x snapped to bounds and round numbers, then pulled further and further inside."""
+def _candidates(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[np.float64], bool]]:
+    """Yield x snapped to bounds and round numbers, then pulled further and further inside.
+
+    Those that are pulled are marked: what follows them costs more.
+    """
     size = 1.0 + np.abs(x)
     snapped = np.where(x - problem.lower <= _ACTIVE * size, problem.lower, x)
     snapped = np.where(problem.upper - x <= _ACTIVE * size, problem.upper, snapped)
     rounded: NDArray[np.float64] = np.round(snapped, 4).astype(float)
     inside = (rounded >= problem.lower) & (rounded <= problem.upper)
     rounded = np.where(inside & (np.abs(rounded - snapped) <= 1e-6 * size), rounded, snapped)
-    yield rounded
+    yield rounded, False
     if np.any(rounded != snapped):
-        yield snapped
+        yield snapped, False
     if len(problem.constraints):
         for depth in (1e-9, 1e-8, 1e-7, 1e-6, 1e-5):
             for start, loose in ((snapped, False), (x, False), (snapped, True)):
                 pulled = _pull_inside(problem, start, depth, loose)
                 if pulled is not None:
-                    yield pulled
+                    yield pulled, True
 
 
 def _pull_inside(
@@ -111,8 +119,7 @@ def _pull_inside(
     eigenvectors v, more of them as long as the point that is reached has negative ones.
     """
     n = problem.dimension
-    values, jacobian = problem.rows.values(x), problem.rows.jacobian(x)
-    size = np.sqrt(np.asarray(jacobian.power(2).sum(axis=1)).ravel())
+    values, jacobian, size = _linearised(problem, x)
     reach = 1e2 * depth * (1.0 + np.abs(x))
     close = ~problem.equality & (values <= 1e3 * depth * (1.0 + size)) & (size > 0)
     at_low, at_high = x == problem.lower, x == problem.upper
@@ -129,12 +136,14 @@ def _pull_inside(
     slope = problem.objective_row.gradient(x)
     slope = slope / max(1e-300, np.abs(slope).sum())
     moved = x
-    for _ in range(_CUTS if problem.matrices.constraints.size else 1):
-        value, row = problem.matrices.cuts(x, moved)
-        length = np.sqrt(np.asarray(row.power(2).sum(axis=1)).ravel())
-        tight = (value <= 1e3 * depth * (1.0 + length)) & (length > 0)
-        slopes = sps.csr_array(sps.vstack([slopes, row[tight]]))
-        sizes, held = np.append(sizes, length[tight]), np.append(held, value[tight])
+    has_matrices = bool(problem.matrices.constraints.size)
+    for _ in range(_CUTS if has_matrices else 1):
+        if has_matrices:
+            value, row = problem.matrices.cuts(x, moved)
+            length = np.sqrt(np.asarray(row.power(2).sum(axis=1)).ravel())
+            tight = (value <= 1e3 * depth * (1.0 + length)) & (length > 0)
+            slopes = sps.csr_array(sps.vstack([slopes, row[tight]]))
+            sizes, held = np.append(sizes, length[tight]), np.append(held, value[tight])
         step = solve_lp(
             np.append(1e-3 * slope, -1.0),
             (slopes, sizes, held),
@@ -144,9 +153,21 @@ def _pull_inside(
         if step is None:
             return None
         moved = np.clip(x + step[:n], problem.lower, problem.upper)
-        if problem.matrices.least_eigenvalue(moved[None])[0] >= 0:
+        if not has_matrices or problem.matrices.least_eigenvalue(moved[None])[0] >= 0:
             break
     return moved
+
+
+def _linearised(
+    problem: Problem, x: NDArray[Any]
+) -> tuple[NDArray[np.float64], sps.csr_array | NDArray[np.float64], NDArray[np.float64]]:
+    """Values of the rows, their Jacobian (dense where it is small) and its row norms."""
+    values = problem.rows.values(x)
+    if values.size * x.size > _DENSE or problem.matrices.constraints.size:
+        sparse = problem.rows.jacobian(x)
+        return values, sparse, np.sqrt(np.asarray(sparse.power(2).sum(axis=1)).ravel())
+    dense = problem.rows.dense_jacobian(x)
+    return values, dense, np.sqrt((dense * dense).sum(axis=1))
 
 
 def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], NDArray[Any], str]]:

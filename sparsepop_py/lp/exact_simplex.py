@@ -84,7 +84,7 @@ class Simplex:
     # ---- the starting basis -----------------------------------------------------------------
 
     def _propose(self, cost: NDArray[np.float64]) -> None:
-        """Exchange rows for those on which the basis of HiGHS rests."""
+        """Start from the basis that HiGHS found in doubles."""
         if self._model is None:
             self._model = _model_of(self._set)
         model, n = self._model, self._set.dimension
@@ -145,7 +145,7 @@ class Simplex:
         return [sum(a * row[j] for a, row in used) for j in range(len(slope))]
 
     def _pivot(self, place: int, number: int, weights: list[int]) -> None:
-        """Put a row in the place of another; what is divided here divides exactly."""
+        """Exchange a row of the basis; integers divide without remainder (Bareiss)."""
         pivot, old = weights[place], self._determinant
         check()
         for row in self._adjugate:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import highspy
 import numpy as np
@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from sparsepop_py.budget import spend
 
-__all__ = ["LinearModel", "LinearSolution", "solve_lp"]
+__all__ = ["LinearModel", "LinearSolution", "SparseRows", "solve_lp"]
 
 _PROGRAM_WORK, _PIVOT_WORK = 2e-4, 2e-8  # a program, and a pivot for each row and column
 _OPTIONS: dict[str, bool | int | float | str] = {
     "output_flag": False,
     "threads": 1,
-    "presolve": "off",
+    "presolve": "off",  # it writes beyond its memory where it eliminates long recursions
     "solver": "simplex",
     "primal_feasibility_tolerance": 1e-9,
     "dual_feasibility_tolerance": 1e-9,
@@ -64,12 +64,29 @@ class LinearSolution:
     value: float
 
 
+class SparseRows(NamedTuple):
+    """Parts of a matrix in rows, made faster than an array of SciPy.
+
+    Parameters
+    ----------
+    data : (T,) float
+    indices, indptr : int32
+        Column of each nonzero, and where each row begins.
+    shape : (int, int)
+    """
+
+    data: NDArray[np.float64]
+    indices: NDArray[np.int32]
+    indptr: NDArray[np.int32]
+    shape: tuple[int, int]
+
+
 class LinearModel:
     """min cost'x subject to row_lower <= A x <= row_upper, lower <= x <= upper.
 
     Parameters
     ----------
-    matrix : csr (m, n)
+    matrix : csr or SparseRows (m, n)
     rows : (row_lower, row_upper), each (m,)
     columns : (lower, upper), each (n,)
     options : mapping of str to value, optional
@@ -78,7 +95,7 @@ class LinearModel:
 
     def __init__(
         self,
-        matrix: sps.csr_array,
+        matrix: sps.csr_array | SparseRows,
         rows: tuple[NDArray[Any], NDArray[Any]],
         columns: tuple[NDArray[Any], NDArray[Any]],
         options: Mapping[str, bool | int | float | str] | None = None,
@@ -94,7 +111,7 @@ class LinearModel:
 
     def load(
         self,
-        matrix: sps.csr_array,
+        matrix: sps.csr_array | SparseRows,
         rows: tuple[NDArray[Any], NDArray[Any]],
         columns: tuple[NDArray[Any], NDArray[Any]],
     ) -> None:
@@ -146,14 +163,15 @@ class LinearModel:
         end = np.inf if time_limit is None else highs.getRunTime() + max(time_limit, 1e-3)
         highs.setOptionValue("time_limit", end)
         highs.run()
-        pivots = max(0, highs.getInfo().simplex_iteration_count)
+        info = highs.getInfo()
+        pivots = max(0, info.simplex_iteration_count)
         spend(_PROGRAM_WORK + (1 + pivots) * _PIVOT_WORK * (m + n))
         status = _STATUS.get(highs.getModelStatus(), "failed")
         self._feasible = status == "solved"
         if status == "solved":
             found = highs.getSolution()
             self._basis = highs.getBasis()
-            value = highs.getInfo().objective_function_value
+            value = info.objective_function_value
             return LinearSolution(
                 status, np.array(found.col_value), np.array(found.row_dual), value
             )
@@ -185,8 +203,8 @@ class LinearModel:
 
 def solve_lp(
     cost: NDArray[np.float64],
-    margins: tuple[sps.csr_array, NDArray[np.float64], NDArray[np.float64]],
-    equalities: tuple[sps.csr_array, NDArray[np.float64]],
+    margins: tuple[sps.csr_array | NDArray[Any], NDArray[np.float64], NDArray[np.float64]],
+    equalities: tuple[sps.csr_array | NDArray[Any], NDArray[np.float64]],
     bounds: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64] | None:
     """Minimise cost'(d, t) for G d - w t >= -g, H d = r.
@@ -197,6 +215,7 @@ def solve_lp(
     margins : (G, w, g)
         Rows that ask for a margin t, weighted by w.
     equalities : (H, r)
+        G and H are both sparse or both dense.
     bounds : (lower, upper), each (n + 1,)
 
     Returns
@@ -206,14 +225,28 @@ def solve_lp(
     """
     matrix, weight, value = margins
     equal, right = equalities
-    stacked = sps.csr_array(
-        sps.vstack(
-            [
-                sps.hstack([matrix, sps.csr_array(-weight[:, None])]),
-                sps.hstack([equal, sps.csr_array((right.size, 1))]),
-            ]
+    if isinstance(matrix, np.ndarray):
+        table = np.zeros((weight.size + right.size, matrix.shape[1] + 1))
+        table[: weight.size, :-1], table[: weight.size, -1] = matrix, -weight
+        table[weight.size :, :-1] = equal
+        stacked = _rows_of(table)
+    else:
+        stacked = sps.csr_array(
+            sps.vstack(
+                [
+                    sps.hstack([matrix, sps.csr_array(-weight[:, None])]),
+                    sps.hstack([equal, sps.csr_array((right.size, 1))]),
+                ]
+            )
         )
-    )
     rows = np.append(-value, right), np.append(np.full(weight.size, np.inf), right)
     found = LinearModel(stacked, rows, bounds).solve(cost)
     return found.x if found.status == "solved" else None
+
+
+def _rows_of(table: NDArray[np.float64]) -> SparseRows:
+    """Take the nonzeros of a dense matrix."""
+    row, column = np.nonzero(table)
+    first = np.searchsorted(row, np.arange(table.shape[0] + 1)).astype(np.int32)
+    shape = (table.shape[0], table.shape[1])
+    return SparseRows(table[row, column], column.astype(np.int32), first, shape)

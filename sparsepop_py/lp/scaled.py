@@ -2,7 +2,7 @@
 
 Nothing proved rests on it. :class:`~sparsepop_py.lp.highs.LinearModel` keeps a program whose
 numbers are of ordinary size and solves it again and again; here one program of numbers of any size
-is solved once, with presolve, and by another method where one meets numerical difficulties.
+is solved once, and by another method where one meets numerical difficulties.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ __all__ = ["solve_scaled"]
 
 # the least that HiGHS takes: boxes may be far wider than what is asked of them
 _TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-# the next where one meets numerical difficulties; long recursions lose their meaning in presolve
-_TRIES = (
-    {"solver": "choose", "presolve": "on"},
-    {"solver": "ipm", "presolve": "on"},
-    {"solver": "choose", "presolve": "off"},
+# the next where one meets numerical difficulties
+_TRIES: tuple[dict[str, str | int], ...] = (
+    {"solver": "simplex"},
+    {"solver": "ipm"},
+    {"solver": "simplex", "simplex_strategy": 4},
 )
+# presolve of long chains of equations corrupted memory in HiGHS 1.15.1 (a recursion of 511 rows)
+_TIED = (_TRIES[2], {"solver": "ipm", "presolve": "off"}, _TRIES[0])
 _BALANCING = 10  # passes
 
 
@@ -69,7 +71,7 @@ def solve_scaled(
     bottom = np.where(np.arange(right.size) < below[1].size, -np.inf, right)
     weights = cost * units
     size = float(np.abs(weights).max(initial=0.0)) or 1.0
-    for options in _TRIES:
+    for options in _TRIES if equal is None else _TIED:
         model = LinearModel(
             matrix, (bottom, right), (low / units, high / units), {**_TOLERANCES, **options}
         )

@@ -146,7 +146,7 @@ def propagated(replay: Replay, box: Interval) -> tuple[Interval, list[Step]]:
 
 
 def _cliques(scaled: Scaled, options: Options) -> Cliques:
-    """Find cliques that need not hold the cutoff row: its multiplier is constant outside."""
+    """Find cliques of the rows without the cutoff row, which has a constant multiplier."""
     rows = scaled.problem
     least = least_order(rows)
     if comb(rows.dimension + least, least) <= _LARGEST_BLOCK:

@@ -71,7 +71,7 @@ def fitting_relaxations(
     *,
     constrained: bool,
 ) -> tuple[tuple[Relaxation, ...], tuple[str, ...]]:
-    """Build the relaxation asked for behind its lean form, as far as they fit.
+    """Build the relaxation asked for and its smaller form, where they fit the size limits.
 
     Parameters
     ----------
@@ -125,7 +125,10 @@ def fitting_relaxations(
 
 
 def _fitting(build: Callable[..., Relaxation], largest: int, memory: float, order: int) -> Fitting:
-    """Build the forms of an order that fit; its largest clique may exclude all before."""
+    """Build the forms of one order that fit the size limits.
+
+    Where the block of the largest clique alone is too large, no form is built.
+    """
     basis = comb(largest + order, order)
     blocks = 2**largest  # as many as sign symmetry makes of a basis, at most
     least = blocks * _entries(basis // blocks) ** 3 / 3.0

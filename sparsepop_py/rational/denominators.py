@@ -130,7 +130,7 @@ def _everywhere(
 
 
 def _for_denominators(options: Options) -> Options:
-    """Keep what does not belong to the objective of the whole problem."""
+    """Derive the options for bounds of denominators from those of the whole problem."""
     return replace(
         options,
         gap=1e-6,

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -62,19 +62,7 @@ class Products:
     @staticmethod
     def of(problem: Problem, objectives: Sequence[Polynomial] = ()) -> Products:
         """Products of the constraints and objectives of a problem."""
-        n = problem.dimension
-        tables = [problem.rows.words, problem.matrices.system.words, problem.objective.words]
-        tables += [f.words for f in objectives]
-        mixed = generators.partners(tables, n)
-        squares = []
-        for table in tables:
-            _, variable, power = monomials.runs(table)
-            squares.append(variable[power > 1])
-        own = np.unique(np.concatenate(squares))
-        pairs = np.concatenate([mixed, np.stack([own, own], axis=1)])
-        term, variable, _ = monomials.runs(problem.rows.words)
-        met = np.unique(problem.rows.row[term] * n + variable) % max(n, 1)
-        return Products(pairs, np.bincount(met, minlength=n), problem.rows.size)
+        return _all_products(problem, objectives) if objectives else _products_of(problem)
 
     @cached_property
     def complicating(self) -> tuple[int, ...]:
@@ -113,6 +101,29 @@ class Products:
         """True if few complicating variables face many others."""
         centre = len(self.complicating)
         return 0 < centre <= 12 and len(self.partners) - centre >= 2 * centre
+
+
+@lru_cache(maxsize=2)  # a problem and the one sharpened: each local search asks for both
+def _products_of(problem: Problem) -> Products:
+    """Products of the constraints and the objective of a problem."""
+    return _all_products(problem, ())
+
+
+def _all_products(problem: Problem, objectives: Sequence[Polynomial]) -> Products:
+    """Products of the constraints and objectives of a problem."""
+    n = problem.dimension
+    tables = [problem.rows.words, problem.matrices.system.words, problem.objective.words]
+    tables += [f.words for f in objectives]
+    mixed = generators.partners(tables, n)
+    squares = []
+    for table in tables:
+        _, variable, power = monomials.runs(table)
+        squares.append(variable[power > 1])
+    own = np.unique(np.concatenate(squares))
+    pairs = np.concatenate([mixed, np.stack([own, own], axis=1)])
+    term, variable, _ = monomials.runs(problem.rows.words)
+    met = np.unique(problem.rows.row[term] * n + variable) % max(n, 1)
+    return Products(pairs, np.bincount(met, minlength=n), problem.rows.size)
 
 
 class ShapeBuilder(Protocol):

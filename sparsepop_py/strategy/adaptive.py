@@ -98,7 +98,7 @@ class AdaptiveSearch:
     least_cutoff: float = np.inf
 
     def __post_init__(self) -> None:
-        replay = self.context.replay()
+        replay = self.context.at_cutoff()
         self.best = BoxBound(prove(replay, self.model.box, None, False), Node())
         self.outcome = certified_bound(replay, self.model, self.best)
         self.queue = RelaxationQueue(self.shared_state, self._scaled)
@@ -166,7 +166,7 @@ class AdaptiveSearch:
         width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
         own = self.model.proof.steps[len(old.proof.steps) :]
         self.model, self.shared_model = model, model
-        node, replay = self.best.node, self.context.replay()
+        node, replay = self.best.node, self.context.at_cutoff()
         if any(isinstance(step, Tightening) for step in own):  # costly: kept
             self._take(apply_steps(replay, own, model.box), *own)
         # another box than before, which need not be within it
@@ -301,7 +301,7 @@ class AdaptiveSearch:
 
     def _accept(self, box_bound: BoxBound, relaxation: Relaxation | None) -> None:
         """Keep an argument on its box if its bound is better."""
-        made = certified_bound(self.context.replay(), self.model, box_bound, relaxation)
+        made = certified_bound(self.context.at_cutoff(), self.model, box_bound, relaxation)
         if box_bound.proved.bound > self.best.proved.bound:
             self.best = box_bound
         self.outcome = better(self.outcome, made)
@@ -324,7 +324,7 @@ class AdaptiveSearch:
     def _shrink(self) -> None:
         """Propagate bounds with the current cutoff."""
         with self.context.stages.stage("presolve"):
-            box, step = tighten(self.context.replay(), self.model.box, STRATEGY.sweeps)
+            box, step = tighten(self.context.at_cutoff(), self.model.box, STRATEGY.sweeps)
             if shrinks(self.model.box, box):
                 self._take(box, step)
 
@@ -374,7 +374,7 @@ class AdaptiveSearch:
                 return None
             empty = solution.status == "infeasible"
             dual = mccormick.objective_dual(solution)
-            proved = prove(self.context.replay(), self.model.box, dual, empty)
+            proved = prove(self.context.at_cutoff(), self.model.box, dual, empty)
         self._accept(BoxBound(proved, Node(argument=dual, empty=empty)), mccormick.relaxation)
         self.linear_bound = max(self.linear_bound, proved.bound)
         return solution if solution.status == "solved" else None

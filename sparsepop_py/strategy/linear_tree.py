@@ -41,7 +41,7 @@ from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.propagation import is_empty
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.certificate import Certificate, Node, prove
-from sparsepop_py.verified.certificate.steps import BoxProof, Replay, tighten
+from sparsepop_py.verified.certificate.steps import BoxProof, Propagation, Replay, tighten
 
 __all__ = [
     "LinearTreeResult",
@@ -212,8 +212,18 @@ def _first_model(context: SolveContext) -> Model:
     box = Interval(context.problem.lower, context.problem.upper)
     if finite(box):
         return Model(BoxProof(), box)
-    box, step = tighten(context.replay(), box, LINEAR_TREE.first_sweeps)
+    box, step = _without_cutoff(context.problem)
+    if not finite(box):
+        box = Interval(context.problem.lower, context.problem.upper)
+        box, step = tighten(context.at_cutoff(), box, LINEAR_TREE.first_sweeps)
     return Model(BoxProof((step,)), box)
+
+
+@lru_cache(maxsize=2)  # the starts and the tree ask for it
+def _without_cutoff(problem: Problem) -> tuple[Interval, Propagation]:
+    """Propagate the rows of a problem whose bounds are not finite."""
+    box = Interval(problem.lower, problem.upper)
+    return tighten(Replay(problem, None), box, LINEAR_TREE.first_sweeps)
 
 
 def box_of_starts(context: SolveContext) -> Interval | None:
@@ -239,7 +249,7 @@ def _propagated(problem: Problem) -> Interval | None:
     """Propagate the rows of a problem of degree 2, without a cutoff."""
     box = Interval(problem.lower, problem.upper)
     if not finite(box):
-        box, _ = tighten(Replay(problem, None), box, LINEAR_TREE.first_sweeps)
+        box, _ = _without_cutoff(problem)
         return box if finite(box) and not is_empty(box) else None
     propagation = FloatPropagation(ProductModel.of(problem))
     low, high, _, empty = propagation.sweeps(box.lo, box.hi, np.inf, LINEAR_TREE.start_sweeps)
@@ -264,7 +274,7 @@ def bound_by_box(
     LinearTreeResult
         With an outcome where the gap is closed.
     """
-    replay = context.replay()
+    replay = context.at_cutoff()
     proved = prove(replay, model.box, None, False)
     if not context.closed(proved.bound):
         return LinearTreeResult(context, candidates)

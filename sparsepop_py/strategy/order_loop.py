@@ -303,9 +303,16 @@ def _by_gram_matrices(
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
     start, bound = time.process_time(), None
+
+    def search(expected: float) -> SolveContext:
+        nonlocal context, candidates
+        context, more = update_incumbent(context, list(more_starts), expected)
+        candidates = candidates + more
+        return context
+
     while True:
         try:
-            found = unconstrained_bound(context)
+            found = unconstrained_bound(context, search)
         except EARLY as cause:
             context.deadline.ended(cause)
             return unstarted_state(context, candidates)
@@ -340,7 +347,7 @@ def _run_orders(
             return _of_linear_tree(found)
         context, candidates = found.context, found.candidates
         with context.stages.stage("presolve"):
-            replay = context.replay()
+            replay = context.at_cutoff()
             proof, box = find_box(
                 context.problem,
                 context.best if replay.cutoff is not None else None,

@@ -69,7 +69,7 @@ def tighten_by_lp(
     """
     box = model.box
     open_ = [v for v in variables if box.hi[v] > box.lo[v]]
-    replay = context.replay()
+    replay = context.at_cutoff()
     smaller, step, empty = tighten_bounds(replay, mccormick, box, open_, context.deadline.left)
     if step is None:
         return TightenedModel(model, empty=empty)

@@ -178,7 +178,7 @@ def _reached(
     if np.isfinite(value):
         with context.stages.stage("certify"):
             needed = value - OBBT.short * (value - least)
-            found = short_if(needed, own.replay(), box, found)
+            found = short_if(needed, own.at_cutoff(), box, found)
     solution = found.solution
     if solution is None or solution.status not in ("solved", "almost"):
         return found, None

@@ -31,6 +31,7 @@ def test_goldstein_and_price(effort):
     assert again.certificate.verify(problem).bound >= result.lower_bound
 
 
+@pytest.mark.slow
 def test_a_product_of_quartics_of_two_forms():
     """u = x + 2 y and v = x - y are free: ((u - 1)^4 + 1)((v - 7)^4 + 3) has the minimum 3."""
     x, y = sp.variables(2)

@@ -269,7 +269,7 @@ def test_what_was_proved_on_a_box_of_its_own_is_proved_anew_on_a_shared_one(only
     assert auto.best.proved.bound > -INF
     auto.restart(wide)
     node = auto.best.node
-    again = prove(auto.context.replay(), auto.model.box, node.argument, node.empty)
+    again = prove(auto.context.at_cutoff(), auto.model.box, node.argument, node.empty)
     assert auto.best.proved.bound <= again.bound
     auto.outcome = replace(auto.outcome, certificate=None)  # the smaller box has no proof here
     auto.queue.specs = []

@@ -102,7 +102,14 @@ def test_results_are_valid(group):
 
 
 @pytest.mark.parametrize(
-    "name", ["e-0", "o-0", "strong-o", "two-poles-o", "narx", "simulated-free-0"]
+    "name",
+    [
+        "e-0",
+        "o-0",
+        "narx",
+        "simulated-free-0",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("strong-o", "two-poles-o")),
+    ],
 )
 def test_identifications_are_valid(name):
     assert valid(json.loads(written(name)), SCHEMA)

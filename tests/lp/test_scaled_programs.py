@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import scipy.sparse as sps
@@ -53,8 +56,42 @@ def test_numerical_difficulties_are_met_by_another_method(monkeypatch: pytest.Mo
 
     monkeypatch.setattr(scaled, "LinearModel", Difficult)
     found = solve_scaled(np.ones(2), (sps.csr_array(-np.eye(2)), -np.ones(2)))
-    assert found.status == "solved" and asked == ["choose", "ipm"]
+    assert found.status == "solved" and asked == ["simplex", "ipm"]
     np.testing.assert_allclose(found.x, [1, 1], atol=1e-7)
+
+
+LONG_RECURSIONS = """
+import numpy as np, scipy.sparse as sps
+from sparsepop_py.lp.scaled import solve_scaled
+
+source = np.random.default_rng(0)
+for _ in range(80):
+    n, a = int(source.integers(20, 300)), source.uniform(-0.9, 0.9)
+    noise = source.uniform(-0.05, 0.05, n)
+    tied = sps.diags_array([np.ones(n - 1), np.full(n - 1, a)], offsets=[1, 0], shape=(n - 1, n))
+    size, eye = sps.csr_array(np.full((n, 1), -0.05)), sps.eye_array(n)
+    below = sps.vstack([sps.hstack([eye, size]), sps.hstack([-eye, size])]).tocsr()
+    equal = sps.hstack([tied, sps.csr_array((n - 1, 1))]).tocsr()
+    free = np.full(n, np.inf)
+    found = solve_scaled(
+        np.append(np.zeros(n), 1.0), (below, np.zeros(2 * n)), (equal, tied @ noise),
+        (np.append(-free, 0.0), np.append(free, np.inf)),
+    )
+    assert found.status == "solved" and found.value <= 20 * abs(noise).max() + 1e-6
+    assert np.allclose(equal @ found.x, tied @ noise, atol=1e-8)
+"""
+
+
+def test_long_recursions_do_not_end_the_process() -> None:
+    """HiGHS's presolve writes beyond its memory on the 63rd of these (releases 1.11 to 1.15)."""
+    call = [sys.executable, "-c", LONG_RECURSIONS]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_program_is_presolved() -> None:
+    model = LinearModel(sps.csr_array(np.eye(1)), (np.zeros(1), np.ones(1)), (np.zeros(1),) * 2)
+    assert model._highs.getOptionValue("presolve")[1] == "off"
 
 
 def test_a_witness_is_not_found_where_the_solver_gives_up(monkeypatch: pytest.MonkeyPatch) -> None:

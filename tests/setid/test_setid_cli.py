@@ -99,6 +99,21 @@ def test_columns_by_name_and_number(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["identify", str(path), *bounds]) == cli.EXIT_PROVED
 
 
+def test_decimal_commas(tmp_path: Path, record: str, capsys: pytest.CaptureFixture[str]) -> None:
+    bounds = [*FIRST, "--equation-noise", "0.5"]
+    main(["identify", record, *bounds])
+    with_points = capsys.readouterr().out.split("\n", 1)[1]
+    path = tmp_path / "comma.csv"
+    path.write_text(ROWS.replace(",", ";").replace(".", ","))
+    assert main(["identify", str(path), *bounds]) == cli.EXIT_INPUT
+    assert "say decimal=" in capsys.readouterr().err
+    out = str(tmp_path / "comma.json")
+    call = ["identify", str(path), *bounds, "--decimal", ",", "--certificate", out]
+    assert main(call) == cli.EXIT_PROVED
+    assert with_points in capsys.readouterr().out
+    assert main(["verify", out, "--record", str(path), "--decimal", ","]) == 0
+
+
 def test_rows(record: str, capsys: pytest.CaptureFixture[str]) -> None:
     bounds = [*FIRST, "--equation-noise", "0.5", "--rows"]
     assert main(["identify", record, *bounds, "1:4"]) == cli.EXIT_PROVED

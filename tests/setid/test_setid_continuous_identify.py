@@ -121,7 +121,7 @@ def test_intervals_collapse_with_the_noise(size: float) -> None:
     assert max(interval.width for interval in result.intervals.values()) < 150 * size
 
 
-@pytest.mark.parametrize("tau", [0.2, 5.0])
+@pytest.mark.parametrize("tau", [0.2, pytest.param(5.0, marks=pytest.mark.slow)])
 def test_lambda_collapses_under_its_hold_assumption(tau: float) -> None:
     theta = np.array([2.0, 0.5, 3.0])
     model = C(1, 1, method="lambda", tau=tau, Ts=0.1)

@@ -82,10 +82,10 @@ def test_a_cutoff_below_the_attained_value():
         problem, Options(effort="auto", gap=0.1), Stages(False), Deadline(None), best
     )
     below = SolveContext(problem, lone.options, lone.stages, lone.deadline, best, below=True)
-    assert lone.replay().cutoff == best.value
-    assert below.replay().cutoff == pytest.approx(best.value - 0.09)
-    assert lone.replay(below=True).cutoff == below.replay().cutoff
-    assert below.replay(below=False).cutoff == best.value
+    assert lone.at_cutoff().cutoff == best.value
+    assert below.at_cutoff().cutoff == pytest.approx(best.value - 0.09)
+    assert lone.at_cutoff(below=True).cutoff == below.at_cutoff().cutoff
+    assert below.at_cutoff(below=False).cutoff == best.value
 
 
 @pytest.mark.parametrize("skip", [(), ("branch",), ("obbt_lp",)])

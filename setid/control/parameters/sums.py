@@ -18,10 +18,11 @@ import numpy as np
 import scipy.linalg as sla
 import scipy.sparse as sps
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from setid.control.parameters.polytope import Polytope, box_of
 from setid.control.parameters.rows import NoisyRows
+from sparsepop_py.lp.highs import LinearModel
+from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = [
     "Frame",
@@ -181,11 +182,10 @@ def least_noise_fit(rows: NoisyRows, x: Reals) -> Reals:
         blank = sps.csr_array((count, x.size))
         below = sps.vstack([sps.hstack([blank, s * eye, -one]) for s in (1.0, -1.0)]).tocsr()
         residual = rows.target + rows.regressors @ x
-        bounds = [(None, None)] * (x.size + count) + [(0.0, None)]
-        found = linprog(
-            cost, below, np.zeros(2 * count), equal, -residual, bounds=bounds, method="highs"
-        )
-        if found.status != 0:
+        free = np.full(x.size + count, inf)
+        ends = np.append(-free, 0.0), np.append(free, inf)
+        found = solve_scaled(cost, (below, np.zeros(2 * count)), (equal, -residual), ends)
+        if found.status != "solved":
             break
         x = x + found.x[: x.size]
     return x
@@ -297,20 +297,19 @@ def _least_noise_inverse(rows: NoisyRows, frame: Frame, until: float) -> Reals |
     x, count = frame.origin, rows.bound.size
     scaled = rows.shape_of_noise(x) * rows.bound[None, :]
     matrix = sps.hstack([sps.csr_array(rows.regressors @ frame.axes), -scaled]).tocsr()
-    bounds = [(None, None)] * x.size + [(-1.0, 1.0)] * count
     zero = np.zeros(rows.target.size)
+    ends = np.append(np.full(x.size, inf), np.ones(count))
+    program = LinearModel(matrix, (zero, zero), (-ends, ends))
     found = []
     for i in range(x.size):
         cost = np.zeros(x.size + count)
         cost[i] = 1.0
         if time.monotonic() > until:
             return None
-        result = linprog(
-            cost, A_eq=matrix, b_eq=zero, bounds=bounds, method="highs", options=_left(until)
-        )
-        if result.status != 0:
+        result = program.solve(cost, _left(until))
+        if result.status != "solved":
             return None
-        found.append(np.asarray(result.eqlin.marginals, float))
+        found.append(result.dual)
     return np.array(found)
 
 
@@ -478,20 +477,19 @@ def _best(rows: NoisyRows, frame: Frame, until: float) -> Reals:
     q, count = x.size, rows.bound.size
     scaled = rows.shape_of_noise(x) * rows.bound[None, :]
     matrix = sps.hstack([sps.csr_array(clean), -scaled]).tocsr()
-    bounds = [(None, None)] * q + [(-1.0, 1.0)] * count
+    ends = np.append(np.full(q, inf), np.ones(count))
+    program = LinearModel(matrix, (-residual, -residual), (-ends, ends))
     found = []
     for goal in np.concatenate([np.eye(q), -np.eye(q), frame.axes, -frame.axes]):
         if time.monotonic() > until:
             break
         cost = np.concatenate([goal / np.abs(goal).max(), np.zeros(count)])
-        result = linprog(
-            cost, A_eq=matrix, b_eq=-residual, bounds=bounds, method="highs", options=_left(until)
-        )
-        if result.status == 0:
-            found.append(np.asarray(result.eqlin.marginals, float))
+        result = program.solve(cost, _left(until))
+        if result.status == "solved":
+            found.append(result.dual)
     return np.reshape(found, (-1, rows.target.size))
 
 
-def _left(until: float) -> dict[str, float]:
-    """Options of a linear program that ends with a deadline."""
-    return {} if until == inf else {"time_limit": max(until - time.monotonic(), 0.05)}
+def _left(until: float) -> float | None:
+    """Seconds that a linear program may take before a deadline."""
+    return None if until == inf else max(until - time.monotonic(), 0.05)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,11 @@ from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
 from setid.neural.status import Status, agreed
 from setid.neural.training.patterns import Goal, PatternNode, Patterns, PatternSearch, prove_tree
+from setid.neural.training.smooth_weights import (
+    SmoothHiddenWeights,
+    interval_of,
+    smooth_hidden_weights,
+)
 
 __all__ = ["HiddenWeights", "SignChoice", "hidden_weights"]
 
@@ -145,20 +150,20 @@ def hidden_weights(
     weights: float = 10.0,
     time_limit: float = 60.0,
     normalised: bool = True,
-) -> HiddenWeights:
-    """Bound hidden weights over all small ReLU networks that explain a record.
+) -> HiddenWeights | SmoothHiddenWeights:
+    """Bound hidden weights over all small networks that explain a record.
 
     Parameters
     ----------
     net : NNARX or NNOE
-        Its structure is used: one hidden layer of ReLU or leaky ReLU, a linear last one, one
-        output. One or two neurons are practical.
+        Its structure is used: one hidden layer (ReLU, leaky ReLU, tanh, sigmoid or algebraic), a
+        linear last one, one output. One or two neurons are practical.
     data : IOData
     noise : Noise or float
         One bound of the equation error.
     weights : float
-        Bound of hidden weights and biases after normalisation, an assumption. Where an interval
-        ends there, the record does not bound it.
+        Bound of hidden weights and biases after normalisation, and of output weights of smooth
+        neurons, an assumption. Where an interval ends there, the record does not bound it.
     time_limit : float
         Seconds; the intervals hold when it is over, but may be wider than need be.
     normalised : bool
@@ -166,7 +171,9 @@ def hidden_weights(
 
     Returns
     -------
-    HiddenWeights
+    HiddenWeights or SmoothHiddenWeights
+        The latter for tanh, sigmoid and algebraic neurons, with ``eps``: how far the activation is
+        from the lines that stand for it where the proof ends, which the intervals allow for.
 
     Raises
     ------
@@ -194,7 +201,12 @@ def hidden_weights(
         )
     if not 0 < weights < np.inf:
         raise ModelError(f"weights: found {weights!r}, expected a positive number")
-    task = _Task.of(net, data, _bound(net, data, noise), float(weights))
+    bound = _bound(net, data, noise)
+    if _linear_last(net).activation[0] in ("tanh", "sigmoid", "algebraic"):
+        found = smooth_hidden_weights(net, data, bound, float(weights), time_limit)
+        stated = noise.assumptions if isinstance(noise, Noise) else ()
+        return replace(found, assumptions=(*found.assumptions, *stated))
+    task = _Task.of(net, data, bound, float(weights))
     until = time.monotonic() + time_limit
     choices = []
     options = _signs(task.width)
@@ -229,6 +241,16 @@ def _bound(net: RegressorNetwork, data: IOData, noise: Noise | float) -> float:
     return float(values[0])
 
 
+def _linear_last(net: RegressorNetwork) -> Network:
+    inner = net.network
+    if len(inner.weights) != 2 or inner.activation[1] != "identity" or net.outputs != 1:
+        raise ModelError(
+            f"net: found {inner!r} with {net.outputs} outputs, expected one hidden layer, a "
+            "linear last layer and one output"
+        )
+    return inner
+
+
 def _signs(width: int) -> list[tuple[float, ...]]:
     return [(1.0,) * p + (-1.0,) * (width - p) for p in range(width, -1, -1)]
 
@@ -247,15 +269,13 @@ class _Task:
     @staticmethod
     def of(net: RegressorNetwork, data: IOData, bound: float, reach: float) -> _Task:
         phi, row = rows_of(net, data)
-        inner = net.network
-        if len(inner.weights) != 2 or inner.activation[1] != "identity" or net.outputs != 1:
-            raise ModelError(
-                f"net: found {inner!r} with {net.outputs} outputs, expected one hidden layer, a "
-                "linear last layer and one output"
-            )
+        inner = _linear_last(net)
         kind = inner.activation[0]
         if kind not in ("relu", "leaky_relu") or (kind == "leaky_relu" and inner.leak == 1.0):
-            raise ModelError(f"net: found {kind} neurons, expected relu or leaky_relu (leak not 1)")
+            raise ModelError(
+                f"net: found {kind} neurons, expected relu, leaky_relu (leak not 1), tanh, "
+                "sigmoid or algebraic"
+            )
         return _Task(net, data, phi, data.y[row, 0], bound, reach)
 
     @property
@@ -439,18 +459,8 @@ def _intervals(
     high = np.max([item.high for item in kept], axis=0)
     members = np.vstack([item.members for item in kept])
     found = {
-        name: _interval(name, (float(low[i]), float(high[i])), members[:, i])
+        name: interval_of(name, (float(low[i]), float(high[i])), members[:, i])
         for i, name in enumerate(names)
     }
     closed = all(item.status is IntervalStatus.CERTIFIED for item in found.values())
     return found, Status.PROVED if closed else Status.PARTIAL
-
-
-def _interval(name: str, outer: tuple[float, float], values: Reals) -> ParameterInterval:
-    if not values.size:
-        return ParameterInterval(name, outer, None, IntervalStatus.PARTIAL)
-    inner = float(values.min()), float(values.max())
-    loose = max(inner[0] - outer[0], outer[1] - inner[1])
-    closed = loose <= _CLOSED * (inner[1] - inner[0])
-    status = IntervalStatus.CERTIFIED if closed else IntervalStatus.PARTIAL
-    return ParameterInterval(name, outer, inner, status)

@@ -16,12 +16,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import scipy.sparse as sps
 from numpy.typing import NDArray
 
 import sparsepop_py as sp
 from setid import IOData, ModelError, Verification
-from setid.neural.arithmetic import LinearModel, activate, require_ieee, up
+from setid.neural.arithmetic import activate, require_ieee, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
@@ -33,7 +32,13 @@ from setid.neural.training.engine import (
     training_problem,
 )
 from setid.neural.training.patterns import PatternNode, Patterns, PatternSearch, prove_tree
-from setid.neural.training.weight_boxes import WeightProgram, WeightSearch, prove_boxes
+from setid.neural.training.weight_boxes import (
+    WeightProgram,
+    WeightSearch,
+    fitted,
+    prove_boxes,
+    reaches,
+)
 
 __all__ = ["ProvedTraining", "train_proved"]
 
@@ -198,14 +203,10 @@ def _cap(y: Reals) -> float:
     return float(up(up(np.max(y) - np.min(y)) * 0.5000001)) + 1e-300
 
 
-def _reaches(weights: float, y: Reals) -> float:
-    return float(up(weights + np.max(np.abs(y))))
-
-
 def _program(network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float,
              cap: float) -> Patterns:  # fmt: skip
     high = np.full(len(signs) * (phi.shape[1] + 1) + 1, weights)
-    high[-1] = _reaches(weights, y)
+    high[-1] = reaches(weights, y)
     return Patterns.of(phi, y, np.array(signs), _leak(network), (-high, high), cap)
 
 
@@ -276,7 +277,7 @@ def _simulated(best: _Best, program: Patterns, signs: Reals) -> None:
 def _stated(
     network: Network, phi: Reals, y: Reals, signs: Sequence[float], weights: float, cap: float
 ) -> TrainingProblem:
-    return training_problem(phi, y, signs, _leak(network), weights, _reaches(weights, y), cap)
+    return training_problem(phi, y, signs, _leak(network), weights, reaches(weights, y), cap)
 
 
 def _result(
@@ -373,7 +374,7 @@ def _inside(network: Network, weights: float, y: Reals) -> bool:
         else (np.all(last <= weights) and np.all(network.weights[1] >= 0))
     )
     return bool(
-        hidden <= weights and fits and np.all(np.abs(network.biases[1]) <= _reaches(weights, y))
+        hidden <= weights and fits and np.all(np.abs(network.biases[1]) <= reaches(weights, y))
     )
 
 
@@ -400,7 +401,7 @@ def _replay(network: Network, phi: Reals, y: Reals, item: ProvedTraining) -> flo
 
 def _boxes(network: Network, phi: Reals, y: Reals, weights: float, cap: float) -> WeightProgram:
     width = network.weights[0].shape[0]
-    bias = _reaches(weights, y)
+    bias = reaches(weights, y)
     return WeightProgram(network.activation[0], phi, y, width, weights, bias, cap)
 
 
@@ -413,7 +414,7 @@ def _by_boxes(
     best, value, seen = _clipped(net.network, phi, y, weights), np.inf, 0
     while True:
         for *_, point in search.known[seen:]:
-            trial, reached = _fitted(net.network, phi, y, weights, point)
+            trial, reached = fitted(net.network, phi, y, weights, point)
             if trial is not None and reached < value:
                 best, value = trial, reached
         seen = len(search.known)
@@ -424,32 +425,6 @@ def _by_boxes(
                    {(): search.tree()}, cap)  # fmt: skip
 
 
-def _fitted(
-    network: Network, phi: Reals, y: Reals, weights: float, point: Reals | None
-) -> tuple[Network | None, float]:
-    """The best last layer of given hidden weights, by a linear program, and its error."""
-    if point is None:
-        return None, np.inf
-    width, d = network.weights[0].shape
-    hidden = point.reshape(width, d + 1)
-    z = activate(network.activation[0], phi @ hidden[:, :d].T + hidden[:, d], network.leak)
-    one = np.ones((len(y), 1))
-    matrix = sps.csr_array(np.block([[z, one, one], [z, one, -one]]))
-    free, bias = np.full(len(y), np.inf), _reaches(weights, y)
-    columns = (np.append(np.zeros(width), [-bias, 0.0]),
-               np.append(np.full(width, weights), [bias, np.inf]))  # fmt: skip
-    model = LinearModel(matrix, (np.append(y, -free), np.append(free, y)), columns)
-    found = model.solve(np.append(np.zeros(width + 1), 1.0))
-    if found.status != "solved":
-        return None, np.inf
-    last = np.clip(found.x[:width], 0.0, weights)
-    trial = Network([hidden[:, :d], last[None]], [hidden[:, d], [0.0]], network.activation)
-    rest = y - trial(phi)[:, 0]
-    middle = np.clip(0.5 * (rest.max() + rest.min()), -bias, bias)
-    error = float(np.max(np.abs(rest - middle)))
-    return trial.with_last_layer(last[None], [middle]), error
-
-
 def _clipped(network: Network, phi: Reals, y: Reals, weights: float) -> Network:
     """The network given, with weights in range and output weights that are not negative."""
     first = np.clip(network.weights[0], -weights, weights)
@@ -457,7 +432,7 @@ def _clipped(network: Network, phi: Reals, y: Reals, weights: float) -> Network:
     last = np.clip(network.weights[1][0], -weights, weights)
     side = np.where(last < 0, -1.0, 1.0)  # moved inside: f(-a) = -f(a), or 1 - f(a) for sigmoid
     found = np.hstack([first * side[:, None], (bias * side)[:, None]]).ravel()
-    trial, _ = _fitted(network, phi, y, weights, found)
+    trial, _ = fitted(network, phi, y, weights, found)
     if trial is not None:
         return trial
     return Network([first * 0.0, last[None] * 0.0], [bias * 0.0, [0.5 * float(y.max() + y.min())]],

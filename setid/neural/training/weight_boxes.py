@@ -14,15 +14,26 @@ from __future__ import annotations
 
 import heapq
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from setid.neural.arithmetic import Interval, LinearModel, down, linearise, matmul, row_sums, up
+from setid.neural.arithmetic import (
+    Interval,
+    LinearModel,
+    activate,
+    down,
+    linearise,
+    matmul,
+    row_sums,
+    up,
+)
+from setid.neural.models.network import Network
 
-__all__ = ["WeightNode", "WeightProgram", "WeightSearch", "prove_boxes"]
+__all__ = ["WeightNode", "WeightProgram", "WeightSearch", "fitted", "prove_boxes", "reaches"]
 
 Reals = NDArray[np.float64]
 
@@ -62,6 +73,8 @@ class WeightProgram:
         Number k of neurons.
     weights, bias, cap : float
         Ranges of hidden and output weights, of the output bias, and of D.
+    last : list
+        The rows that were made last, with their box.
     """
 
     name: str
@@ -71,6 +84,7 @@ class WeightProgram:
     weights: float
     bias: float
     cap: float
+    last: list[Any] = field(default_factory=list, repr=False)
 
     def root(self) -> Interval:
         """Box of all hidden weights and biases, neuron by neuron, (k (d + 1),)."""
@@ -79,16 +93,31 @@ class WeightProgram:
 
     def rows(self, box: Interval) -> tuple[Interval, Reals, Reals]:
         """Coefficients of the rows and their ends; columns (q_j, r_j) ..., v, c, D."""
+        return self._stated(box)[:3]
+
+    def distance(self, box: Interval) -> float:
+        """Proved distance of the activation from the lines that stand for it over a box."""
+        return self._stated(box)[3]
+
+    def _stated(self, box: Interval) -> tuple[Interval, Reals, Reals, float]:
+        """Rows and distance, kept for the box that was asked for last."""
+        if not self.last or self.last[0][0] is not box:
+            self.last[:] = [(box, self._made(box))]
+        return self.last[0][1]
+
+    def _made(self, box: Interval) -> tuple[Interval, Reals, Reals, float]:
         count, d = self.phi.shape
         k = self.width
         full = np.hstack([self.phi, np.ones((count, 1))])
         size = k * (d + 1)
         upper = Interval(np.zeros((count, size + k + 2)), np.zeros((count, size + k + 2)))
         lower = Interval(upper.lo.copy(), upper.hi.copy())
+        far = 0.0
         for j in range(k):
             own = slice(j * (d + 1), (j + 1) * (d + 1))
             a = matmul(Interval.point(full), box[own][:, None])[:, 0]
             slope, offset, radius = linearise(self.name, a)
+            far = max(far, float(radius.max()))
             part = Interval.point(slope[:, None]) * Interval.point(full)
             above = Interval.point(offset) + Interval.point(radius)
             below = Interval.point(offset) - Interval.point(radius)
@@ -109,7 +138,7 @@ class WeightProgram:
         free = np.inf
         low = np.concatenate([self.y, np.full(count, -free), np.zeros(2 * size)])
         high = np.concatenate([np.full(count, free), self.y, np.full(2 * size, free)])
-        return matrix, low, high
+        return matrix, low, high, far
 
     def columns(self, box: Interval) -> tuple[Reals, Reals]:
         """Ranges of the columns."""
@@ -122,24 +151,33 @@ class WeightProgram:
 
     def prove(self, box: Interval, dual: Reals, infeasible: bool) -> float:
         """Lower bound of D over a box; infinite where the multipliers prove it empty."""
-        matrix, low, high = self.rows(box)
-        if dual.shape != low.shape or not np.all(np.isfinite(dual)):
-            return 0.0
-        y = np.where((dual > 0) & np.isinf(low), 0.0, dual)
-        y = np.where((y < 0) & np.isinf(high), 0.0, y)
-        used = np.flatnonzero(y)
-        ends = np.where(y > 0, low, high)[used]
-        gain = matmul(Interval.point(y[None, used]), Interval.point(ends[:, None]))
-        cost = np.zeros((1, matrix.lo.shape[1]))
-        cost[0, -1] = 0.0 if infeasible else 1.0
-        reduced = Interval.point(cost) - matmul(Interval.point(y[None, used]), matrix[used])
-        least, most = self.columns(box)
-        terms = (reduced * Interval(least[None], most[None])).lo[0]
-        slack = float(row_sums(terms[None])[0]) * (terms.size + 4.0) * 2.0**-52
-        value = float(down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(slack))))
+        cost = np.zeros(self.columns(box)[0].size)
+        cost[-1] = 0.0 if infeasible else 1.0
+        value = float(self.bounded(box, dual[None], cost[None])[0])
         if infeasible:
             return np.inf if value > 0 else 0.0
         return max(value, 0.0)
+
+    def bounded(self, box: Interval, duals: Reals, costs: Reals) -> Reals:
+        """Lower bounds (K,) of functions (K, n) of the columns that multipliers prove."""
+        matrix, low, high = self.rows(box)
+        found = np.full(len(costs), -np.inf)
+        if duals.shape != (len(costs), low.size) or not np.all(np.isfinite(duals)):
+            return found
+        least, most = self.columns(box)
+        for number, (dual, cost) in enumerate(zip(duals, costs, strict=True)):
+            y = np.where((dual > 0) & np.isinf(low), 0.0, dual)
+            y = np.where((y < 0) & np.isinf(high), 0.0, y)
+            used = np.flatnonzero(y)
+            ends = np.where(y > 0, low, high)[used]
+            gain = matmul(Interval.point(y[None, used]), Interval.point(ends[:, None]))
+            reduced = Interval.point(cost[None]) - matmul(
+                Interval.point(y[None, used]), matrix[used]
+            )
+            terms = (reduced * Interval(least[None], most[None])).lo[0]
+            slack = float(row_sums(terms[None])[0]) * (terms.size + 4.0) * 2.0**-52
+            found[number] = down(down(gain.lo[0, 0]) + down(down(terms.sum()) - up(slack)))
+        return found
 
     def halves(self, box: Interval, entry: int) -> tuple[Interval, Interval]:
         """The two halves of a box."""
@@ -211,3 +249,34 @@ class WeightSearch:
             return WeightNode(entry, (self.tree(one), self.tree(other)), np.zeros(0))
         _, dual, infeasible, _, _ = self.known[number]
         return WeightNode(-1, (), dual, infeasible)
+
+
+def reaches(weights: float, y: Reals) -> float:
+    """Largest output bias that is of use with one neuron."""
+    return float(up(weights + np.max(np.abs(y))))
+
+
+def fitted(
+    network: Network, phi: Reals, y: Reals, weights: float, point: Reals | None
+) -> tuple[Network | None, float]:
+    """The best last layer of given hidden weights, by a linear program, and its error."""
+    if point is None:
+        return None, np.inf
+    width, d = network.weights[0].shape
+    hidden = point.reshape(width, d + 1)
+    z = activate(network.activation[0], phi @ hidden[:, :d].T + hidden[:, d], network.leak)
+    one = np.ones((len(y), 1))
+    matrix = sps.csr_array(np.block([[z, one, one], [z, one, -one]]))
+    free, bias = np.full(len(y), np.inf), reaches(weights, y)
+    columns = (np.append(np.zeros(width), [-bias, 0.0]),
+               np.append(np.full(width, weights), [bias, np.inf]))  # fmt: skip
+    model = LinearModel(matrix, (np.append(y, -free), np.append(free, y)), columns)
+    found = model.solve(np.append(np.zeros(width + 1), 1.0))
+    if found.status != "solved":
+        return None, np.inf
+    last = np.clip(found.x[:width], 0.0, weights)
+    trial = Network([hidden[:, :d], last[None]], [hidden[:, d], [0.0]], network.activation)
+    rest = y - trial(phi)[:, 0]
+    middle = np.clip(0.5 * (rest.max() + rest.min()), -bias, bias)
+    error = float(np.max(np.abs(rest - middle)))
+    return trial.with_last_layer(last[None], [middle]), error

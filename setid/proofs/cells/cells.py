@@ -1,7 +1,7 @@
 """Cells of parameters that cover a feasible set.
 
-Where cells are cut and in which order may come from anywhere. What makes them a cover is here:
-neighbours share the number that parts them, and a cell leaves only if it is proved empty.
+Any rule may choose where a cell is branched. The cells cover the set nevertheless: two halves share
+the number at which they were branched, and a cell is removed only if it is proved empty.
 """
 
 from __future__ import annotations

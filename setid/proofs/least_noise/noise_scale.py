@@ -15,6 +15,7 @@ from setid.formulation.formulation import Formulation, formulate
 from setid.formulation.units import in_units
 from setid.proofs.evidence import Verification
 from setid.proofs.existence import admitted, proved_point
+from setid.proofs.least_noise.denominator_cells import DenominatorCells
 from setid.proofs.parameter_box import ProvedBox, box_follows
 from sparsepop_py.verified.uncertain_rows.sign_tree import ParameterBox
 
@@ -56,8 +57,8 @@ class NoiseScale:
         What the engine proved, otherwise.
     box : ParameterBox, DirectionBox, LiftedBox, CellBox or None
         The box of the parameters with the factor at ``limit``.
-    refuted : (float, ParameterBox) or None
-        A factor at which the box from the data alone is proved empty.
+    refuted : (float, ParameterBox or DenominatorCells) or None
+        A factor at which no parameters are proved to be consistent, by rows or by denominators.
     noise : Noise
         As given: a factor of 1.
     """
@@ -71,7 +72,7 @@ class NoiseScale:
     bound: sp.LinearBound | None
     result: sp.Result | None
     box: ProvedBox | None
-    refuted: tuple[float, ParameterBox] | None
+    refuted: tuple[float, ParameterBox | DenominatorCells] | None
     noise: Noise
 
 
@@ -195,7 +196,7 @@ def verify_scale(found: NoiseScale) -> Verification:
     proved, attained = 0.0, False
     if found.refuted is not None:
         factor, box = found.refuted
-        if not box.empty or not box_follows(box, _stated(found, factor)):
+        if not box.empty or not _emptiness_follows(box, _stated(found, factor)):
             return Verification(False, "emptiness of the box does not follow")
         proved = factor
     if found.result is not None:
@@ -209,6 +210,12 @@ def verify_scale(found: NoiseScale) -> Verification:
         return Verification(False, "nothing attains the upper end")
     good = found.scale[0] <= proved
     return Verification(good, "" if good else "the lower end does not follow")
+
+
+def _emptiness_follows(box: ParameterBox | DenominatorCells, formulation: Formulation) -> bool:
+    if isinstance(box, DenominatorCells):
+        return box.verify(formulation)
+    return box_follows(box, formulation)
 
 
 def _verify_linear(found: NoiseScale, bound: sp.LinearBound) -> Verification:

@@ -116,7 +116,7 @@ class Recursion:
         return signals
 
     def _start(self, signal: str, region: Region) -> Form | None:
-        """The first samples as forms, those that are not asked without bounds."""
+        """Affine forms of the samples before the first, for the signal that is asked."""
         if signal not in self.past:
             return None
         place = len(self.parameters)

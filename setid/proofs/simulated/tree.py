@@ -202,7 +202,7 @@ class SimulatedBox(Bounds):
     def _hull(
         self, formulation: Formulation, parts: Recursion, root: Region | None
     ) -> tuple[Reals, Reals] | None:
-        """Ends of all leaves that are not empty; None where the tree is none."""
+        """Compute the box of all leaves that are not empty; None where the tree is malformed."""
         d = parts.dimension
         low, high = np.full(d, np.inf), np.full(d, -np.inf)
         waiting = [(root, 0)]

@@ -1,6 +1,7 @@
 """Cells of the denominator's parameters, with the range of an output that is proved on each.
 
-Centres may come from anywhere. Every cell has a range, its own or that of the cell it was cut from.
+Any rule may choose the centres. A cell whose range is not computed keeps the range of the cell that
+was branched into it.
 """
 
 from __future__ import annotations

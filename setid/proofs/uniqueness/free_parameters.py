@@ -57,7 +57,7 @@ def free_parameters(
 
 
 def _noise_alone(formulation: Formulation, outputs: bool, inputs: bool) -> NDArray[np.float64]:
-    """Unknowns that are zero but for noise, which makes true outputs or inputs zero."""
+    """Make a vector whose noise equals the readings, so that true signals are zero."""
     x = np.zeros(formulation.problem.dimension)
     data = formulation.data
     for wanted, group, signal in ((outputs, "eta", data.y), (inputs, "xi", data.u)):

@@ -40,6 +40,7 @@ __all__ = [
 
 _UNIT = 2.0**-53  # relative rounding error of doubles (IEEE 754)
 _TINY = 2.0**-1022  # least normal double
+_SMALL = 2.0**-500  # products of two larger numbers are normal
 
 
 def require_ieee() -> None:
@@ -69,10 +70,17 @@ def _times(a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.float64]:
     """Multiply with 0 * inf = 0; only exact zeros give zero, not underflow."""
     with np.errstate(invalid="ignore", over="ignore", under="ignore"):
         product = a * b
-        if np.all(np.abs(product) > 0.0):
+        if np.count_nonzero(np.abs(product) > 0.0) == np.size(product):
             return product
         lost = np.copysign(2.0**-1074, product)
     return np.where((a == 0) | (b == 0), 0.0, np.where(product == 0, lost, product))
+
+
+def _plain(factors: Sequence[NDArray[Any]]) -> bool:
+    """Check that products of any two cannot underflow, and that none is 0 times infinity."""
+    size = np.abs(np.concatenate(factors, axis=None))
+    size[size == 0] = 1.0
+    return bool(size.min(initial=1.0) > _SMALL and size.max(initial=1.0) < np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +118,8 @@ class Interval:
         return Interval(np.float64(lo), np.float64(hi))  # type: ignore[arg-type]
 
     def __getitem__(self, key: Any) -> Interval:
-        return Interval(self.lo[key], self.hi[key])
+        low = self.lo[key]
+        return Interval(low, low if self.hi is self.lo else self.hi[key])
 
     def __neg__(self) -> Interval:
         return Interval(-self.hi, -self.lo)
@@ -123,12 +132,21 @@ class Interval:
         return self + (-other)
 
     def __mul__(self, other: Interval) -> Interval:
-        shape = np.broadcast_shapes(np.shape(self.lo), np.shape(other.lo))
-        left, right = np.empty((2, 1, *shape)), np.empty((1, 2, *shape))
-        left[0], left[1], right[:, 0], right[:, 1] = self.lo, self.hi, other.lo, other.hi
-        products = _times(left, right)  # all four at once: small arrays cost by the call
-        low, high = products.min(axis=(0, 1)), products.max(axis=(0, 1))
-        with np.errstate(over="ignore"):
+        left = (self.lo,) if self.lo is self.hi else (self.lo, self.hi)
+        right = (other.lo,) if other.lo is other.hi else (other.lo, other.hi)
+        with np.errstate(invalid="ignore", over="ignore", under="ignore"):
+            low, high = _extremes([a * b for a in left for b in right])
+            count = np.size(low)
+            some = np.count_nonzero(np.abs(low) > 0.0) == count == np.count_nonzero(high)
+            if some:  # no end is 0 or no number; what lies between does not matter
+                return Interval(down(low), up(high))
+            if not _plain(left + right):
+                shape = np.shape(low)
+                first, second = np.empty((2, 1, *shape)), np.empty((1, 2, *shape))
+                first[0], first[1] = self.lo, self.hi
+                second[:, 0], second[:, 1] = other.lo, other.hi
+                products = _times(first, second)  # all at once: small arrays cost by the call
+                low, high = products.min(axis=(0, 1)), products.max(axis=(0, 1))
             return Interval(np.where(low == 0, 0.0, down(low)), np.where(high == 0, 0.0, up(high)))
 
     def __truediv__(self, other: Interval) -> Interval:
@@ -142,17 +160,35 @@ class Interval:
 
     def power(self, exponent: NDArray[np.int64]) -> Interval:
         """Elementwise integer powers (exponent >= 0, broadcast against the interval)."""
-        low, high, exponent = np.broadcast_arrays(self.lo, self.hi, exponent)
-        near = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(np.abs(low), np.abs(high)))
+        exponent = np.asarray(exponent)
+        higher = np.count_nonzero(exponent > 1)
+        if higher == exponent.size:
+            return self._higher_power(exponent)
+        one = exponent == 0
+        lo = np.where(one, 1.0, self.lo)
+        hi = lo if self.hi is self.lo else np.where(one, 1.0, self.hi)
+        if higher:
+            exponent = np.broadcast_to(exponent, lo.shape)
+            here = exponent > 1
+            found = Interval(lo[here], hi[here])._higher_power(exponent[here])
+            lo, hi = lo.copy(), hi.copy()
+            lo[here], hi[here] = found.lo, found.hi
+        return Interval(lo, hi)
+
+    def _higher_power(self, exponent: NDArray[np.int64]) -> Interval:
+        """Powers of exponents > 1."""
+        low, high = self.lo, self.hi
+        low_size, high_size = np.abs(low), np.abs(high)
+        near = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(low_size, high_size))
         near_power = _power(near, exponent, down)
-        low_power, high_power = _power(np.abs(np.stack([low, high])), exponent, up)
-        far_power = np.maximum(low_power, high_power)  # rounded products are monotone
+        far_power = _power(np.maximum(low_size, high_size), exponent, up)
         even = exponent % 2 == 0
-        lo = np.where(low >= 0, near_power, -low_power)
-        hi = np.where(high <= 0, -near_power, high_power)
-        return Interval(
-            np.where(even, np.maximum(near_power, 0.0), lo), np.where(even, far_power, hi)
-        )
+        lo, hi = np.maximum(near_power, 0.0), far_power
+        if np.count_nonzero(even) < even.size:
+            low_power, high_power = _power(low_size, exponent, up), _power(high_size, exponent, up)
+            lo = np.where(even, lo, np.where(low >= 0, near_power, -low_power))
+            hi = np.where(even, far_power, np.where(high <= 0, -near_power, high_power))
+        return Interval(lo, hi)
 
     def magnitude(self) -> NDArray[np.float64]:
         """Compute the largest absolute value in each interval."""
@@ -167,15 +203,23 @@ class Interval:
         return Interval(np.maximum(self.lo, other.lo), np.minimum(self.hi, other.hi))
 
 
+def _extremes(parts: list[NDArray[Any]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and largest entries of several arrays, no number where one is none."""
+    low = high = parts[0]
+    for part in parts[1:]:
+        low, high = np.minimum(low, part), np.maximum(high, part)
+    return low, high
+
+
 def _power(
     magnitude: NDArray[Any], exponent: NDArray[Any], rounded: Callable[[NDArray[Any]], NDArray[Any]]
 ) -> NDArray[np.float64]:
-    """Powers of non-negative numbers by rounded multiplications; 1 for exponent 0."""
-    result: NDArray[np.float64] = np.where(exponent > 0, magnitude, 1.0)
+    """Powers of non-negative numbers by rounded multiplications, for exponents > 0."""
+    result: NDArray[np.float64] = magnitude
     for step in range(1, int(exponent.max(initial=0))):
         product = rounded(_times(result, magnitude))
         result = np.where(exponent > step, product, result)
-    return np.where((exponent > 0) & (magnitude == 0), 0.0, result)
+    return np.where(magnitude == 0, 0.0, result)
 
 
 def sum_by(index: NDArray[Any], terms: Interval, size: int) -> Interval:
@@ -184,16 +228,23 @@ def sum_by(index: NDArray[Any], terms: Interval, size: int) -> Interval:
     Single terms and empty sums stay exact.
     """
     count = np.bincount(index, minlength=size)
-    ends: list[NDArray[np.float64]] = []
-    for end, sign in ((terms.lo, -1.0), (terms.hi, 1.0)):
-        value = np.bincount(index, weights=end, minlength=size)
-        size_of_terms = np.bincount(index, weights=np.abs(end), minlength=size)
-        error = (count + 4.0) * (1.001 * _UNIT) * size_of_terms
-        with np.errstate(invalid="ignore", over="ignore"):
+    several = count > 1
+    if not np.count_nonzero(several):
+        low, high = (
+            np.bincount(index, weights=end, minlength=size).astype(float)
+            for end in (terms.lo, terms.hi)
+        )
+        return Interval(low, high)
+    relative = (count + 4.0) * (1.001 * _UNIT)
+    with np.errstate(invalid="ignore", over="ignore"):
+        ends: list[NDArray[np.float64]] = []
+        for end, sign in ((terms.lo, -1.0), (terms.hi, 1.0)):
+            value = np.bincount(index, weights=end, minlength=size)
+            error = relative * np.bincount(index, weights=np.abs(end), minlength=size)
             shifted = np.nextafter(value + sign * error, sign * np.inf)
-        # a partial sum may overflow although the sum is finite: then nothing is known
-        safe = np.where(np.isfinite(shifted), shifted, sign * np.inf)
-        ends.append(np.where(count > 1, safe, value))
+            # a partial sum may overflow although the sum is finite: then nothing is known
+            shifted[~np.isfinite(shifted)] = sign * np.inf
+            ends.append(np.where(several, shifted, value))
     return Interval(ends[0], ends[1])
 
 

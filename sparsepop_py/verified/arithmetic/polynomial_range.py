@@ -22,6 +22,8 @@ from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 
 __all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
 
+_LARGEST_KNOWN = 4096  # letters; the leaves of a tree use the same words again and again
+
 
 @dataclass(frozen=True, eq=False)
 class Factors:
@@ -38,24 +40,35 @@ class Factors:
     @staticmethod
     def of(words: Words, dimension: int) -> Factors:
         """Factor tables of words in ``dimension`` variables."""
-        row, variable, power = monomials.runs(words)
-        count = np.bincount(row, minlength=words.shape[0])
-        first = np.cumsum(count) - count
-        slot = np.arange(row.size) - first[row]
-        letters = np.bincount(row, weights=power, minlength=words.shape[0]).astype(np.int64)
-        before = np.cumsum(power) - power
-        start = words.shape[1] - letters[row] + before - before[first[row]]
-        shape = (words.shape[0], int(count.max(initial=1)))
-        table = Factors(np.full(shape, dimension), np.zeros(shape, int), np.zeros(shape, int))
-        table.variable[row, slot] = variable
-        table.power[row, slot] = power
-        table.start[row, slot] = start
-        return table
+        words = np.ascontiguousarray(words, np.int32)
+        known = _known_factors if words.size <= _LARGEST_KNOWN else _known_factors.__wrapped__
+        return known(words.tobytes(), words.shape, dimension)
 
     def ranges(self, box: Interval) -> Interval:
         """Enclose every factor over the box, shape (T, P); [1, 1] for none."""
         lo, hi = np.append(box.lo, 1.0), np.append(box.hi, 1.0)
         return Interval(lo[self.variable], hi[self.variable]).power(self.power)
+
+
+@lru_cache(maxsize=64)
+def _known_factors(letters: bytes, shape: tuple[int, int], dimension: int) -> Factors:
+    """Factor tables of words that are given as bytes, so that equal ones share them."""
+    words = np.frombuffer(letters, np.int32).reshape(shape)
+    row, variable, power = monomials.runs(words)
+    count = np.bincount(row, minlength=words.shape[0])
+    first = np.cumsum(count) - count
+    slot = np.arange(row.size) - first[row]
+    degree = np.bincount(row, weights=power, minlength=words.shape[0]).astype(np.int64)
+    before = np.cumsum(power) - power
+    start = words.shape[1] - degree[row] + before - before[first[row]]
+    shape = (words.shape[0], int(count.max(initial=1)))
+    table = Factors(np.full(shape, dimension), np.zeros(shape, int), np.zeros(shape, int))
+    table.variable[row, slot] = variable
+    table.power[row, slot] = power
+    table.start[row, slot] = start
+    for array in (table.variable, table.power, table.start):
+        array.flags.writeable = False
+    return table
 
 
 def product(factors: Interval) -> Interval:
@@ -103,34 +116,108 @@ def expand_affine(
     words : (T', D) int32, row : (T',) int, coefficients : Interval (T',)
         Terms of the expanded polynomials, rows ascending, equal monomials merged.
     """
-    factors = Factors.of(system.words, system.dimension)
-    term = np.arange(system.row.size)
-    words, value = system.words, Interval.point(system.coefficients)
-    columns = np.arange(words.shape[1])
-    binomials = _binomials(int(factors.power.max(initial=0)))
-    for slot in range(factors.variable.shape[1]):
+    layout = _layout_of(system, centre == 0, scale == 0)
+    value = Interval.point(system.coefficients)
+    centre, scale = np.append(centre, 0.0), np.append(scale, 1.0)
+    for copy, variable, power, dropped in layout.slots:
         check()
-        variable = factors.variable[term, slot]
-        power = factors.power[term, slot]
-        c, w = np.append(centre, 0.0)[variable], np.append(scale, 1.0)[variable]
-        options = np.where((c == 0) | (w == 0), 1, power + 1)
-        copy = np.repeat(np.arange(term.size), options)
-        dropped = np.arange(copy.size) - (np.cumsum(options) - options)[copy]
-        power, c, w = power[copy], c[copy], w[copy]
-        dropped = np.where(w == 0, power, dropped)
+        c, w = centre[variable], scale[variable]
         shift = Interval.point(c).power(dropped) * Interval.point(w).power(power - dropped)
-        weight = binomials[power, dropped] * shift
+        weight = layout.binomials[power, dropped] * shift
         plain = (c == 0) & (w == 1)
         value = value[copy]
         scaled = value * weight
-        value = Interval(np.where(plain, value.lo, scaled.lo), np.where(plain, value.hi, scaled.hi))
-        term = term[copy]
-        start = factors.start[term, slot]
-        gone = (columns >= start[:, None]) & (columns < (start + dropped)[:, None])
-        words = np.where(gone, 0, words[copy]).astype(np.int32)
+        if np.count_nonzero(plain):
+            lo, hi = np.where(plain, value.lo, scaled.lo), np.where(plain, value.hi, scaled.hi)
+            scaled = Interval(lo, hi)
+        value = scaled
     check()
-    words = np.sort(words, axis=1)
-    return merge_terms(words, system.row[term], value, system.dimension)
+    return layout.merged(value)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Terms of an expansion, whatever the numbers.
+
+    Parameters
+    ----------
+    slots : tuple of (copy, variable, power, dropped)
+        For each factor: the term that each new term comes from, the factor's variable and power,
+        and how many of its letters became the centre.
+    binomials : Interval
+        Enclosures of C(power, dropped).
+    words : (T', D) int32
+    row : (T',) int
+        Distinct monomials of each row, in order.
+    place : (T,) int
+        Where the terms go that the last slot leaves.
+    """
+
+    slots: tuple[tuple[NDArray[np.int64], ...], ...]
+    binomials: Interval
+    words: Words
+    row: NDArray[np.int64]
+    place: NDArray[np.int64]
+
+    def merged(self, value: Interval) -> tuple[Words, NDArray[np.int64], Interval]:
+        """Add the terms of the same row and monomial, and drop those that are 0."""
+        sums = sum_by(self.place, value, self.row.size)
+        keep = np.flatnonzero((sums.lo != 0) | (sums.hi != 0))
+        return self.words[keep], self.row[keep], sums[keep]
+
+
+def _layout_of(
+    system: PolynomialSystem, still: NDArray[np.bool_], gone: NDArray[np.bool_]
+) -> _Layout:
+    """Lay out an expansion, for centres that are 0 (``still``) and scales that are (``gone``)."""
+    words = np.ascontiguousarray(system.words, np.int32)
+    row = np.ascontiguousarray(system.row, np.int64)
+    known = _known_layout if words.size <= _LARGEST_KNOWN else _known_layout.__wrapped__
+    return known(
+        words.tobytes(),
+        words.shape,
+        row.tobytes(),
+        system.dimension,
+        still.tobytes(),
+        gone.tobytes(),
+    )
+
+
+@lru_cache(maxsize=64)
+def _known_layout(
+    letters: bytes, shape: tuple[int, int], rows: bytes, dimension: int, still: bytes, gone: bytes
+) -> _Layout:
+    """Lay out an expansion, given as bytes, so that equal ones share it."""
+    words = np.frombuffer(letters, np.int32).reshape(shape)
+    row = np.frombuffer(rows, np.int64)
+    zero = np.append(np.frombuffer(still, bool), True)
+    fixed = np.append(np.frombuffer(gone, bool), False)
+    factors = Factors.of(words, dimension)
+    term = np.arange(row.size)
+    columns = np.arange(words.shape[1])
+    slots = []
+    for slot in range(factors.variable.shape[1]):
+        check()
+        variable, power = factors.variable[term, slot], factors.power[term, slot]
+        options = np.where(zero[variable] | fixed[variable], 1, power + 1)
+        copy = np.repeat(np.arange(term.size), options)
+        dropped = np.arange(copy.size) - (np.cumsum(options) - options)[copy]
+        power, variable, term = power[copy], variable[copy], term[copy]
+        dropped = np.where(fixed[variable], power, dropped)
+        slots.append((copy, variable, power, dropped))
+        start = factors.start[term, slot]
+        missing = (columns >= start[:, None]) & (columns < (start + dropped)[:, None])
+        words = np.where(missing, 0, words[copy]).astype(np.int32)
+    check()
+    distinct, number = monomials.collect(np.sort(words, axis=1), dimension)
+    count = max(1, distinct.shape[0])
+    key, place = np.unique(row[term] * count + number, return_inverse=True)
+    row, number = np.divmod(key, count)
+    binomials = _binomials(int(factors.power.max(initial=0)))
+    words = distinct[number]
+    for array in (words, row, place, *(each for parts in slots for each in parts)):
+        array.flags.writeable = False
+    return _Layout(tuple(slots), binomials, words, row, place.ravel())
 
 
 @lru_cache(maxsize=4)
@@ -155,18 +242,6 @@ def _enclosed(whole: int) -> tuple[float, float]:
     exact = int(near)
     lo = near if exact <= whole else math.nextafter(near, -math.inf)
     return lo, near if exact >= whole else math.nextafter(near, math.inf)
-
-
-def merge_terms(
-    words: Words, row: NDArray[np.int64], value: Interval, dimension: int
-) -> tuple[Words, NDArray[np.int64], Interval]:
-    """Add terms of the same row and monomial; rows ascending, monomials graded."""
-    distinct, number = monomials.collect(words, dimension)
-    key, inverse = np.unique(row * max(1, distinct.shape[0]) + number, return_inverse=True)
-    sums = sum_by(inverse.ravel(), value, key.size)
-    row, number = np.divmod(key, max(1, distinct.shape[0]))
-    keep = (sums.lo != 0) | (sums.hi != 0)
-    return distinct[number[keep]], row[keep], sums[keep]
 
 
 def monomial_ranges(words: Words, box: Interval) -> Interval:

@@ -84,6 +84,13 @@ class Rows:
     def _factors(self) -> Factors:
         return Factors.of(self.system.words[self._quadratic[4]], self.system.dimension)
 
+    @cached_property
+    def _slots(self) -> tuple[tuple[NDArray[Any], NDArray[Any], NDArray[Any]], ...]:
+        """Terms that have a factor in each slot, its power and its variable."""
+        power, variable = self._factors.power, self._factors.variable
+        slots = [(np.flatnonzero(power[:, k]), k) for k in range(power.shape[1])]
+        return tuple((real, power[real, k], variable[real, k]) for real, k in slots)
+
 
 def propagate(
     rows: Rows, box: Interval, limit: int = 60, progress: float = 0.02
@@ -103,7 +110,7 @@ def propagate(
 
 def is_empty(box: Interval) -> bool:
     """Check whether the box holds no point."""
-    return bool(np.any(box.lo > box.hi))
+    return bool(np.count_nonzero(box.lo > box.hi))
 
 
 def _moved(old: Interval, new: Interval, progress: float) -> bool:
@@ -139,12 +146,12 @@ def sweep(rows: Rows, box: Interval) -> Interval:
         target = _within_minors(rows, sum_by(row, atoms, system.size).hi)
     allowed = _allowed(row, atoms, target, system.size)
     lo, hi = box.lo.copy(), box.hi.copy()
-    if np.any(allowed.lo > allowed.hi):
+    if is_empty(allowed):
         return Interval(np.full_like(lo, np.inf), np.full_like(hi, -np.inf))
     split = plain.size
     if q_var.size:
         _tighten_quadratics(lo, hi, q_var, c1, c2, box, allowed[split:], rows._extrema)
-    _tighten_monomials(lo, hi, rows, factors, ranges, allowed[:split])
+    _tighten_monomials(lo, hi, rows, ranges, allowed[:split])
     lo, hi = np.where(np.isnan(lo), box.lo, lo), np.where(np.isnan(hi), box.hi, hi)
     return Interval(lo + 0.0, hi + 0.0)  # no negative zeros
 
@@ -162,24 +169,39 @@ def _within_minors(rows: Rows, high: NDArray[np.float64]) -> Interval:
 
 def _allowed(row: NDArray[Any], atoms: Interval, target: Interval, size: int) -> Interval:
     """Bound each atom by the target of its row minus other atoms, and its range."""
-    ends = []
     alone = np.bincount(row, minlength=size)[row] == 1
-    for end, infinity in ((atoms.lo, -np.inf), (atoms.hi, np.inf)):
-        unbounded = end == infinity
-        finite = np.where(unbounded, 0.0, end)
-        total = sum_by(row, Interval.point(finite), size)
-        count = np.bincount(row, weights=unbounded, minlength=size)[row]
-        others = total[row] - Interval.point(finite)
-        blocked = count - unbounded > 0
-        remaining = np.where(alone, 0.0, others.lo if infinity < 0 else others.hi)
-        ends.append(np.where(blocked, infinity, remaining))
-    rest = Interval(ends[0], ends[1])
+    unbounded = atoms.lo == -np.inf, atoms.hi == np.inf
+    low, high = (
+        np.where(far, 0.0, end) for far, end in zip(unbounded, (atoms.lo, atoms.hi), strict=True)
+    )
+    total = sum_by(row, Interval(low, high), size)[row]
+    with np.errstate(over="ignore"):
+        low, high = down(total.lo - low), up(total.hi - high)
+    rest = Interval(
+        _of_others(low, alone, row, unbounded[0], -np.inf),
+        _of_others(high, alone, row, unbounded[1], np.inf),
+    )
     exact = (rest.lo == 0) & (rest.hi == 0)
     shifted = target[row] - rest
     asked = Interval(
         np.where(exact, target.lo[row], shifted.lo), np.where(exact, target.hi[row], shifted.hi)
     )
     return asked.intersect(atoms)
+
+
+def _of_others(
+    finite: NDArray[Any],
+    alone: NDArray[Any],
+    row: NDArray[Any],
+    unbounded: NDArray[Any],
+    infinity: float,
+) -> NDArray[np.float64]:
+    """Ends of the sums of other atoms, from those of finite ones."""
+    finite = np.where(alone, 0.0, finite)
+    if not np.count_nonzero(unbounded):
+        return finite
+    blocked = np.bincount(row, weights=unbounded)[row] - unbounded > 0
+    return np.where(blocked, infinity, finite)
 
 
 def _quadratic_range(
@@ -243,42 +265,38 @@ def _tighten_quadratics(
 
 
 def _tighten_monomials(
-    lo: NDArray[Any],
-    hi: NDArray[Any],
-    rows: Rows,
-    factors: Factors,
-    ranges: Interval,
-    allowed: Interval,
+    lo: NDArray[Any], hi: NDArray[Any], rows: Rows, ranges: Interval, allowed: Interval
 ) -> None:
     """Solve coefficient * product of powers in ``allowed`` for each factor."""
-    coefficient = Interval.point(rows.system.coefficients[rows._quadratic[4]])
-    slots = factors.variable.shape[1]
-    ahead = [coefficient]
-    for slot in range(slots - 1):
+    slots = rows._slots
+    ahead = [Interval.point(rows.system.coefficients[rows._quadratic[4]])]
+    for slot in range(len(slots) - 1):
         ahead.append(ahead[-1] * ranges[:, slot])
     behind: Interval | None = None
-    for slot in reversed(range(slots)):
-        real = factors.power[:, slot] > 0
-        if real.any():
+    for slot in reversed(range(len(slots))):
+        real, power, variable = slots[slot]
+        if real.size:
             others = (ahead[slot] if behind is None else ahead[slot] * behind)[real]
-            power = factors.power[real, slot]
-            variable = factors.variable[real, slot]
-            x = Interval(lo, hi)[variable]
+            x = Interval(lo[variable], hi[variable])
             wanted = _root(_quotient(allowed[real], others), power, x)
             np.maximum.at(lo, variable, wanted.lo)
             np.minimum.at(hi, variable, wanted.hi)
-        behind = ranges[:, slot] if behind is None else behind * ranges[:, slot]
+        if slot:
+            behind = ranges[:, slot] if behind is None else behind * ranges[:, slot]
 
 
 def _quotient(target: Interval, divisor: Interval) -> Interval:
     """Hull of all q with q * d in ``target`` for some d in ``divisor``."""
-    both = (target.lo <= 0) & (target.hi >= 0) & (divisor.lo <= 0) & (divisor.hi >= 0)
+    with np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore"):
+        low, high = down(1.0 / divisor.hi), up(1.0 / divisor.lo)
+    zero = (divisor.lo <= 0) & (divisor.hi >= 0)
+    if not np.count_nonzero(zero):
+        return target * Interval(low, high)
+    both = (target.lo <= 0) & (target.hi >= 0) & zero
     straddles = (divisor.lo < 0) & (divisor.hi > 0)
     nothing = (divisor.lo == 0) & (divisor.hi == 0) & ~both
     whole = both | straddles | nothing
-    with np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore"):
-        low = np.where(divisor.hi == 0, -np.inf, down(1.0 / divisor.hi))
-        high = np.where(divisor.lo == 0, np.inf, up(1.0 / divisor.lo))
+    low, high = np.where(divisor.hi == 0, -np.inf, low), np.where(divisor.lo == 0, np.inf, high)
     quotient = target * Interval(np.where(whole, 0.0, low), np.where(whole, 0.0, high))
     return Interval(np.where(whole, -np.inf, quotient.lo), np.where(whole, np.inf, quotient.hi))
 
@@ -286,9 +304,10 @@ def _quotient(target: Interval, divisor: Interval) -> Interval:
 def _root(value: Interval, power: NDArray[Any], x: Interval) -> Interval:
     """Hull of the z in x with z^power in ``value``."""
     higher = power > 1
-    if not higher.any():
+    count = np.count_nonzero(higher)
+    if not count:
         return value
-    if not higher.all():
+    if count < higher.size:
         root = _root(value[higher], power[higher], x[higher])
         lo, hi = value.lo.copy(), value.hi.copy()
         lo[higher], hi[higher] = root.lo, root.hi

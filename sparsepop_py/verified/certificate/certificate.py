@@ -317,8 +317,9 @@ class Certificate:
     ) -> tuple[float, float, str]:
         """Recompute the bound that the argument proves.
 
-        The result is kept in ``known``, with the certificate: nothing else can come to have its id.
-        So a certificate that others quote is checked once.
+        The result is kept in ``known`` under the certificate's ``id``, so that a certificate that
+        others quote is checked once. The certificate is kept with it: while it is alive, Python
+        gives its id to no other object.
 
         Parameters
         ----------

@@ -8,8 +8,8 @@ keeps the row of the constant for the end:
 
     f_0 - c = q' Q^+ q,   q being the row of the constant without its diagonal.
 
-The elimination prefers small degrees and small depths alike, so that a chain falls apart into
-a balanced tree, whose numbers are as long as the subtrees below them.
+The elimination prefers rows with few entries and short chains of rows eliminated before. A long
+chain is then eliminated from many places at once, and the fractions stay short.
 """
 
 from __future__ import annotations

@@ -204,8 +204,8 @@ class Replay:
             for _ in range(min(step.sweeps, _MOST_SWEEPS)):
                 check()
                 old, box = box, sweep(rows, box)
-                still = np.array_equal(old.lo, box.lo) and np.array_equal(old.hi, box.hi)
-                if still or is_empty(box):
+                moved = np.count_nonzero(old.lo != box.lo) or np.count_nonzero(old.hi != box.hi)
+                if not moved or is_empty(box):
                     break
             return box
         if isinstance(step, Sublevel):
@@ -288,7 +288,8 @@ class Replay:
     ) -> Any:
         """Compute once what an argument proves on this feasible set.
 
-        The argument is kept with the result: nothing else can come to have its id.
+        The result is kept under the argument's ``id``. The argument is kept with it: while it is
+        alive, Python gives its id to no other object.
         """
         key = (self._feasible_set, id(argument), about)
         if key not in self.known:

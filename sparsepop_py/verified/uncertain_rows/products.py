@@ -3,8 +3,9 @@
 Rows may be linear in monomials of theta (a, b, b*g, ...). Bounds of all monomials follow from
 the rows as for parameters (:mod:`sparsepop_py.verified.uncertain_rows.sign_tree`). Then each
 factor is bounded by the quotient: g lies in (b*g) / b where b excludes zero; with sum b - sum a
-= 1 the sum of all b_j*g is g (1 + sum a). Products that are multiplied by the same numbers
-everywhere are one column, their sum, which bounds each where the others are bounded.
+= 1 the sum of all b_j*g is g (1 + sum a). Products with equal coefficients in all rows share one
+column, which stands for their sum. A bound of the sum bounds one of them where the others are
+bounded.
 """
 
 from __future__ import annotations

@@ -223,8 +223,14 @@ def test_report_is_one_page_with_pictures(tmp_path: Path) -> None:
     control.report(page, found, [answer])
     text = page.read_text(encoding="utf-8")
     assert "certified" in text and text.count("<img") == 2 and "<pre>" in text
+    limits = {"rise": (4.0, 3.25)}
+    control.report(page, found, [], control.SpecifiedModel(M, 1.0, limits))
+    text = page.read_text(encoding="utf-8")
+    assert "rise: asked for at most 4, the reference model has 3.25" in text
     with pytest.raises(setid.SetidError, match="design"):
         control.report(page, answer, [])  # type: ignore[arg-type]
+    with pytest.raises(setid.SetidError, match="specified"):
+        control.report(page, found, [], M)  # type: ignore[arg-type]
 
 
 def test_pictures() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,6 +61,54 @@ def test_a_downward_step_and_assumptions() -> None:
 def test_an_input_that_is_no_step_is_refused() -> None:
     with pytest.raises(setid.DataError, match="step"):
         control.undershoot(setid.IOData([0, 1, 2], [0, 0, 1]), 0.1)
+
+
+def test_tests_are_repeated() -> None:
+    y = step([1.5, 0.3], [0.7, 0.5, 0.2])
+    readings = y + np.random.default_rng(3).uniform(-0.01, 0.01, y.size)
+    u = np.concatenate([np.zeros(2), np.ones(y.size)])
+    for record in (readings, setid.IOData(u, np.concatenate([np.zeros(2), readings]))):
+        found = control.undershoot(record, setid.Noise(output=0.01))
+        assert found.verdict == "present" and found.verify()
+        assert replace(found, verdict="open").verify()  # weaker than what is proved
+    assert control.undershoot(step([0.2], [0.5, 0.6])[1:], 1e-9).verify()
+    assert control.undershoot(y, 2.0).verify()
+
+
+@pytest.mark.parametrize(
+    ("forged", "place"),
+    [
+        ({"verdict": "absent"}, "verdict"),
+        ({"depth": (0.5, 0.6)}, "depth"),
+        ({"depth": (0.0, 0.001)}, "depth"),
+        ({"sample": 60}, "sample"),
+        ({"sample": 0}, "sample"),
+        ({"zeros": ((1.1, 1.2),)}, "zeros"),
+        ({"free": ((1.01, 90.0),)}, "free"),
+        ({"noise": 1.0}, "verdict"),
+        ({"tail": (-100.0, 100.0)}, "zeros"),
+    ],
+)
+def test_forged_tests_are_found(forged: dict, place: str) -> None:
+    y = step([1.5, 0.3], [0.7, 0.5, 0.2], 12)
+    found = control.undershoot(y, 0.01, tail=(0.5, 1.5))
+    assert found.verify()
+    verdict = replace(found, **forged).verify()
+    assert not verdict and verdict.reason.startswith(place)
+
+
+def test_two_readings_allow_for_rounding() -> None:
+    """sum_k y_k z^-k = -1 / z + t / (z (z - 1)) is 0 at z = 1 + t exactly: no sign is proved."""
+    z = 1.0 + np.geomspace(1e-3, 99.0, 400)
+    for t in (z - 1.0)[:200:10]:
+        found = control.undershoot([0.0, -1.0], 1e-300, tail=(t, t))
+        assert not any(low <= 1.0 + t <= high for low, high in found.free)
+
+
+@pytest.mark.parametrize("tail", [(1.0, 0.0), (1.0,), "late"])
+def test_wrong_tails_are_refused(tail: object) -> None:
+    with pytest.raises(setid.SetidError, match="tail"):
+        control.undershoot([0.0, -1.0, 1.0], 0.1, tail=tail)  # type: ignore[arg-type]
 
 
 # ---- specifications ---------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from functools import cache
 
@@ -27,7 +26,7 @@ MODEL, THETA, PRIORS = KINDS["two inputs 2"]
 def known(samples: int = 20, noise: float = 0.5) -> tuple[Formulation, LiftedBox]:
     truth, bound = record("two inputs 2", samples, noise)
     formulation = setid.formulate(truth.data, MODEL, bound, PRIORS)
-    box = find_box(formulation, time.monotonic() + 100.0)
+    box = find_box(formulation, np.inf)
     assert isinstance(box, LiftedBox)
     return formulation, box
 
@@ -103,7 +102,7 @@ def test_nothing_is_claimed_where_far_parameters_explain_the_record(fixed: str |
     truth = setid.simulate_record(blind, theta, u, noise, seed=2)
     model = blind.normalised("gamma1")
     formulation = setid.formulate(truth.data, model, noise, (setid.Stable(),))
-    box = find_box(formulation, time.monotonic() + 10.0)
+    box = find_box(formulation, np.inf)
     assert isinstance(box, LiftedBox) and box.limit is None
     assert np.isinf(box.upper[-1]) and np.isinf(box.lower[-1])
 
@@ -114,7 +113,7 @@ def hammerstein(theta: tuple[float, ...], size: float) -> tuple[Formulation, Lif
     u, noise = np.random.default_rng(1).uniform(-1, 1, 40), setid.Noise(output=size)
     truth = setid.simulate_record(model, theta, u, noise, seed=2)
     formulation = setid.formulate(truth.data, model, noise, (setid.Stable(),))
-    box = find_box(formulation, time.monotonic() + 30.0)
+    box = find_box(formulation, np.inf)
     assert isinstance(box, LiftedBox) and box_follows(box, formulation)
     assert np.all((box.lower <= theta) & (theta <= box.upper))
     return formulation, box
@@ -157,6 +156,6 @@ def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr("sparsepop_py.uncertain_rows.unbounded_coefficients.solve", stopped)
     ends = np.array([last.lower, last.upper])
     coupled = coupled_rows(formulation)
-    limit = limit_coefficients(coupled, rows, ends, before, time.monotonic() + 100.0)
+    limit = limit_coefficients(coupled, rows, ends, before, np.inf)
     assert len(calls) == 2 and limit is not None and limit.reach >= 1.0 / calls[0]
     assert limit.follows(coupled_rows(formulation), rows, ends, before)

@@ -123,9 +123,9 @@ def test_what_means_nothing_is_refused() -> None:
     net = structure(1, 0.0)
     with pytest.raises(setid.ModelError, match="normalised: found False"):
         neural.hidden_weights(net, data, 0.1, normalised=False)
-    with pytest.raises(setid.ModelError, match="found tanh neurons"):
-        smooth = neural.Network([np.ones((1, 3)), [[1.0]]], [[0.0], [0.0]], "tanh")
-        neural.hidden_weights(neural.NNARX(smooth, 1), data, 0.1)
+    with pytest.raises(setid.ModelError, match="found identity neurons"):
+        linear = neural.Network([np.ones((1, 3)), [[1.0]]], [[0.0], [0.0]], "identity")
+        neural.hidden_weights(neural.NNARX(linear, 1), data, 0.1)
     with pytest.raises(setid.ModelError, match="weights: found 0"):
         neural.hidden_weights(net, data, 0.1, weights=0)
     with pytest.raises(setid.NoiseError, match="expected one of the equation error"):

@@ -163,6 +163,60 @@ def test_zero_times_infinity_is_exactly_zero():
         assert result.hi[0] == 0.0
 
 
+def joined(*parts):
+    return Interval(np.concatenate([p.lo for p in parts]), np.concatenate([p.hi for p in parts]))
+
+
+@given(intervals(), intervals())
+@settings(deadline=None)
+def test_parts_of_intervals_have_both_ends(a, b):
+    both = joined(a, b)
+    for part, whole in ((both[np.array([1])], b), (both[:1], a)):
+        assert part.lo.tolist() == whole.lo.tolist()
+        assert part.hi.tolist() == whole.hi.tolist()
+
+
+COMPANY = [
+    (Interval.point([0.0]), Interval(np.array([-np.inf]), np.array([np.inf]))),
+    (Interval.point([1e-300]), Interval.point([-1e-300])),
+    (Interval.point([0.0]), Interval.point([2.0])),
+]
+
+
+@given(intervals(), intervals())
+@settings(deadline=None)
+def test_products_do_not_depend_on_those_beside_them(a, b):
+    alone = a * b
+    for x, y in COMPANY:
+        beside = joined(a, x) * joined(b, y)
+        assert (beside.lo[0], beside.hi[0]) == (alone.lo[0], alone.hi[0])
+        exact = Fraction(float(x.lo[0])) * Fraction(float(y.lo[0])) if y.lo[0] > -np.inf else 0
+        assert holds(beside, exact, 1)
+
+
+@given(doubles, intervals())
+@settings(deadline=None)
+def test_products_of_points_are_those_of_their_ends(x, b):
+    point, ends = Interval.point([x]), Interval(np.array([x]), np.array([x]))
+    for one, other in ((point * b, ends * b), (b * point, b * ends)):
+        assert one.lo[0] == other.lo[0]
+        assert one.hi[0] == other.hi[0]
+        assert holds(one, Fraction(x) * corners(b)[0])
+        assert holds(one, Fraction(x) * corners(b)[1])
+
+
+@given(st.lists(st.tuples(intervals(of=moderate), st.integers(0, 4)), min_size=1, max_size=6))
+@settings(deadline=None)
+def test_mixed_powers_are_those_of_each_alone(entries):
+    base = joined(*(each for each, _ in entries))
+    found = base.power(np.array([power for _, power in entries]))
+    for number, (each, power) in enumerate(entries):
+        alone = each.power(np.array([power]))
+        assert (found.lo[number], found.hi[number]) == (alone.lo[0], alone.hi[0])
+        for x in corners(each):
+            assert holds(found, x**power, number)
+
+
 @given(doubles)
 @settings(deadline=None)
 def test_products_with_zero_and_negation_stay_exact(x):

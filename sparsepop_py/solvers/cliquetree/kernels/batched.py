@@ -7,6 +7,7 @@ built from products by halving.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -34,6 +35,7 @@ Reals = NDArray[np.float64]
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 _SLIGHTLY_LESS = 1.0 - 1e-9  # of a step length, against rounding
+_COMPILED = f"{__package__}.compiled"
 _LARGE = 64  # size from which LAPACK runs matrix by matrix
 _HALVED = 1024  # size from which the clock is looked at in the middle of a matrix
 
@@ -93,8 +95,11 @@ def compiled_kernels() -> ModuleType:
     ImportError
         If numba is missing or cannot keep its machine code.
     """
+    found = sys.modules.get(_COMPILED)  # each kernel of each iteration asks for it
+    if found is not None:
+        return found
     try:
-        return import_module(".compiled", __package__)
+        return import_module(_COMPILED)
     except RuntimeError as error:  # numba finds no place for its cache
         raise ImportError(str(error)) from error
 

@@ -61,7 +61,7 @@ class Fronts:
 
     @cached_property
     def entries(self) -> int:
-        """Entries of all fronts and some more; the last one takes what belongs nowhere."""
+        """Number of entries of all fronts, with spare ones; masked writes go to the last."""
         return int(((self.pivots + self.updates) * self.pivots).sum()) + _MORE
 
     @property

@@ -1,0 +1,99 @@
+"""Networks that explain a record and have extreme weights: linear programs one after another.
+
+Nothing here is proved; what is found is checked elsewhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sps
+from numpy.typing import NDArray
+
+from setid.neural.arithmetic import LinearModel, activate, slope_at
+from setid.neural.training.weight_boxes import WeightProgram
+
+__all__ = ["MemberSearch"]
+
+Reals = NDArray[np.float64]
+_ROUNDS = 40
+_SMALL = 1e-9  # steps below this end a search
+
+
+class MemberSearch:
+    """Local search over all weights x = (w_1, b_1, w_2, b_2, ..., v, c) within their ranges."""
+
+    def __init__(self, program: WeightProgram, bound: float) -> None:
+        self.program, self.room = program, bound * (1.0 - 1e-9)
+        k, d = program.width, program.phi.shape[1]
+        self.full = np.hstack([program.phi, np.ones((len(program.phi), 1))])
+        self.hidden = k * (d + 1)
+        high = np.full(self.hidden + k + 1, program.weights)
+        high[-1] = program.bias
+        self.high, self.low = high, np.where(np.arange(high.size) >= self.hidden, 0.0, -high)
+        self.low[-1] = -program.bias
+
+    def residual(self, x: Reals) -> tuple[Reals, Reals]:
+        """Errors (T,) and the derivatives (T, p) of the outputs."""
+        program = self.program
+        w = x[: self.hidden].reshape(program.width, -1)
+        v = x[self.hidden : -1]
+        a = self.full @ w.T
+        z = activate(program.name, a, 0.0)
+        slope = slope_at(program.name, a).middle()
+        parts = [(slope[:, j] * v[j])[:, None] * self.full for j in range(program.width)]
+        ones = np.ones((len(z), 1))
+        return program.y - z @ v - x[-1], np.hstack([*parts, z, ones])
+
+    def error(self, x: Reals) -> float:
+        """The largest error."""
+        return float(np.max(np.abs(self.residual(x)[0])))
+
+    def step(self, x: Reals, reach: float, cost: Reals, room: float) -> Reals | None:
+        """The best step within a reach, errors being linear; the last entry of cost is of D."""
+        rest, slopes = self.residual(x)
+        one = np.ones((len(rest), 1))
+        matrix = sps.csr_array(np.vstack([np.hstack([slopes, one]), np.hstack([slopes, -one])]))
+        free = np.full(len(rest), np.inf)
+        rows = np.append(rest, -free), np.append(free, rest)
+        low = np.append(np.maximum(self.low - x, -reach), 0.0)
+        high = np.append(np.minimum(self.high - x, reach), room)
+        found = LinearModel(matrix, rows, (low, high)).solve(cost)
+        return np.clip(x + found.x[:-1], self.low, self.high) if found.status == "solved" else None
+
+    def least(self, x: Reals) -> tuple[Reals, float]:
+        """Weights near x of least error, until it is below the bound."""
+        x = np.clip(x, self.low, self.high)
+        value, reach = self.error(x), 0.5
+        cost = np.append(np.zeros(x.size), 1.0)
+        for _ in range(_ROUNDS):
+            trial = self.step(x, reach, cost, np.inf)
+            reached = np.inf if trial is None else self.error(trial)
+            if trial is not None and reached < value * (1.0 - 1e-6):
+                x, value, reach = trial, reached, 2.0 * reach
+            else:
+                reach /= 3.0
+            if reach < _SMALL:
+                break
+        return x, value
+
+    def extreme(self, x: Reals, entry: int, side: float) -> Reals:
+        """Weights that explain the record, from x on, with side x_entry as small as may be."""
+        reach, spare = 0.5, 0.0
+        cost = np.zeros(x.size + 1)
+        cost[entry] = side
+        for _ in range(_ROUNDS):
+            trial = self.step(x, reach, cost, self.room - spare)
+            reached = np.inf if trial is None else self.error(trial)
+            if trial is not None and reached <= self.room:
+                gain = side * (x[entry] - trial[entry])
+                if gain > 0.0:
+                    x = trial
+                if gain < _SMALL:
+                    break
+                reach, spare = 2.0 * reach, 0.25 * spare
+            else:
+                over = reached - self.room if np.isfinite(reached) else 0.0
+                reach, spare = 0.5 * reach, min(0.5 * over, 0.1 * self.room)
+            if reach < _SMALL:
+                break
+        return x

@@ -1,0 +1,444 @@
+"""No parameters are consistent with a record of noisy outputs: a proof by cells of denominators.
+
+The rows of a linear structure are, for one output y with noise eta within bounds w,
+
+    sum_i a_i (y(k - i) - eta(k - i))  =  sum_j b_j phi_j(k),          a_0 = 1,
+
+where the columns phi are known: delayed inputs and a constant. Multipliers lambda of the rows with
+phi_j' lambda = 0 for each j leave the denominator alone,
+
+    abs(sum_i a_i q_i)  <=  sum_k w(k) abs((a * lambda)(k)),
+
+with q_i = sum_k lambda(k) y(k - i) and (a * lambda)(k) = sum_i a_i lambda(k + i). Neither
+numerators nor first samples have to be bounded. Both sides are homogeneous in a, so that a may be
+any multiple of (1, a_1, ..., a_n). With signed weights of several multipliers,
+
+    g(a)  =  sum_m weight_m q_m a  -  sum_m abs(weight_m) sum_k w(k) abs((a * lambda_m)(k))  <=  0,
+
+where g is concave and g(t a) = t g(a) for t > 0. Hence a cone of denominators has no consistent
+member if g > 0 at each of the vectors that span it. Cones are parted at an edge. The first ones
+are spanned by the coefficients of (1 - q)^j (1 + q)^(n - j) with all signs, a basis. A polynomial
+whose zeros lie in the closed unit disc is, up to its sign, a combination of these with
+coefficients >= 0: the bilinear transformation makes them the coefficients of a Hurwitz polynomial
+(A. T. Fam, J. S. Meditch, *IEEE Trans. Automatic Control* 23 (1978) 454-458).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+from math import gcd
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from setid.data.checks import frozen
+from setid.formulation.formulation import Formulation
+from setid.models.equations import Equation, channel_of
+from setid.models.lti import TransferFunction
+
+__all__ = [
+    "Cell",
+    "Cone",
+    "DenominatorCells",
+    "OutputRows",
+    "first_cones",
+    "is_refuted",
+    "output_rows",
+    "parted_cone",
+]
+
+Reals = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Cone = NDArray[np.object_]  # rows of Python's integers
+_UNIT = 2.0**-53
+_MORE = 1.0 + 1e-12  # more than the rounding of sums of positive numbers
+_LARGEST = 2**400  # of vectors: their doubles are finite
+_LEAST, _MOST = 2.0**-300, 2.0**300  # of other numbers: their products are normal
+
+
+class OutputRows(NamedTuple):
+    """Rows of one output of a record.
+
+    Parameters
+    ----------
+    order : int
+        The largest lag n of the output.
+    row : (N,) bool
+        Samples k with a row: all it asks for is in the record.
+    y, bound : (N,) float
+        Readings, 0 where there is none, and their noise bounds.
+    known : (N, c) float
+        Columns of the numerator, distinct and not zero; zero where there is no row.
+    stable : bool
+        Whether a prior has the zeros of the denominator in the closed unit disc.
+    """
+
+    order: int
+    row: NDArray[np.bool_]
+    y: Reals
+    bound: Reals
+    known: Reals
+    stable: bool
+
+
+def output_rows(formulation: Formulation, output: int) -> OutputRows | None:
+    """State the rows of an output; None where inputs or equations have errors.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        Of a linear structure in discrete time with one denominator an output.
+    output : int
+        Channel, from 0.
+    """
+    model, data = formulation.model, formulation.data
+    eta, xi, e = formulation.noise.bounds(data)
+    equations = model.regression() if isinstance(model, TransferFunction) else ()
+    if not equations or np.any(xi > 0) or np.any(e[:, output] > 0) or np.any(np.isnan(data.u)):
+        return None
+    equation = equations[output]
+    lags = _own_lags(equation)
+    if lags is None:
+        return None
+    y = data.y[:, output]
+    row = _complete(np.asarray(data.first), y, equation.lag, sorted(lags))
+    names = tuple(name for lag in sorted(lags) for name in lags[lag])
+    stable = any(names in prior.stable(model) for prior in formulation.priors)
+    columns = [_column(data.u, key, row) for key in _others(equation)]
+    distinct = {column.tobytes(): column for column in columns if np.any(column)}
+    known = np.array([*distinct.values()]).reshape(len(distinct), y.size).T
+    order = max(lags, default=0)
+    complete = stable and len(names) == order
+    return OutputRows(order, row, np.where(np.isnan(y), 0.0, y), eta[:, output], known, complete)
+
+
+def _own_lags(equation: Equation) -> dict[int, tuple[str, ...]] | None:
+    """Parameters of the output by its lag; None where a term is of another kind."""
+    found: dict[int, tuple[str, ...]] = {0: ()}
+    for item in equation.terms[1:]:
+        channels = [channel_of(lagged.signal) for lagged in item.signals]
+        if [c for c in channels if c is None] or len(channels) > 1:
+            return None
+        if item.signals and item.signals[0].signal == equation.defines:
+            lag = item.signals[0].lag
+            if lag in found:
+                return None
+            found[lag] = item.parameters if item.coefficient == 1.0 else ("", *item.parameters)
+        elif any(channel is not None and channel[0] == "y" for channel in channels):
+            return None
+    return found
+
+
+def _others(equation: Equation) -> list[tuple[tuple[str, int], ...]]:
+    """Input and lag of each term of the numerator; () for a constant."""
+    found = [tuple((s.signal, s.lag) for s in t.signals) for t in equation.terms[1:]]
+    return [key for key in found if not key or key[0][0] != equation.defines]
+
+
+def _complete(first: Integers, y: Reals, lag: int, lags: list[int]) -> NDArray[np.bool_]:
+    """Samples with a row whose readings are all there."""
+    at = np.arange(y.size)
+    row = at - first >= lag
+    for back in lags:
+        row &= ~np.isnan(y[np.maximum(at - back, 0)])
+    return row
+
+
+def _column(u: Reals, key: tuple[tuple[str, int], ...], row: NDArray[np.bool_]) -> Reals:
+    """The known factor of a term in each row."""
+    if not key:
+        return np.where(row, 1.0, 0.0)
+    (signal, lag), channel = key[0], channel_of(key[0][0])
+    assert channel is not None and signal
+    at = np.arange(u.shape[0])
+    return np.where(row, u[np.maximum(at - lag, 0), channel[1]], 0.0)
+
+
+# ---- cones --------------------------------------------------------------------------------
+
+
+def first_cones(order: int, stable: bool) -> list[Cone]:
+    """Vectors (n + 1, n + 1) that span the first cones, one a row.
+
+    Parameters
+    ----------
+    order : int
+    stable : bool
+        The zeros lie in the closed unit disc; otherwise the cones and their negatives are all
+        of space.
+
+    Examples
+    --------
+    >>> first_cones(1, True)[0].tolist()
+    [[1, 1], [1, -1]]
+    """
+    basis = []
+    for j in range(order + 1):
+        factors = [np.array([1, -1])] * j + [np.array([1, 1])] * (order - j)
+        vector = np.ones(1, np.int64)
+        for factor in factors:
+            vector = np.convolve(vector, factor)
+        basis.append(vector.tolist())
+    signs = [(1,) * order] if stable else list(product((1, -1), repeat=order))
+    return [
+        np.array([[1], *([s] for s in more)], object) * np.array(basis, object) for more in signs
+    ]
+
+
+def parted_cone(
+    cone: Cone, edge: tuple[int, int], weights: tuple[int, int]
+) -> tuple[Cone, Cone] | None:
+    """The parts of a cone on both sides of a vector on an edge; None where it is no such vector.
+
+    Parameters
+    ----------
+    cone : (n + 1, n + 1) int
+    edge : (int, int)
+        Numbers of two of its vectors.
+    weights : (int, int)
+        Positive: the new vector is a multiple of their sum with these weights.
+    """
+    (i, j), (one, two) = edge, weights
+    if not (0 <= i < len(cone) and 0 <= j < len(cone) and i != j and min(weights) > 0):
+        return None
+    made = [one * a + two * b for a, b in zip(cone[i], cone[j], strict=True)]
+    divisor = gcd(*made) or 1
+    made = [value // divisor for value in made]
+    if max(map(abs, made)) > _LARGEST:
+        return None
+    below, above = cone.copy(), cone.copy()
+    below[i] = above[j] = made
+    return below, above
+
+
+# ---- the claim ----------------------------------------------------------------------------
+
+
+class Cell(NamedTuple):
+    """A cone that is parted, or a leaf with the multipliers that refute it.
+
+    Parameters
+    ----------
+    children : tuple of int
+        Numbers of its parts, larger than its own; none for a leaf.
+    edge, weights : (int, int)
+        As of :func:`parted_cone`.
+    used : tuple of int
+        Numbers of multipliers.
+    shares : tuple of float
+        Their signed weights.
+    """
+
+    children: tuple[int, ...] = ()
+    edge: tuple[int, int] = (0, 0)
+    weights: tuple[int, int] = (1, 1)
+    used: tuple[int, ...] = ()
+    shares: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DenominatorCells:
+    """Claim that no parameters are consistent with a record.
+
+    Parameters
+    ----------
+    output : int
+        Channel, from 0.
+    free : (c,) int
+        Samples whose multipliers make each one orthogonal to the numerator's columns.
+    multipliers : (M, N) float
+        Orthogonal up to rounding.
+    cells : tuple of Cell
+        Those of the first cones come first.
+
+    Examples
+    --------
+    >>> import setid
+    >>> data = setid.IOData([1.0, 2.0], [0.0, 3.0])  # a gain of 1 needs noise of 1
+    >>> model = setid.TransferFunction(na=0, nb=1)
+    >>> known = setid.formulate(data, model, setid.Noise(output=0.9))
+    >>> only = Cell(used=(0,), shares=(1.0,))
+    >>> DenominatorCells(0, [0], [[-2.0, 1.0]], (only,)).verify(known)
+    True
+    """
+
+    output: int
+    free: Integers
+    multipliers: Reals
+    cells: tuple[Cell, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "free", frozen(np.array(self.free, np.int64)))
+        object.__setattr__(self, "multipliers", frozen(np.array(self.multipliers, np.float64)))
+
+    @property
+    def empty(self) -> bool:
+        """True: that is the claim."""
+        return True
+
+    @property
+    def leaves(self) -> int:
+        """Number of cells that are not parted."""
+        return sum(not cell.children for cell in self.cells)
+
+    def verify(self, formulation: Formulation) -> bool:
+        """Check every leaf from the readings; there is no solver in it.
+
+        Parameters
+        ----------
+        formulation : Formulation
+            Of the record with the noise that is refuted.
+        """
+        if not 0 <= self.output < formulation.model.outputs:
+            return False
+        rows = output_rows(formulation, self.output)
+        return rows is not None and self.follows(rows)
+
+    def follows(self, rows: OutputRows) -> bool:
+        """Check every leaf against the rows of the output.
+
+        Parameters
+        ----------
+        rows : OutputRows
+        """
+        table, n = self.multipliers, rows.y.size
+        if table.ndim != 2 or table.shape[1] != n or np.any(table[:, ~rows.row]):
+            return False
+        if not all(map(_is_ordinary, (table, rows.y, rows.bound, rows.known))):
+            return False
+        doubt = _doubts(rows, self.free, table)
+        if doubt is None:
+            return False
+        waiting = list(enumerate(first_cones(rows.order, rows.stable)))
+        unseen = set(range(len(self.cells)))
+        while waiting:
+            number, cone = waiting.pop()
+            if number not in unseen:
+                return False
+            unseen.remove(number)
+            cell = self.cells[number]
+            if not cell.children:
+                if not self._refutes(rows, doubt, cone, cell):
+                    return False
+                continue
+            parts = parted_cone(cone, cell.edge, cell.weights)
+            if parts is None or len(cell.children) != 2 or min(cell.children) <= number:
+                return False
+            waiting += zip(cell.children, parts, strict=True)
+        return True
+
+    def _refutes(self, rows: OutputRows, doubt: Reals, cone: Cone, cell: Cell) -> bool:
+        used = np.array(cell.used, np.int64)
+        if len(cell.shares) != used.size or not used.size:
+            return False
+        if used.min() < 0 or used.max() >= len(self.multipliers):
+            return False
+        return is_refuted(
+            rows, self.multipliers[used], doubt[used], cone, np.array(cell.shares, np.float64)
+        )
+
+
+def is_refuted(
+    rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone, shares: Reals
+) -> bool:
+    """Check that g > 0 at the vectors that span a cone, rounding included.
+
+    Parameters
+    ----------
+    rows : OutputRows
+    multipliers : (m, N) float
+    doubts : (m, N) float
+        How far each may be from one that is orthogonal to the columns.
+    cone : (K, n + 1) int
+    shares : (m,) float
+        Signed weights.
+    """
+    value, most = _sides(rows, multipliers, doubts, cone)
+    size = np.abs(shares)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rounding = (shares.size + 8) * _UNIT
+        total, room = shares @ value, (size @ most) * (1.0 + 4.0 * rounding) * _MORE
+        loss = rounding * (size @ np.abs(value))
+        return bool(np.all(total - room > 2.0 * loss + 1e-280))
+
+
+def _is_ordinary(numbers: Reals) -> bool:
+    """Check that all numbers are 0 or of a size whose products neither underflow nor overflow."""
+    size = np.abs(numbers[numbers != 0])
+    return bool(np.all((size >= _LEAST) & (size <= _MOST)))
+
+
+def _sides(rows: OutputRows, multipliers: Reals, doubts: Reals, cone: Cone) -> tuple[Reals, Reals]:
+    """Values q a (m, K), and what the noise and rounding can be against them (m, K)."""
+    n, vectors = rows.order, cone.astype(np.float64)
+    length = rows.y.size
+    shifted = np.zeros((len(multipliers), n + 1, length))
+    slack = np.zeros((len(multipliers), n + 1))
+    readings = np.zeros((n + 1, length))
+    for i in range(n + 1):
+        shifted[:, i, : length - i] = multipliers[:, i:]
+        readings[i, i:] = rows.y[: length - i]
+        bounds = np.zeros(length)
+        bounds[i:] = rows.bound[: length - i]
+        slack[:, i] = doubts @ (np.abs(readings[i]) + bounds)
+    rounding = (length + n + 32) * _UNIT * _MORE
+    q, size = multipliers @ readings.T, np.abs(multipliers) @ np.abs(readings).T
+    value = q @ vectors.T
+    lost = (size * rounding + slack) @ np.abs(vectors).T
+    filtered = np.einsum("kv,mvn->mkn", vectors, shifted)
+    noise = np.abs(filtered) @ rows.bound
+    more = (np.abs(shifted) @ rows.bound) @ np.abs(vectors).T
+    return value, (noise + (lost + more * rounding)) * (1.0 + 4 * rounding) * _MORE
+
+
+def _doubts(rows: OutputRows, free: Integers, multipliers: Reals) -> Reals | None:
+    """Bound how far multipliers are from ones that are orthogonal to the columns, (M, N).
+
+    The correction c at the samples ``free`` solves known[free]' c = -known' lambda.
+    """
+    count, length = rows.known.shape[1], rows.y.size
+    found = np.zeros(multipliers.shape)
+    if not count:
+        return found
+    if free.shape != (count,) or free.min() < 0 or free.max() >= length:
+        return None
+    if np.unique(free).size < count or not np.all(rows.row[free]):
+        return None
+    inverse = _inverse(rows.known[free].T)
+    if inverse is None:
+        return None
+    rest = np.abs(multipliers @ rows.known)
+    rest += (length + 8) * _UNIT * (np.abs(multipliers) @ np.abs(rows.known)) + 1e-290
+    found[:, free] = (rest @ np.abs(inverse).T) * (1.0 + 1e-9)
+    return found
+
+
+def _inverse(matrix: Reals) -> Reals | None:
+    """The inverse of a matrix of doubles, each entry rounded once.
+
+    None where there is none, and where an entry is too large or too small.
+    """
+    size = len(matrix)
+    table = [
+        [*map(Fraction, line), *(Fraction(int(i == k)) for k in range(size))]
+        for i, line in enumerate(matrix.tolist())
+    ]
+    for column in range(size):
+        pivot = next((i for i in range(column, size) if table[i][column]), None)
+        if pivot is None:
+            return None
+        table[column], table[pivot] = table[pivot], table[column]
+        first = table[column][column]
+        table[column] = [value / first for value in table[column]]
+        for i in range(size):
+            factor = table[i][column]
+            if i != column and factor:
+                pairs = zip(table[i], table[column], strict=True)
+                table[i] = [a - factor * b for a, b in pairs]
+    entries = [value for line in table for value in line[size:]]
+    if any(value and not _LEAST <= abs(value) <= _MOST for value in entries):
+        return None
+    return np.array([float(value) for value in entries]).reshape(size, size)

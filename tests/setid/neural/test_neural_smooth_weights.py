@@ -1,0 +1,150 @@
+"""Hidden weights of smooth networks: planted and sampled ones stay inside, forgeries are found."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import setid
+from setid import neural
+from setid.neural.training import smooth_weights
+from setid.neural.training.smooth_weights import WeightStep
+
+PHI = {
+    "tanh": np.tanh,
+    "sigmoid": lambda a: 1.0 / (1.0 + np.exp(-a)),
+    "algebraic": lambda a: a / np.sqrt(1.0 + a * a),
+}
+TRUTH = {"w1_1": 0.4, "w1_2": 0.8, "w1_3": -0.5, "b1": 0.2, "v1": 1.5, "c": 0.1}
+
+
+def planted(name: str, rows: int, noise: float) -> setid.IOData:
+    """Record of y_t = 1.5 phi(.4 y_(t-1) + .8 u_t - .5 u_(t-1) + .2) + .1 + noise."""
+    rng = np.random.default_rng(0)
+    u, y = rng.uniform(-2, 2, rows + 1), np.zeros(rows + 1)
+    for t in range(1, rows + 1):
+        a = 0.4 * y[t - 1] + 0.8 * u[t] - 0.5 * u[t - 1] + 0.2
+        y[t] = 1.5 * PHI[name](a) + 0.1 + noise * rng.uniform(-1, 1)
+    return setid.IOData(u, y)
+
+
+def structure(name: str, width: int = 1) -> neural.NNARX:
+    parts = [np.ones((width, 3)), np.ones((1, width))], [np.zeros(width), [0.0]]
+    return neural.NNARX(neural.Network(*parts, name), 1)
+
+
+@pytest.fixture(scope="module")
+def found() -> neural.SmoothHiddenWeights:
+    return neural.hidden_weights(
+        structure("tanh"), planted("tanh", 30, 0.02), 0.03, weights=2.0, time_limit=6.0
+    )
+
+
+def test_planted_and_other_networks_stay_inside(found: neural.SmoothHiddenWeights) -> None:
+    assert found.verify()
+    assert list(found.intervals) == list(TRUTH)
+    for name, value in TRUTH.items():
+        assert found.intervals[name].outer[0] <= value <= found.intervals[name].outer[1]
+    # negative weights of u_t with v >= 0 are excluded by the first bisections
+    assert found.intervals["w1_2"].outer[0] >= -0.5
+    data, rng, kept = found.data, np.random.default_rng(1), 0
+    full = np.column_stack([data.y[:-1], data.u[1:], data.u[:-1], np.ones(data.samples - 1)])
+    for _ in range(20_000):
+        x = np.array(list(TRUTH.values())) + rng.uniform(-0.02, 0.02, 6)
+        rest = data.y[1:, 0] - x[4] * np.tanh(full @ x[:4]) - x[5]
+        if np.abs(rest).max() <= 0.03:
+            kept += 1
+            for item, value in zip(found.intervals.values(), x, strict=True):
+                assert item.outer[0] <= value <= item.outer[1]
+    assert kept >= 20
+
+
+def test_inner_ends_are_attained(found: neural.SmoothHiddenWeights) -> None:
+    data = found.data
+    full = np.column_stack([data.y[:-1], data.u[1:], data.u[:-1], np.ones(data.samples - 1)])
+    for x in found.members:
+        assert np.abs(data.y[1:, 0] - x[4] * np.tanh(full @ x[:4]) - x[5]).max() <= 0.03
+    for place, (name, item) in enumerate(found.intervals.items()):
+        assert item.inner == (found.members[:, place].min(), found.members[:, place].max())
+        assert item.inner[0] <= TRUTH[name] + 1e-3 and item.inner[1] >= TRUTH[name] - 1e-3
+        assert item.inner[1] - item.inner[0] > 1e-3
+
+
+def test_the_distance_from_the_lines_is_said(found: neural.SmoothHiddenWeights) -> None:
+    assert f"tanh within {found.eps:.3g}" in found.assumptions[-1]
+    assert f"tanh within {found.eps:.2g}" in repr(found)
+    assert not replace(found, eps=0.5 * found.eps).verify()
+
+
+@pytest.mark.parametrize("name", ["tanh", "sigmoid", "algebraic"])
+def test_what_no_network_explains_is_proved_empty(name: str) -> None:
+    y = np.where(np.arange(9) % 2, 6.0, 0.0)
+    data = setid.IOData(np.random.default_rng(0).uniform(-1, 1, 9), y)
+    found = neural.hidden_weights(structure(name), data, 0.5, weights=2.0)
+    assert found.status == "empty" and found.verify() and not len(found.members)
+    assert not replace(found, steps=(WeightStep(),)).verify()
+    halved = replace(found.steps[0], dual=np.zeros_like(found.steps[0].dual))
+    assert not replace(found, steps=(halved, *found.steps[1:])).verify()
+
+
+@pytest.mark.parametrize("name", ["sigmoid", "algebraic"])
+def test_other_smooth_neurons(name: str) -> None:
+    data = planted(name, 20, 0.01)
+    found = neural.hidden_weights(structure(name), data, 0.012, weights=2.0, time_limit=2.0)
+    assert found.status == "partial" and found.verify()
+    for key, value in TRUTH.items():
+        assert found.intervals[key].outer[0] <= value <= found.intervals[key].outer[1]
+
+
+def test_two_neurons_are_ordered() -> None:
+    data = planted("tanh", 12, 0.02)
+    found = neural.hidden_weights(structure("tanh", 2), data, 0.03, weights=2.0, time_limit=2.0)
+    assert found.verify() and len(found.members)
+    assert np.all(found.members[:, 0] >= found.members[:, 4])  # w1_1 >= w2_1
+    assert np.all(found.members[:, 8:10] >= 0.0)
+    x = np.array([0.4, 0.8, -0.5, 0.2, -0.5, 0.3, 0.1, 0.0, 1.5, 0.0, 0.1])  # v2 = 0
+    for item, value in zip(found.intervals.values(), x[[0, 1, 2, 4, 5, 6, 3, 7, 8, 9, 10]],
+                           strict=True):  # fmt: skip
+        assert item.outer[0] <= value <= item.outer[1]
+
+
+def test_forged_intervals_are_found(found: neural.SmoothHiddenWeights) -> None:
+    item = found.intervals["w1_1"]
+    for outer in ((item.inner[0], item.outer[1]), (item.outer[0], item.inner[1])):
+        forged = setid.ParameterInterval("w1_1", outer, item.inner, item.status)
+        assert not replace(found, intervals={**found.intervals, "w1_1": forged}).verify()
+    beyond = found.members.copy()
+    beyond[0, 4] += 1.0
+    assert "member" in replace(found, members=beyond).verify().reason
+
+
+def test_steps_without_proof_leave_all_weights(found: neural.SmoothHiddenWeights) -> None:
+    """Steps whose multipliers are gone, whose boxes are lost or used twice, exclude nothing."""
+    bare = tuple(replace(s, dual=np.zeros_like(s.dual), ends=s.ends[:0]) for s in found.steps)
+    lost = (replace(found.steps[0], children=(7, 10**6)), *found.steps[1:])
+    twice = (replace(found.steps[0], children=(1, 1)), *found.steps[1:])
+    back = (replace(found.steps[0], children=(0, 1)), *found.steps[1:])
+    for steps in (bare, lost, twice, back, found.steps[:1]):
+        assert not replace(found, steps=steps).verify()
+
+
+def test_moved_cuts_are_not_believed(found: neural.SmoothHiddenWeights) -> None:
+    number, step = next((n, s) for n, s in enumerate(found.steps) if len(s.cuts))
+    cuts = step.cuts.copy()
+    cuts[:, 2] = np.where(cuts[:, 1] > 0, 2.0, -2.0)
+    steps = (*found.steps[:number], replace(step, cuts=cuts), *found.steps[number + 1 :])
+    # each cut would exclude the whole box, the planted network with it
+    task = smooth_weights._Task.of(found.net, found.data, found.bound, found.weights)
+    low, high, _ = task.drawn(steps)
+    truth = np.array(list(TRUTH.values()))
+    assert np.all(low <= truth) and np.all(truth <= high)
+
+
+@pytest.mark.parametrize("at", [np.nan, np.inf, -np.inf])
+def test_branches_at_no_number_leave_all_weights(at: float) -> None:
+    """Comparisons with no number are false: both halves would count as wrongly ordered."""
+    task = smooth_weights._Task.of(structure("tanh", 2), planted("tanh", 12, 0.02), 0.03, 2.0)
+    low, high, _ = task.drawn((WeightStep((1, 2), 4, at), WeightStep(), WeightStep()))
+    assert np.all(low[:8] == -2.0) and np.all(high[:8] == 2.0)

@@ -1,0 +1,237 @@
+"""Refuted noise by cells of denominators: by hand, against linear programs, and forged claims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import setid
+from setid.minimum_noise.denominators import least_output_noise
+from setid.proofs.least_noise.denominator_cells import (
+    Cell,
+    DenominatorCells,
+    _inverse,
+    first_cones,
+    output_rows,
+    parted_cone,
+)
+from sparsepop_py.budget import Deadline
+
+STATIC = setid.TransferFunction(na=0, nb=1)
+
+
+def stated(
+    data: setid.IOData, model: setid.TransferFunction, size: float, *priors: setid.Stable
+) -> setid.Formulation:
+    return setid.formulate(data, model, setid.Noise(output=size), list(priors))
+
+
+def by_one(multiplier: list[float]) -> DenominatorCells:
+    """The claim that one multiplier refutes a static gain."""
+    only = Cell(used=(0,), shares=(1.0,))
+    return DenominatorCells(0, np.array([0]), np.array([multiplier]), (only,))
+
+
+def least_for(data: setid.IOData, a: list[float], bound: float = 1.0) -> float:
+    """Least output noise with a given denominator, nb = 1, nk = 1: a program in all noise."""
+    y, u, n, count = data.y[:, 0], data.u[:, 0], len(a), data.samples
+    full = np.array([1.0, *a])
+    rows = np.zeros((count - n, count + 2))
+    right = np.zeros(count - n)
+    for row, k in enumerate(range(n, count)):
+        for i in range(n + 1):
+            rows[row, k - i] += full[i]
+            right[row] += full[i] * y[k - i]
+        rows[row, count] = u[k - 1]
+    sizes = np.hstack([np.eye(count), np.zeros((count, 1)), -bound * np.ones((count, 1))])
+    other = np.hstack([-np.eye(count), np.zeros((count, 1)), -bound * np.ones((count, 1))])
+    found = linprog(
+        np.append(np.zeros(count + 1), 1.0),
+        A_ub=np.vstack([sizes, other]),
+        b_ub=np.zeros(2 * count),
+        A_eq=rows,
+        b_eq=right,
+        bounds=[(None, None)] * (count + 2),
+    )
+    return float(found.fun)
+
+
+def noisy(seed: int, count: int = 40) -> setid.IOData:
+    random = np.random.default_rng(seed)
+    u, y = random.uniform(-1.0, 1.0, count), np.zeros(count)
+    for k in range(1, count):
+        y[k] = 0.7 * y[k - 1] + u[k - 1]
+    return setid.IOData(u, y + random.uniform(-0.2, 0.2, count))
+
+
+def test_gains_of_two_readings_by_hand() -> None:
+    """y = b u with u = 1, 2 and y = 0, 3: noise of 1 explains it with b = 1, less does not."""
+    data = setid.IOData([1.0, 2.0], [0.0, 3.0])
+    claim = by_one([-2.0, 1.0])
+    assert claim.verify(stated(data, STATIC, 0.999))
+    assert not claim.verify(stated(data, STATIC, 1.0))
+    assert not claim.verify(stated(data, STATIC, 1.001))
+    assert not by_one([-2.0, 0.9]).verify(stated(data, STATIC, 0.999))
+
+
+def test_multipliers_off_the_columns_cost_what_they_are_off() -> None:
+    """lambda = (-2, 1 - d): 3 - 3 d <= s (3 - d + 2 d) with a correction of 2 d at sample 0."""
+    data = setid.IOData([1.0, 2.0], [0.0, 3.0])
+    off = 2.0**-20
+    claim = by_one([-2.0, 1.0 - off])
+    assert claim.verify(stated(data, STATIC, 1.0 - 2.0 * off))
+    assert not claim.verify(stated(data, STATIC, 1.0 - 1.0 * off))
+
+
+def test_tiny_multipliers_whose_products_lose_their_digits_prove_nothing() -> None:
+    """5e-324 times a reading of 2.6 is 3 times 5e-324, so that 2.6 would count as 3."""
+    data = setid.IOData([1.0, 2.0], [0.0, 2.6])  # noise of 2.6 / 3 explains it
+    only = Cell(used=(0,), shares=(2.0**600,))
+    for size in (2.0**-1074, 2.0**-400, 2.0**400):
+        claim = DenominatorCells(0, np.array([0]), size * np.array([[-2.0, 1.0]]), (only,))
+        assert not claim.verify(stated(data, STATIC, 0.9))
+        assert not claim.verify(stated(data, STATIC, 0.5))
+    small = setid.IOData([1.0, 2.0], [0.0, 2.6 * 2.0**-400])
+    assert not by_one([-2.0, 1.0]).verify(stated(small, STATIC, 0.5 * 2.0**-400))
+    steep = setid.IOData([2.0**-400, 2.0**-399], [0.0, 3.0])
+    assert not by_one([-2.0, 1.0]).verify(stated(steep, STATIC, 0.5))
+
+
+def test_inverses_whose_entries_underflow_are_none() -> None:
+    large, small = 2.0**300, 2.0**-300
+    assert _inverse(np.array([[large, small], [0.0, large]])) is None
+    assert _inverse(np.array([[large, large], [large, large]])) is None
+    found = _inverse(np.array([[2.0, 1.0], [0.0, 4.0]]))
+    assert found is not None and found.tolist() == [[0.5, -0.125], [0.0, 0.25]]
+
+
+def test_many_shares_cost_their_rounding() -> None:
+    """The sum of 2^14 equal numbers may be wrong by 2^-40 of itself and proves less."""
+    data = setid.IOData([1.0, 2.0], [0.0, 3.0])
+    count = 2**14
+    only = Cell(used=(0,) * count, shares=(1.0,) * count)
+    claim = DenominatorCells(0, np.array([0]), np.array([[-2.0, 1.0]]), (only,))
+    assert claim.verify(stated(data, STATIC, 1.0 - 1e-10))
+    assert not claim.verify(stated(data, STATIC, 1.0 - 2.5e-12))
+
+
+def test_a_cell_serves_once() -> None:
+    data = setid.IOData([0.0, 0.0, 1.0], [1.0, -1.0, -1.0])
+    model = setid.TransferFunction(na=1, nb=1, nk=1)
+    leaf = Cell(used=(0,), shares=(-1.0,))
+    table, stable = np.array([[0.0, 1.0, 1.0]]), stated(data, model, 0.4, setid.Stable())
+    twice = (Cell((1, 1), (0, 1)), leaf)
+    assert not DenominatorCells(0, np.zeros(0, int), table, twice).verify(stable)
+    once = (Cell((1, 2), (0, 1)), leaf, leaf)
+    assert DenominatorCells(0, np.zeros(0, int), table, once).verify(stable)
+
+
+def test_poles_by_hand() -> None:
+    """y(k) + a y(k-1) = 0 with y = 1, -1, -1: |a| <= 1 needs noise of 1, by [1, a] on rows 1, 2.
+
+    Multipliers (1, 1) let through |eta(2)| + |1 + a| |eta(1)| + |a| |eta(0)| of -2 - 0 a.
+    """
+    data = setid.IOData([0.0, 0.0, 1.0], [1.0, -1.0, -1.0])
+    model = setid.TransferFunction(na=1, nb=1, nk=1)
+    only = Cell(used=(0,), shares=(-1.0,))  # at (1, 1): 2 > 4 s; at (1, -1): 2 > 2 s
+    claim = DenominatorCells(0, np.zeros(0, int), np.array([[0.0, 1.0, 1.0]]), (only,))
+    stable = setid.Stable()
+    assert claim.verify(stated(data, model, 0.499, stable))
+    assert not claim.verify(stated(data, model, 0.501, stable))
+    assert not claim.verify(stated(data, model, 0.499))  # that has two cones
+
+
+def test_no_factor_is_above_that_of_any_denominator() -> None:
+    """The proved factor is below linear programs over a grid, and near the least of them."""
+    for seed in (1, 2):
+        data, model = noisy(seed), setid.TransferFunction(na=1, nb=1, nk=1)
+        rows = output_rows(stated(data, model, 1.0), 0)
+        assert rows is not None
+        found = least_output_noise(rows, 0, 0.02, Deadline(30.0))
+        grid = min(least_for(data, [a]) for a in np.linspace(-0.9, -0.5, 81))
+        assert found.cells is not None
+        assert 0.97 * grid <= found.factor <= grid
+        assert found.cells.verify(stated(data, model, found.factor))
+        assert not found.cells.verify(stated(data, model, 1.05 * found.factor))
+
+
+def test_second_order_and_several_leaves() -> None:
+    data, model = noisy(3), setid.TransferFunction(na=2, nb=1, nk=1)
+    rows = output_rows(stated(data, model, 1.0, setid.Stable()), 0)
+    assert rows is not None and rows.stable
+    found = least_output_noise(rows, 0, 0.1, Deadline(30.0))
+    assert found.cells is not None and found.cells.leaves > 3
+    good = stated(data, model, found.factor, setid.Stable())
+    assert found.cells.verify(good)
+    assert found.factor <= min(least_for(data, [*a]) for a in found.best)
+    cells = list(found.cells.cells)
+    for number, cell in enumerate(cells):
+        if cell.children:
+            swapped = cell._replace(children=(cell.children[0], cell.children[0]))
+            forged = (*cells[:number], swapped, *cells[number + 1 :])
+            assert not replace(found.cells, cells=tuple(forged)).verify(good)
+            break
+    leaf = next(number for number, cell in enumerate(cells) if not cell.children)
+    bare = (*cells[:leaf], Cell(), *cells[leaf + 1 :])
+    assert not replace(found.cells, cells=tuple(bare)).verify(good)
+    cyclic = cells[0]._replace(children=(0, 0))
+    assert not replace(found.cells, cells=(cyclic, *cells[1:])).verify(good)
+
+
+def test_weights_on_an_edge_are_positive_integers() -> None:
+    cone = first_cones(1, True)[0]
+    parts = parted_cone(cone, (0, 1), (1, 3))
+    assert parts is not None
+    assert [part.tolist() for part in parts] == [[[2, -1], [1, -1]], [[1, 1], [2, -1]]]
+    for edge, weights in (((0, 0), (1, 1)), ((0, 2), (1, 1)), ((0, 1), (0, 1)), ((0, 1), (2, -1))):
+        assert parted_cone(cone, edge, weights) is None
+
+
+def test_first_cones_hold_all_denominators() -> None:
+    """Random polynomials with zeros in the disc lie in the first cone, all others in some."""
+    random = np.random.default_rng(0)
+    for _ in range(50):
+        angle = random.uniform(0.0, np.pi)
+        zeros = [random.uniform(-1.0, 1.0), *(random.uniform() * np.exp([1j * angle, -1j * angle]))]
+        a = np.real(np.poly(zeros))
+        shares = np.linalg.solve(first_cones(3, True)[0].T.astype(float), a)
+        assert np.all(shares >= -1e-12)
+        b = random.normal(size=4)
+        held = [
+            np.all(share >= 0) or np.all(share <= 0)
+            for cone in first_cones(3, False)
+            for share in [np.linalg.solve(cone.T.astype(float), b)]
+        ]
+        assert any(held)
+
+
+@pytest.mark.parametrize("gap", [5, 20])
+def test_missing_readings_and_records_leave_rows_out(gap: int) -> None:
+    data = noisy(4)
+    y = data.y.copy()
+    y[gap] = np.nan
+    model = setid.TransferFunction(na=1, nb=1, nk=1)
+    rows = output_rows(stated(setid.IOData(data.u, y), model, 1.0), 0)
+    assert rows is not None
+    assert np.flatnonzero(~rows.row).tolist() == [0, gap, gap + 1]
+    two = setid.IOData.concat([data, data])
+    both = output_rows(stated(two, model, 1.0), 0)
+    assert both is not None and np.flatnonzero(~both.row).tolist() == [0, 40]
+
+
+def test_noisy_inputs_and_equation_errors_are_not_taken() -> None:
+    data, model = noisy(5), setid.TransferFunction(na=1, nb=1, nk=1)
+    for noise in (setid.Noise(output=1.0, input=0.1), setid.Noise(output=1.0, equation=0.1)):
+        assert output_rows(setid.formulate(data, model, noise), 0) is None
+
+
+def test_multipliers_outside_of_rows_are_refused() -> None:
+    """At sample 0 there is no row: y(0) + a y(-1) is asked of nobody."""
+    data = setid.IOData([0.0, 0.0, 1.0], [5.0, 0.0, 0.0])
+    model = setid.TransferFunction(na=1, nb=1, nk=1)
+    only = Cell(used=(0,), shares=(1.0,))
+    claim = DenominatorCells(0, np.zeros(0, int), np.array([[1.0, 0.0, 0.0]]), (only,))
+    assert not claim.verify(stated(data, model, 0.1, setid.Stable()))
