@@ -148,7 +148,7 @@ def cover(formulation: Formulation, lower: Reals, upper: Reals) -> Cover:
 
 
 def sources(formulation: Formulation, lower: Reals, upper: Reals) -> NDArray[np.int64]:
-    """Where the rows of a cover come from, for those who write or explain them.
+    """List the constraints and readings from which the rows of a cover come.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def sources(formulation: Formulation, lower: Reals, upper: Reals) -> NDArray[np.
 def _candidates(
     formulation: Formulation, lower: Reals, upper: Reals
 ) -> tuple[Reals, Reals, NDArray[np.int64], bool]:
-    """Rows, right sides, where they come from, and whether the constraints are all there is."""
+    """State rows, right sides, their origins, and whether the constraints are all there is."""
     matrix, right, origin, all_linear = _linear_constraints(formulation)
     if not all_linear and formulation.smoothed is not None:
         more, width, places = _regression_rows(formulation, lower, upper)

@@ -68,7 +68,7 @@ def simulation_step(
 
 
 def _rows(formulation: Formulation, parts: Recursion, region: Region) -> list[Row]:
-    """What each half space of a region comes from, in their order."""
+    """Name the origin of each half space of a region, in their order."""
     signals, found = parts.run(region), list[Row]()
     for channel, name in enumerate(parts.outputs):
         form = signals[name]

@@ -147,6 +147,27 @@ def several() -> Iterator[Case]:
     yield "gap-range", known, setid.TransferFunction(1, 1), noise_of("o"), ()
     narx = setid.PolynomialNARX(["y1", "u0", "y1*u0"], 1, 0)
     yield "narx", record(8, "e", 14), narx, noise_of("e"), ()
+    yield from structures()
+
+
+def structures() -> Iterator[Case]:
+    """One record of each structure whose rows come with the file."""
+    shape, ends = setid.TransferFunction(1, 1, 1), setid.Box({"b1": (0.5, 1.5), "a1": (-0.9, 0.0)})
+    models = {
+        "hammerstein": (setid.Hammerstein(shape, 2, normalise="gamma1"), [-0.5, 1.0, 0.3]),
+        "wiener": (setid.Wiener(shape, 2, normalise="b1"), [-0.5, 1.0, 0.3]),
+        "lure": (setid.Lure(shape, 2, normalise="nolinear"), [-0.5, 1.0, 0.1]),
+    }
+    for name, (model, theta) in models.items():
+        rng = np.random.default_rng(9)
+        u, noise = rng.uniform(-1, 1, 10), setid.Noise(output=0.02)
+        made = setid.simulate_record(model, theta, u, noise, rng)
+        gains = {"a1": (-0.9, 0.0), "gamma1": (0.5, 1.5), "gamma2": (0.0, 1.0)}
+        yield name, made.data, model, noise, (setid.Box(gains) if name == "wiener" else ends,)
+    continuous = setid.ContinuousTransferFunction(1, 0, Ts=1.0)
+    rng, noise = np.random.default_rng(10), setid.Noise(equation=0.02)
+    made = setid.simulate_record(continuous, [0.5, 1.0], rng.uniform(-1, 1, 14), noise, rng)
+    yield "continuous", made.data, continuous, noise, ()
 
 
 @functools.cache

@@ -1,0 +1,30 @@
+"""Sweeps of interval propagation in the second checker."""
+
+from __future__ import annotations
+
+import math
+
+from checker import interval as iv
+from checker.polynomial import Polynomial
+from checker.propagation import Box, Row, Rows
+
+INF = math.inf
+
+
+def test_a_root_chooses_its_branch_by_what_the_same_sweep_found():
+    """Two signs with (x1 + x2 + x3 - 1.5)^2 <= 0.25: x1 = -1 leaves x2 = x3 = 1.
+
+    With x1 = -1 the row of the cutoff takes x2 above -0.57; x2^2 = 1, which has not changed, then
+    has one root only.
+    """
+    squares = [Row(Polynomial.of([(v, v), ()], [1.0, -1.0]), (0, 0)) for v in (1, 2, 3)]
+    words = [(), *((v,) for v in (1, 2, 3)), *((v, v) for v in (1, 2, 3)), (1, 2), (1, 3), (2, 3)]
+    objective = Polynomial.of(words, [2.25, -3.0, -3.0, -3.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+    rows = Rows([*squares, Row(objective, (-INF, iv.above(0.25)))], [])
+    box = Box([(-INF, INF)] * 3)
+    for _ in range(2):
+        rows.sweep(box, True)
+    box.shrink(0, -INF, iv.above(-0.45))
+    for _ in range(2):
+        rows.sweep(box, True)
+    assert [(iv.exact(a), iv.exact(b)) for a, b in box.ends] == [(-1, -1), (1, 1), (1, 1)]
