@@ -129,7 +129,9 @@ def run_orders(
         return _proved_otherwise(state)
     exact = _by_exact_multipliers(context, candidates)
     if exact is None:
-        return _by_relaxations(context, candidates, shared, more_starts)
+        state = _by_relaxations(context, candidates, shared, more_starts)
+        early = context.options.effort == "auto" or not _restricted(context.problem)
+        return state if early else _without_box(state)
     proved = lower_bound(exact.outcome.certificate)
     if exact.context.closed(proved) or exact.context.deadline.over or _falls(exact):
         return exact
@@ -379,7 +381,7 @@ def _of_linear_tree(found: LinearTreeResult) -> SearchState:
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
-        if finite(Interval(auto.context.problem.lower, auto.context.problem.upper)):
+        if _worth_without_box(auto.context.problem):
             auto.run(STRATEGY.before_squares)
             if not auto.over:
                 state = _without_box(_state_of(auto))
@@ -389,6 +391,16 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     except EARLY as cause:
         auto.context.deadline.ended(cause)
     return _state_of(auto)
+
+
+def _worth_without_box(problem: Problem) -> bool:
+    """Check that a bound without a box has not been tried yet.
+
+    Free objectives, and convex ones without a finite box, begin with it.
+    """
+    if finite(Interval(problem.lower, problem.upper)):
+        return True
+    return problem.degree > 2 and _restricted(problem)
 
 
 def _state_of(auto: AdaptiveSearch) -> SearchState:

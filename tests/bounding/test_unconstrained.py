@@ -57,6 +57,18 @@ def test_a_wide_box_costs_an_expanded_chain_neither_its_bound_nor_its_point(effo
     assert result.certificate.verify(problem).ok
 
 
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_one_bound_costs_an_expanded_chain_nothing(effort):
+    objective = problems.broyden_tridiagonal(60).objective
+    problem = sp.Problem(
+        objective, upper=np.append(0.0, np.full(59, np.inf))
+    )  # x1 of a zero is < 0
+    result = sp.solve(problem, sp.Options(effort=effort, work_limit=60))
+    assert result.status is sp.Status.OPTIMAL
+    assert -1e-6 <= result.lower_bound <= result.upper_bound <= 1e-6
+    assert result.certificate.verify(problem).ok
+
+
 def test_a_certificate_does_not_fit_another_problem():
     result = sp.solve(expanded(problems.chained_singular(8)))
     gram = result.certificate.root.argument
