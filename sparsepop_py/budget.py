@@ -24,8 +24,9 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["EARLY", "Deadline", "LimitReached", "check", "pace", "spend", "spent"]
+__all__ = ["EARLY", "TOO_LONG", "Deadline", "LimitReached", "check", "pace", "spend", "spent"]
 
+TOO_LONG = "too long for the time left"  # in notes about what was not begun
 _GRACE = 0.2  # of a limit: proofs under way when it passes may take so much longer
 _MOST_PACE = 100.0  # wall seconds to a CPU second on the busiest machine that is thought of
 

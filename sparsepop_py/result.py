@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.budget import TOO_LONG
 from sparsepop_py.options import Options
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_checks import read_only
@@ -220,6 +221,8 @@ class Result:
             found = "the bound is proved, the gap is open"
             if self.lower_bound == -np.inf:
                 found = "nothing finite was proved by then"
+            if any(TOO_LONG in note for note in self.notes):
+                return f"{_limits(self.options)} is too short for what the notes name; {found}."
             return f"{_limits(self.options)} ended the work; {found}."
         advice = _advice(self) if self.status in _OPEN else []
         return f"{self.status.message} Try {_listed(advice)}." if advice else self.status.message

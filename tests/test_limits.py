@@ -194,6 +194,15 @@ def test_a_cpu_limit_is_named():
     assert result.message.startswith("The CPU limit of 1e-06 s ended the work")
 
 
+def test_a_limit_that_leaves_no_time_to_begin_is_said() -> None:
+    x = sp.variables(16)  # a basis of 153: ten steps with dense blocks take far over a second
+    problem = sp.Problem(sp.total(x) ** 2 * x[0] * x[1], lower=-1, upper=1)
+    result = check(problem, sp.solve(problem, Options(effort="plain", order=2, time_limit=1)))
+    assert result.status is Status.LIMIT
+    assert any("not begun" in note for note in result.notes)
+    assert result.message.startswith("The time limit of 1 s is too short for what the notes name")
+
+
 def test_a_stopped_linear_program_proves_something():
     rng, x = np.random.default_rng(1), [1.0, *sp.variables(9)]
     triples = [(i, j, k) for i in range(10) for j in range(i + 1) for k in range(j + 1)]

@@ -30,6 +30,7 @@ from sparsepop_py.verified.arithmetic.display import rounded
 __all__ = ["check_files", "report", "write_files", "write_report"]
 
 _LINE = "-" * 72
+_PHASES = {"solved": "pdOPT", "almost": "pdFEAS"}  # in SDPA's words
 
 
 def write_report(output: SparsePOPOutput, source: Any, level: int) -> None:
@@ -101,6 +102,9 @@ def _sdp(output: SparsePOPOutput) -> Iterator[str]:
     yield f"# {info.solver} information:"
     yield f"  numerr, pinf, dinf  = {info.numerr}, {info.pinf}, {info.dinf}  ({info.detail})"
     yield f"  iterations          = {info.iter}"
+    if output.param.SDPsolver == "sdpa":  # programs that asked for SDPA look for its last word
+        solution = output.POP.result.solution
+        yield f"  phase value = {_PHASES.get(solution.status if solution else '', 'noINFO')}"
     if info.dinf == 1:
         yield "  it reports that the relaxation has no point: nor may the problem (not proved)"
     if info.pinf == 1:
@@ -152,13 +156,13 @@ def _kind(output: SparsePOPOutput) -> str:
 
 
 def _vector(name: str, x: Any) -> Iterator[str]:
-    """Five numbers a line, each line with the index of its first entry."""
+    """Five numbers a line, each with its index, which programs that read reports look for."""
     if not x.size:
         return
     yield f"# {name}:"
     for first in range(0, x.size, 5):
-        numbers = " ".join(f"{v:+13.7e}" for v in x[first : first + 5])
-        yield f"  {first + 1:6d}: {numbers}"
+        numbers = (f"{k + 1:8d}: {x[k]:+13.7e}" for k in range(first, min(first + 5, x.size)))
+        yield "".join(numbers)
 
 
 def write_files(

@@ -35,6 +35,7 @@ _FAR = 1e12  # points as far as this are no candidates
 _PROOFS = 12  # vectors at most that a proof is tried for, the best ones
 _ENOUGH = 5  # searches that end at the best value before the rest is left out,
 _NEAR = 1e-5  # relative: about the best value
+_WIDE = 50.0  # half the width from which the random points of a box say little about its middle
 _STARTS = 3  # from at least so many starts
 
 
@@ -44,8 +45,9 @@ def starting_points(
     """Choose the middle of a box and random points in it as starts.
 
     The middle is 0 or a bound where the box is unbounded; there, points spread over three scales:
-    2, 10 and 50. In very many variables, and of many squares, random points lead to poor minima;
-    there the vectors of all 1 and all -1 come before them.
+    2, 10 and 50, and so does every other point of a wide box. In very many variables, in wide
+    boxes and of many squares, random points lead to poor minima; there the vectors of all 1 and all
+    -1 come before them.
 
     Parameters
     ----------
@@ -61,6 +63,8 @@ def starting_points(
     """
     rng = np.random.default_rng(seed)
     points = []
+    half = 0.5 * box.hi - 0.5 * box.lo
+    wide, near = np.isfinite(half) & (half > _WIDE), 0.5 * np.clip(0.0, box.lo, box.hi)
     for number in range(count + 1):
         size = (2.0, 10.0, 50.0)[number % 3]
         from_high = np.where(np.isfinite(box.hi), box.hi - 2 * size, -size)
@@ -68,8 +72,12 @@ def starting_points(
         low = np.where(np.isfinite(box.lo), box.lo, from_high)
         high = np.where(np.isfinite(box.hi), box.hi, from_low)
         low, high = 0.5 * low, 0.5 * high  # widths may be beyond all doubles
+        if number % 2:
+            low = np.where(wide, np.maximum(low, near - 0.5 * size), low)
+            high = np.where(wide, np.minimum(high, near + 0.5 * size), high)
         points.append(2.0 * rng.uniform(low, high) if number else low + high)
-    if (problem.dimension > DENSE_LIMIT or problem.squares) and not problem.constraints:
+    many = problem.dimension > DENSE_LIMIT or bool(wide.any())
+    if (many or problem.squares) and not problem.constraints:
         both = (np.full(problem.dimension, v) for v in (1.0, -1.0))
         points[1:1] = [np.clip(x, box.lo, box.hi) for x in both]
     return points

@@ -22,8 +22,9 @@ from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
 from sparsepop_py.relaxation.sparsepop.relaxation import plain_relaxation
 from sparsepop_py.sparsity.correlative import Cliques
 
-__all__ = ["affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
+__all__ = ["LEAN", "affordable", "fitting_relaxations", "solver_bytes", "worth_building"]
 
+LEAN = "bounds enter linearly"  # how the note begins where only the lean form fits
 _OPERATIONS = 4e10  # a step; above, a relaxation is not tried
 _TINY = 1e5  # a step; below, the full form takes no time
 _BASIS = 1500  # monomials of one clique; above, a relaxation is not even built
@@ -159,7 +160,7 @@ def _worthwhile(full: Relaxation, lean: Relaxation, memory: float) -> Fitting:
         return ((lean, full) if cheap < 0.3 * costly and costly > _TINY else (full,)), ()
     if not affordable(lean, memory):
         return _NOTHING
-    return (lean,), (f"bounds enter linearly: blocks of {max(full.block_sizes)} are too large",)
+    return (lean,), (f"{LEAN}: blocks of {max(full.block_sizes)} are too large",)
 
 
 def _too_large(order: int, memory: float) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sparsepop_py.budget import pace, spend
+from sparsepop_py.budget import TOO_LONG, pace, spend
 from sparsepop_py.conic.program import ConicProgram, ConicSolution, solution
 from sparsepop_py.errors import SolverNotFound
 from sparsepop_py.plugins.registry import Registry
@@ -31,7 +31,7 @@ _SHARED_DOMAIN, _SHARED = ((6, 100), *_DOMAIN), 4
 # iterations, the analysis counted in, without which its output proves nothing.
 _RATE, _ITERATIONS = 1.7e10, 10
 _UNSTOPPABLE = ("clarabel", "clarabel-moment")
-NOT_BEGUN = "not begun: its iterations take too long for the time left"
+NOT_BEGUN = f"not begun: its iterations take {TOO_LONG}"
 
 SOLVERS: Registry[ConicSolver] = Registry(
     "solver",

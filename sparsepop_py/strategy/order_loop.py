@@ -38,8 +38,10 @@ from sparsepop_py.context import SolveContext
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
+from sparsepop_py.presolve.size_limits import LEAN, affordable
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.moment import least_order
+from sparsepop_py.relaxation.sparsepop.relaxation import Switches
 from sparsepop_py.result import HistoryEntry
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
 from sparsepop_py.strategy.linear_tree import (
@@ -127,7 +129,9 @@ def run_orders(
         return _proved_otherwise(state)
     exact = _by_exact_multipliers(context, candidates)
     if exact is None:
-        return _by_relaxations(context, candidates, shared, more_starts)
+        state = _by_relaxations(context, candidates, shared, more_starts)
+        early = context.options.effort == "auto" or not _restricted(context.problem)
+        return state if early else _without_box(state)
     proved = lower_bound(exact.outcome.certificate)
     if exact.context.closed(proved) or exact.context.deadline.over or _falls(exact):
         return exact
@@ -170,7 +174,7 @@ def _without_box(state: SearchState) -> SearchState:
         return state
     options = replace(context.options, effort="presolve", order=None, switches=None)
     found = _by_gram_matrices(replace(context, options=options), state.candidates, iter(()))
-    return replace(_added(state, found), context=context)
+    return _added(state, found)
 
 
 def _on_gram_box(state: SearchState, more_starts: Iterator[NDArray[Any]]) -> SearchState:
@@ -384,15 +388,26 @@ def _of_linear_tree(found: LinearTreeResult) -> SearchState:
 def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
-        if finite(Interval(auto.context.problem.lower, auto.context.problem.upper)):
+        if _worth_without_box(auto.context.problem):
             auto.run(STRATEGY.before_squares)
             if not auto.over:
                 state = _without_box(_state_of(auto))
                 auto.outcome, auto.history = state.outcome, list(state.history)
+                auto.context = replace(auto.context, best=state.context.best)
         auto.run()
     except EARLY as cause:
         auto.context.deadline.ended(cause)
     return _state_of(auto)
+
+
+def _worth_without_box(problem: Problem) -> bool:
+    """Check that a bound without a box has not been tried yet.
+
+    Free objectives, and convex ones without a finite box, begin with it.
+    """
+    if finite(Interval(problem.lower, problem.upper)):
+        return True
+    return problem.degree > 2 and _restricted(problem)
 
 
 def _state_of(auto: AdaptiveSearch) -> SearchState:
@@ -436,8 +451,41 @@ def _orders(
         shared = None
     assert outcome is not None
     if own and context.options.effort != "auto":
+        outcome, entries = _by_third_form(context, outcome)
+        history += entries
         outcome = _by_lower_orders(context, outcome)
     return SearchState(context, outcome, candidates, tuple(history))
+
+
+def _by_third_form(
+    context: SolveContext, outcome: CertifiedBound
+) -> tuple[CertifiedBound, list[HistoryEntry]]:
+    """Solve the form of Waki et al. where only the lean one was small enough.
+
+    Its bounds have multipliers of their own, but no products of bounds hold monomials of the full
+    degree, so that its blocks are nearly as small as those of the lean form.
+    """
+    model, options, problem = outcome.model, context.options, context.problem
+    if options.effort == "plain":
+        return outcome, []
+    lean = any(note.startswith(LEAN) for note in model.notes)
+    if not lean or context.closed(lower_bound(outcome.certificate)) or context.deadline.over:
+        return outcome, []
+    start = time.process_time()
+    order = None if options.order is None else float(options.order)
+    options = replace(_timed(context), effort="plain", switches=Switches(order=order))
+    with context.stages.stage("relax"):
+        bare = Model(model.proof, model.box)
+        third = build_relaxations(problem, (problem.objective,), bare, options)
+    if not all(affordable(each, options.memory_limit) for each in third.relaxations):
+        return outcome, []
+    try:
+        bound = bound_order(replace(context, options=options), third)
+    except EARLY as cause:
+        context.deadline.ended(cause)
+        return outcome, []
+    outcome = better(outcome, bound)
+    return outcome, [_history_entry(context, outcome, bound, time.process_time() - start)]
 
 
 def _by_lower_orders(context: SolveContext, outcome: CertifiedBound) -> CertifiedBound:

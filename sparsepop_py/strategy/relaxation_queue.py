@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from sparsepop_py.budget import TOO_LONG
 from sparsepop_py.relaxation.hierarchy import RelaxationSpec
 from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
@@ -102,7 +103,7 @@ class RelaxationQueue:
                 large.append(spec.name)
             elif self._too_long(spec, seconds, left):
                 slow.append(f"{spec.name} (about {seconds:.2g} s)")
-        parts = [f"too long for the time left: {', '.join(slow)}"] if slow else []
+        parts = [f"{TOO_LONG}: {', '.join(slow)}"] if slow else []
         parts += [f"too large for the memory limit: {', '.join(large)}"] if large else []
         return f"relaxations not tried: {'; '.join(parts)}" if parts else "", bool(slow)
 

@@ -47,6 +47,28 @@ def test_gram_matrices_inside_the_cone_need_no_box():
     assert result.certificate.verify(problem).ok
 
 
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_a_wide_box_costs_an_expanded_chain_neither_its_bound_nor_its_point(effort):
+    objective = problems.broyden_tridiagonal(60).objective
+    problem = sp.Problem(objective, lower=-1000, upper=1000)
+    result = sp.solve(problem, sp.Options(effort=effort, work_limit=60))
+    assert result.status is sp.Status.OPTIMAL
+    assert -1e-6 <= result.lower_bound <= result.upper_bound <= 1e-6  # zeros exist, as above
+    assert result.certificate.verify(problem).ok
+
+
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+def test_one_bound_costs_an_expanded_chain_nothing(effort):
+    objective = problems.broyden_tridiagonal(60).objective
+    problem = sp.Problem(
+        objective, upper=np.append(0.0, np.full(59, np.inf))
+    )  # x1 of a zero is < 0
+    result = sp.solve(problem, sp.Options(effort=effort, work_limit=60))
+    assert result.status is sp.Status.OPTIMAL
+    assert -1e-6 <= result.lower_bound <= result.upper_bound <= 1e-6
+    assert result.certificate.verify(problem).ok
+
+
 def test_a_certificate_does_not_fit_another_problem():
     result = sp.solve(expanded(problems.chained_singular(8)))
     gram = result.certificate.root.argument

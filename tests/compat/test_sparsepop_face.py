@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import pathlib
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -245,8 +246,28 @@ def test_report_levels(capsys: pytest.CaptureFixture[str]) -> None:
 def test_vectors_have_five_numbers_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     sparsePOP(struct(2 * np.eye(7), np.ones(7)), [], [1] * 7, [2] * 7)
     lines = capsys.readouterr().out.split("# POP.xVect:\n")[1].split("\n")
-    one = " +1.0000000e+00"
-    assert lines[:2] == ["       1:" + 5 * one, "       6:" + 2 * one]
+    one = [f"       {k}: +1.0000000e+00" for k in range(1, 8)]
+    assert lines[:2] == ["".join(one[:5]), "".join(one[5:])]
+
+
+def test_programs_that_read_the_report_find_what_they_look_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    # as NLCertify (its file sparsepop.ml) looks for them, after asking for SDPA
+    param = {"printLevel": [2, 0], "SDPsolver": "sdpa", "POPsolver": "interior-point"}
+    with pytest.warns(ParameterWarning, match="sdpa"):
+        sparsePOP(*LINE, param)
+    text = capsys.readouterr().out
+    number = r"[-+][0-9.]+e[-+][0-9][0-9]"
+    names = (
+        "SDPobjValue",
+        r"POP\.objValueL",
+        r"POP\.scaledError",
+        "obj error",
+        r"xVect:\s+1[ \t]*:",
+    )
+    missing = [name for name in names if not re.search(f"{name}[ \t]*=?[ \t]*{number}", text)]
+    assert missing == [] and "phase value = pdOPT" in text
 
 
 def test_report_of_an_infeasible_problem(capsys: pytest.CaptureFixture[str]) -> None:

@@ -44,6 +44,15 @@ def test_starting_points_lie_in_the_box_and_repeat():
     assert all(np.array_equal(p, q) for p, q in zip(points, again, strict=True))
 
 
+def test_every_other_starting_point_of_a_wide_box_is_near_0_or_the_nearest_bound():
+    problem = sp.Problem(sp.total(sp.variables(2)), [sp.variables(2)[0] == 1])
+    box = Interval(np.array([-1e6, 300.0]), np.array([1e6, 1e6]))
+    points = starting_points(problem, box, 9, seed=3)
+    assert all(np.all((box.lo <= p) & (p <= box.hi)) for p in points)
+    assert all(np.max(np.abs(p - [0.0, 300.0])) <= 50.0 for p in points[1::2])
+    assert any(np.max(np.abs(p)) > 1e3 for p in points[2::2])
+
+
 @pytest.mark.parametrize("end, count", [(np.inf, 3), (0.0, 1)])
 def test_one_proof_of_existence_is_tried_when_time_is_over(end, count, monkeypatch):
     (x,) = sp.variables(1)

@@ -363,3 +363,28 @@ def test_orders_far_too_large_come_down_at_once() -> None:
     assert result.status is sp.Status.OPTIMAL
     lowered = [note for note in result.notes if "lowered" in note]
     assert len(lowered) == 1 and lowered[0].startswith("order 25 lowered to ")
+
+
+def test_the_form_without_products_follows_the_lean_one() -> None:
+    """Concave costs of transport take integers at a vertex: all are tried for the least value."""
+    supply, demand = (6, 7, 8), (5, 11, 5)
+    linear = np.array([[19, 8, 9], [18, 11, 9], [17, 8, 11]])
+    bent = np.array([[2, 2, 1], [1, 2, 2], [2, 2, 2]])
+    least = INF
+    for free in itertools.product(range(7), range(7), range(8), range(8)):
+        a = np.array(free).reshape(2, 2)
+        a = np.column_stack([a, np.array(supply[:2]) - a.sum(axis=1)])
+        flow = np.vstack([a, np.array(demand) - a.sum(axis=0)])
+        if flow.min() >= 0:
+            least = min(least, float(np.sum(linear * flow - bent * flow**2)))
+    x = np.array(sp.variables(9), object).reshape(3, 3)
+    costs = linear.astype(object) * x - bent.astype(object) * x**2
+    rows = [sp.total(x[i]) == supply[i] for i in range(3)]
+    rows += [sp.total(x[:, j]) == demand[j] for j in range(3)]
+    upper = np.minimum.outer(supply, demand).ravel()
+    problem = sp.Problem(sp.total(costs.ravel()), rows, 0, upper)
+    result = check(problem, sp.solve(problem, Options(order=2, memory_limit=3e5)))
+    assert [entry.name for entry in result.history] == ["order 2", "order 2"]
+    assert result.history[0].lower_bound < least - 0.1  # blocks of 28 would close it as well
+    assert result.upper_bound == least
+    assert result.status is Status.OPTIMAL
