@@ -155,7 +155,7 @@ def identify(
     >>> model = setid.TransferFunction(na=1, nb=1)
     >>> result = setid.identify(data, model, setid.Noise(equation=0.5))
     >>> result.intervals["b0"]
-    b0 in [1.91667, 2.1093], attained [1.91667, 2.1093], certified
+    b0 in [1.91666, 2.10931], attained [1.91667, 2.1093], certified
     """
     settings = options or Options()
     if not isinstance(settings, Options):

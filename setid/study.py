@@ -114,7 +114,7 @@ class Study(BaseStudy):
     >>> [(row["parameter"], row["status"]) for row in study.table()][2:]
     [('a1', 'certified'), ('b0', 'certified')]
     >>> study.result("bound 0.5").intervals["b0"]
-    b0 in [1.91667, 2.1093], attained [1.91667, 2.1093], certified
+    b0 in [1.91666, 2.10931], attained [1.91667, 2.1093], certified
     """
 
     work = Work(

@@ -140,7 +140,7 @@ class Recursive:
     >>> for u, y in zip([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875]):
     ...     _ = online.update(u, y)
     >>> online.intervals["a1"]
-    a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+    a1 in [-0.523256, -0.345333], attained [-0.523255, -0.345334], certified
     >>> online.inconsistent_at is None, bool(online.verify())
     (True, True)
     """

@@ -220,7 +220,7 @@ def reparametrise(
     >>> found = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
     >>> delay = setid.Physical({"T": (0.01, 100)}, ["a1 = -T/(1 + T)"])
     >>> setid.reparametrise(found, delay).intervals["T"]
-    T in [0.527495, 1.09756], attained [0.527495, 1.09756], certified
+    T in [0.527494, 1.09757], attained [0.527495, 1.09756], certified
     """
     settings = options or Options()
     if not isinstance(result, Identification):

@@ -52,9 +52,9 @@ def register_prior(kind: type[Prior]) -> None:
     >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
     >>> known = data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5)
     >>> setid.identify(*known).intervals["b0"]
-    b0 in [1.91667, 2.1093], attained [1.91667, 2.1093], certified
+    b0 in [1.91666, 2.10931], attained [1.91667, 2.1093], certified
     >>> setid.identify(*known, setid.read_prior("SumAtMost(1.5)")).intervals["b0"]
-    b0 in [1.91667, 2], attained [1.91667, 2], certified
+    b0 in [1.91666, 2], attained [1.91667, 2], certified
     """
     if not (isinstance(kind, type) and issubclass(kind, Prior)):
         name = getattr(kind, "__name__", type(kind).__name__)

@@ -9,6 +9,8 @@ from math import inf, isnan
 import numpy as np
 from numpy.typing import NDArray
 
+from sparsepop_py.verified.arithmetic.display import rounded
+
 __all__ = ["IntervalStatus", "ParameterInterval"]
 
 
@@ -112,6 +114,22 @@ class ParameterInterval:
     def __repr__(self) -> str:
         if self.status is IntervalStatus.EMPTY:
             return f"{self.name}: empty"
-        inner = "none" if self.inner is None else f"[{self.inner[0]:.6g}, {self.inner[1]:.6g}]"
-        low, high = self.outer
-        return f"{self.name} in [{low:.6g}, {high:.6g}], attained {inner}, {self.status}"
+        low, high = (
+            _shown(end, side, 6) for end, side in zip(self.outer, (False, True), strict=True)
+        )
+        return f"{self.name} in [{low}, {high}], attained {_attained(self.inner)}, {self.status}"
+
+
+def _shown(value: float, upwards: bool, digits: int) -> str:
+    return rounded(value, upwards, digits, scientific=False)
+
+
+def _attained(inner: tuple[float, float] | None) -> str:
+    """Show an attained interval, rounded inwards, with more digits where it is short."""
+    if inner is None:
+        return "none"
+    for digits in (6, 10, 15):
+        low, high = _shown(inner[0], True, digits), _shown(inner[1], False, digits)
+        if float(low) <= float(high):
+            return f"[{low}, {high}]"
+    return f"[{inner[0]!r}, {inner[1]!r}]"

@@ -99,7 +99,7 @@ class Identification(FeasibleSet):
     >>> model = setid.TransferFunction(na=1, nb=1)
     >>> result = setid.identify(data, model, setid.Noise(equation=0.5))
     >>> result.intervals["a1"]
-    a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+    a1 in [-0.523256, -0.345333], attained [-0.523255, -0.345334], certified
     >>> bool(result.verify(data))
     True
     """
@@ -214,7 +214,7 @@ class Identification(FeasibleSet):
         >>> data = setid.IOData([4, -3, 2, 1], [0, -6.25, 1.175, 2.0875])
         >>> result = setid.identify(data, setid.TransferFunction(1, 1), setid.Noise(equation=0.5))
         >>> setid.Identification.from_json(result.to_json()).intervals["a1"]
-        a1 in [-0.523256, -0.345333], attained [-0.523256, -0.345333], certified
+        a1 in [-0.523256, -0.345333], attained [-0.523255, -0.345334], certified
         """
         from setid.result.json_ import to_json
 

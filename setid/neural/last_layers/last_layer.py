@@ -283,7 +283,7 @@ def last_layer(
     >>> data = setid.IOData([0, 0, 1, 2, 3], [0, 0, 2, 4, 6])
     >>> found = neural.last_layer(net, data, setid.Noise(equation=0.5))
     >>> found.intervals["w1"]
-    w1 in [1.66667, 2.33333], attained [1.66667, 2.33333], certified
+    w1 in [1.66666, 2.33334], attained [1.66667, 2.33333], certified
     >>> bool(found.verify())
     True
     """

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import re
+from decimal import Decimal
 from math import inf
 
 import numpy as np
@@ -31,6 +33,15 @@ def test_width_centre_and_gap() -> None:
     assert np.isnan(interval((-inf, 3.0), None).centre)
     empty = interval((inf, -inf), None, STATUS.EMPTY)
     assert (empty.width, empty.gap) == (0.0, 0.0) and np.isnan(empty.centre)
+
+
+@pytest.mark.parametrize("ends", [(1 / 3, 2 / 3), (-2 / 3, -1 / 3), (1.0000001, 1.0000002)])
+def test_what_is_shown_of_an_interval_is_proved_and_attained(ends: tuple[float, float]) -> None:
+    """Outer ends are rounded outwards, attained ones inwards; to nearest both would claim more."""
+    item = setid.ParameterInterval("a1", ends, ends, setid.IntervalStatus.CERTIFIED)
+    shown = [Decimal(number) for number in re.findall(r"-?\d+\.?\d*(?:e-\d+)?", repr(item)[2:])]
+    assert shown[0] <= Decimal(ends[0]) <= shown[2] <= shown[3] <= Decimal(ends[1]) <= shown[1]
+    assert shown[1] - shown[0] < Decimal("1.00001") * Decimal(ends[1] - ends[0]) + Decimal("2e-5")
 
 
 @pytest.mark.parametrize("status", list(STATUS))
