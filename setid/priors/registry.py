@@ -54,7 +54,7 @@ def register_prior(kind: type[Prior]) -> None:
     >>> setid.identify(*known).intervals["b0"]
     b0 in [1.91666, 2.10931], attained [1.91667, 2.1093], certified
     >>> setid.identify(*known, setid.read_prior("SumAtMost(1.5)")).intervals["b0"]
-    b0 in [1.91666, 2], attained [1.91667, 2], certified
+    b0 in [1.91666, 2], attained [1.91667, 1.99999], certified
     """
     if not (isinstance(kind, type) and issubclass(kind, Prior)):
         name = getattr(kind, "__name__", type(kind).__name__)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,8 +39,16 @@ def structure(name: str, width: int = 1) -> neural.NNARX:
     return neural.NNARX(neural.Network(*parts, name), 1)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def cpu_time() -> Iterator[None]:
+    """Let limits count CPU time, so that a loaded machine does not end a search early."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(smooth_weights, "time", SimpleNamespace(monotonic=time.process_time))
+        yield
+
+
 @pytest.fixture(scope="module")
-def found() -> neural.SmoothHiddenWeights:
+def found(cpu_time: None) -> neural.SmoothHiddenWeights:
     return neural.hidden_weights(
         structure("tanh"), planted("tanh", 30, 0.02), 0.03, weights=2.0, time_limit=6.0
     )
