@@ -52,6 +52,36 @@ def test_orders_are_raised_with_proofs_until_the_set_collapses_on_the_ideal_cont
     assert matching.stable and matching.fit > 99.9
 
 
+@pytest.mark.parametrize(
+    ("Ts", "num", "den"),
+    [
+        (
+            0.005,
+            [4.2978183, -11.757854, 11.1460309, -3.6490603],
+            [-0.9930685, -0.9480591, 0.9411276],
+        ),
+        (0.02, [1.0013186, -1.1187457, 1.0153414, -0.5193439], [-0.927183, -0.8048727, 0.7320557]),
+    ],
+)
+def test_dddc_lab_ideal_at_other_sampling_times(
+    Ts: float, num: list[float], den: list[float]
+) -> None:
+    plant, reference = (
+        control.Transfer(b.ravel(), a, Ts)
+        for b, a, _ in (
+            cont2discrete(([4500.0], [1.0, 16.0, 4500.0]), Ts),
+            cont2discrete(([51.54, 861.8], [1.0, 56.97, 861.8]), Ts),
+        )
+    )
+    rng = np.random.default_rng(1)
+    r = rng.uniform(-1, 1, 100)
+    data = setid.IOData(r, plant.simulate(r) + rng.uniform(-1e-6, 1e-6, 100), Ts)
+    found = control.design(data, reference, control.LTI(3), 1e-6, options=QUICK)
+    for name, value in zip(["b0", "b1", "b2", "b3", "a1", "a2", "a3"], [*num, *den], strict=True):
+        low, high = found.intervals[name].outer
+        assert value - 1e-4 < low <= value + 1e-7 and value - 1e-7 <= high < value + 1e-4
+
+
 @pytest.mark.parametrize("integrator", [True, False])
 def test_noise_on_the_controllers_input(integrator: bool) -> None:
     """Noise .005 on 60 samples: row by row, outer ends were 10 to 100 times too wide."""

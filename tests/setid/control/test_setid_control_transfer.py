@@ -37,7 +37,7 @@ def sampled(top: list[float], below: list[float], Ts: float) -> control.Transfer
 
 
 @pytest.mark.parametrize("Ts", LABORATORY)
-def test_ideal_controller_of_the_laboratory(Ts: float) -> None:
+def test_dddc_lab_ideal(Ts: float) -> None:
     plant = sampled([4500.0], [1.0, 16.0, 4500.0], Ts)
     reference = sampled([51.54, 861.8], [1.0, 56.97, 861.8], Ts)
     found = control.ideal_controller(plant, reference)
@@ -47,7 +47,7 @@ def test_ideal_controller_of_the_laboratory(Ts: float) -> None:
     assert found.integrators == 1
 
 
-def test_ideal_controller_of_the_notes() -> None:
+def test_dddc_seed_example() -> None:
     found = control.ideal_controller(NOTES_P, NOTES_M)
     np.testing.assert_allclose(found.num, NOTES_IDEAL[0], atol=1e-8)
     np.testing.assert_allclose(found.den, NOTES_IDEAL[1], atol=1e-8)
