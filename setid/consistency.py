@@ -401,7 +401,7 @@ def _by_denominators(
     given = stated(1.0)
     refuted, best = _refuted_denominators(given, settings, until)
     formulation, limit, theta, witness, high = given, 1.0, None, None, inf
-    for level, x in _estimates(data, given, best):
+    for level, x in _estimates(data, given, best, until):
         limit = max(level * (1.0 + 1e-3), rounding_factor(data, bounds))
         formulation = stated(limit)
         witness = consistent(formulation, x[: len(formulation.parameters)])
@@ -467,7 +467,10 @@ def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[
 
 
 def _estimates(
-    data: IOData, formulation: Formulation, denominators: Iterable[NDArray[np.float64]] = ()
+    data: IOData,
+    formulation: Formulation,
+    denominators: Iterable[NDArray[np.float64]] = (),
+    until: float = inf,
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Factors that estimates need, with all unknowns; the least one first."""
     found: list[tuple[float, NDArray[np.float64]]] = []
@@ -479,8 +482,11 @@ def _estimates(
     output = formulation.noise.bounds(data)[0]
     if np.any(output > 0):
         fit = partial(least_largest_error, data, formulation.model, output)
-        estimates += [fit, *(partial(fit, denominator) for denominator in denominators)]
+        begun = [partial(fit, denominator) for denominator in denominators]
+        estimates = [*begun[:1], fit, *begun[1:], *estimates]
     for estimate in estimates:
+        if len(found) > 1 and time.monotonic() > until:
+            break
         try:
             theta = estimate()
             p = theta.size

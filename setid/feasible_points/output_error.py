@@ -59,18 +59,24 @@ class _Simulation:
         errors = np.nan_to_num(errors, nan=_HUGE, posinf=_HUGE, neginf=-_HUGE)
         return np.asarray(errors.clip(-_HUGE, _HUGE), np.float64)
 
-    def at(self, denominator: Reals) -> Reals:
-        """The other unknowns by least squares where the denominator of the output is given."""
+    def at(self, denominator: Reals, shares: Callable[[Reals], Reals]) -> Reals:
+        """The other unknowns with the least largest share, where a denominator is given."""
         places = [self.model.parameters.index(n) for n in self.model.transfer(1, 1).denominator]
         x = self.first.copy()
         x[places] = denominator
         others = np.setdiff1d(np.arange(x.size), places)
-        for _ in range(2):  # the errors are affine in them
-            values = self.errors(x)
+        for _ in range(2):  # the errors are affine in them; differences lose digits
+            values = shares(x)
             if np.any(np.abs(values) >= _HUGE):
                 break
-            slopes = _slopes(self.errors, x, values)[:, others]
+            slopes = _slopes(shares, x, values)[:, others]
             x[others] -= np.linalg.lstsq(slopes, values, rcond=None)[0]
+        values = shares(x)
+        slopes = _slopes(shares, x, values)[:, others]
+        far = 1e3 * np.abs(values).max() / np.maximum(np.abs(slopes).max(axis=0), 1e-12)
+        step = _linear_step(values, slopes, far) if np.all(np.isfinite(slopes)) else None
+        if step is not None:
+            x[others] += step
         return x
 
     def fitted(self) -> Reals:
@@ -112,21 +118,21 @@ def least_largest_error(
     bound : (N, ny) float
         Noise bounds: errors count as parts of them. Readings whose bound is 0 are left out.
     denominator : (n,) float, optional
-        Coefficients a_1, ..., a_n of a single output to begin from, instead of least squares.
+        Coefficients a_1, ..., a_n of a single output, which are held.
 
     Returns
     -------
     (p,) float
     """
     simulation = _Simulation(data, model)
-    x = simulation.fitted() if denominator is None else simulation.at(denominator)
     sizes = np.broadcast_to(bound, data.y.shape)[simulation.known]
     counted = np.flatnonzero(sizes > 0)
 
     def shares(at: Reals) -> Reals:
         return np.asarray(simulation.errors(at)[counted] / sizes[counted], np.float64)
 
-    if counted.size and np.all(np.abs(shares(x)) < _HUGE):
+    x = simulation.fitted() if denominator is None else simulation.at(denominator, shares)
+    if counted.size and denominator is None and np.all(np.abs(shares(x)) < _HUGE):
         x = _minimax(shares, x)
     return np.asarray(x[: simulation.count], np.float64)
 

@@ -38,6 +38,7 @@ _ALMOST = 1e-3  # of a level: where an exchange ends
 _UNEVEN = 24  # largest power of two between the weights of an edge
 _LOSSES = (1e-9, 1e-6, 1e-4, 1e-3, 1e-2, 5e-2)  # of a factor: what may be left to rounding
 _OVER = 1.0 + 1e-12
+_INSIDE = 1.0 - 1e-5  # largest modulus of a pole to begin from
 _TRIES = 4  # denominators in a cone, where there is no multiplier for its centre
 _MEMORY = 2.0**28  # bytes of multipliers
 
@@ -380,7 +381,11 @@ class _Search:
             return
         self._level = level
         if abs(a[0]) > 1e-6 * np.abs(a).max():
-            self._best = [np.asarray(a[1:] / a[0], np.float64), *self._best[:4]]
+            monic = np.asarray(a / a[0], np.float64)
+            if self._rows.stable:
+                largest = float(np.abs(np.roots(monic)).max(initial=0.0))
+                monic = monic * min(1.0, _INSIDE / max(largest, 1e-300)) ** np.arange(monic.size)
+            self._best = [monic[1:], *self._best[:4]]
 
     def _noises(self, multiplier: Reals, vectors: Reals) -> Reals:
         """Noise that a multiplier lets through, (K,)."""
