@@ -25,8 +25,8 @@ _TRIES: tuple[dict[str, str | int], ...] = (
     {"solver": "ipm"},
     {"solver": "simplex", "simplex_strategy": 4},
 )
-# presolve of long chains of equations corrupted memory in HiGHS 1.15.1 (a recursion of 511 rows)
-_TIED = (_TRIES[2], {"solver": "ipm", "presolve": "off"}, _TRIES[0])
+# on long recursions the dual method may end a little above the least value
+_TIED = _TRIES[::-1]
 _BALANCING = 10  # passes
 
 

@@ -3,6 +3,7 @@
 from itertools import combinations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -84,16 +85,23 @@ def test_scaled_bounds_have_exact_unit_coefficients():
 
 
 def test_single_letters_name_the_generators_that_are_a_variable():
-    lower = np.array([-1.0, 0.0, -INF, -INF])
-    upper = np.array([1.0, INF, 0.0, INF])
-    numbers = np.arange(generators.count(1, 4) + 2)  # two products at the end
+    lower = np.array([-1.0, 0.0, -INF, -INF, 0.0, -3.0])  # with two bounds it is 1 + t, not x
+    upper = np.array([1.0, INF, 0.0, INF, 2.0, 0.0])
+    numbers = np.arange(generators.count(1, 6) + 2)  # two products at the end
     letters = generators.single_letters(lower, upper, 1, numbers)
-    _, low, high = generators.bound_family(1, 4)
+    _, low, high = generators.bound_family(1, 6)
     wanted = np.full(numbers.size, -1)
     wanted[0] = 0
     wanted[low.start + 1] = 2
     wanted[high.start + 2] = 3
     assert letters.tolist() == wanted.tolist()
+
+
+@pytest.mark.parametrize("products", [[[-1, 0]], [[0, -1]], [[4, 0]], [[0, 0], [0, 5]]])
+def test_products_name_generators_before_them(products: list[list[int]]) -> None:
+    """Of four generators; -1 would mean the last one, itself a product."""
+    assert generators.are_products(np.array([[0, 3], [4, 4]]), 4)
+    assert not generators.are_products(np.array(products), 4)
 
 
 @given(
