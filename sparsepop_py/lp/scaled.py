@@ -25,8 +25,6 @@ _TRIES: tuple[dict[str, str | int], ...] = (
     {"solver": "ipm"},
     {"solver": "simplex", "simplex_strategy": 4},
 )
-# on long recursions the dual method may end a little above the least value
-_TIED = _TRIES[::-1]
 _BALANCING = 10  # passes
 
 
@@ -71,7 +69,7 @@ def solve_scaled(
     bottom = np.where(np.arange(right.size) < below[1].size, -np.inf, right)
     weights = cost * units
     size = float(np.abs(weights).max(initial=0.0)) or 1.0
-    for options in _TRIES if equal is None else _TIED:
+    for options in _TRIES:
         model = LinearModel(
             matrix, (bottom, right), (low / units, high / units), {**_TOLERANCES, **options}
         )
