@@ -163,7 +163,7 @@ class LinearTree:
         self._begin = spent()
         self._branches = np.zeros(self.model.dimension, bool)
         self._branches[self.variables] = True
-        self._width = np.maximum(self.box.hi - self.box.lo, 1e-300)
+        self._width = np.maximum(self.box.width(), 1e-300)
 
     # ---- the search ---------------------------------------------------------------------------
 

@@ -179,7 +179,7 @@ def _linear(
     box, step, _ = tighten_bounds(replay, mccormick, found.box, open_, left)
     if step is None or not open_:
         return replace(found, left=1.0)
-    left_over = np.mean((box.hi - box.lo)[open_] / (found.box.hi - found.box.lo)[open_])
+    left_over = np.mean(box.width()[open_] / found.box.width()[open_])
     return replace(found, steps=(*found.steps, step), box=box, left=float(left_over))
 
 

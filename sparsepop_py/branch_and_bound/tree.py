@@ -237,8 +237,8 @@ class Search:
         no interval is wide enough.
         """
         chosen = np.array(self.settings.variables, np.int64)
-        width = (box.hi - box.lo)[chosen]
-        start = (self.box.hi - self.box.lo)[chosen]
+        width = box.width()[chosen]
+        start = self.box.width()[chosen]
         relative = np.where(start > 0, width / np.where(start > 0, start, 1.0), 0.0)
         score = relative.copy()
         if found.error is not None:

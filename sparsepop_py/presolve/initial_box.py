@@ -66,19 +66,18 @@ def rounding_slack(box: Interval, start: Interval) -> NDArray[np.float64]:
     -------
     (n,) float
     """
-    with np.errstate(over="ignore"):
-        first, now = (np.maximum(w.hi - w.lo, 0.0) for w in (start, box))
+    first, now = (np.maximum(w.width(), 0.0) for w in (start, box))
     slack = np.minimum(_SLACK_OF_START * np.where(np.isfinite(first), first, now), _SHARE * now)
     return np.where(np.isfinite(slack), slack, 0.0)
 
 
 def shrinks(old: Interval, new: Interval) -> bool:
     """Check whether a box became smaller by enough for a step of a proof."""
-    if is_empty(new) or np.any(np.isinf(old.hi - old.lo) & np.isfinite(new.hi - new.lo)):
+    if is_empty(new) or np.any(np.isinf(old.width()) & np.isfinite(new.width())):
         return True
-    width = old.hi - old.lo
+    width = old.width()
     moved = np.isfinite(width) & (width > 0)
-    return bool(np.any((new.hi - new.lo)[moved] < _WORTH * width[moved]))
+    return bool(np.any(new.width()[moved] < _WORTH * width[moved]))
 
 
 def find_box(
@@ -229,7 +228,7 @@ def _sublevel_on(
             identity_of(relaxation, scaled, solution.z, 1.0, floor=1.0), incumbent.value
         )
         tighter = sublevel_box(problem, incumbent.value, step, box)
-        gained = (np.isinf(box.lo) | np.isinf(box.hi)) & np.isfinite(tighter.hi - tighter.lo)
+        gained = (np.isinf(box.lo) | np.isinf(box.hi)) & np.isfinite(tighter.width())
         reach = np.maximum(np.abs(tighter.lo), np.abs(tighter.hi))
         if np.any(gained) and np.all(
             reach[gained] <= _USEFUL * (1.0 + np.abs(incumbent.x[gained]))

@@ -163,7 +163,7 @@ class AdaptiveSearch:
         if model is old and self.context.cutoff <= self.least_cutoff:
             return
         moved = old.box.hi > old.box.lo
-        width = (model.box.hi - model.box.lo)[moved] / (old.box.hi - old.box.lo)[moved]
+        width = model.box.width()[moved] / old.box.width()[moved]
         own = self.model.proof.steps[len(old.proof.steps) :]
         self.model, self.shared_model = model, model
         node, replay = self.best.node, self.context.at_cutoff()

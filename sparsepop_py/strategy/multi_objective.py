@@ -353,7 +353,7 @@ def _obbt_rounds(
         if step is not None:
             steps.append(step)
             chosen = list(variables)
-            old, new = (box.hi - box.lo)[chosen], (smaller.hi - smaller.lo)[chosen]
+            old, new = box.width()[chosen], smaller.width()[chosen]
             gained, box = bool(np.any(new < STRATEGY.gained * old)), smaller
         if active is not None:
             missing = [violated_rows(problem, x, held) for x in seen]

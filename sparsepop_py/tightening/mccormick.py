@@ -286,7 +286,7 @@ def tighten_bounds(
     prices: list[NDArray[Any]] = []
     chosen: list[tuple[int, int]] = []
     points: list[NDArray[Any]] = []
-    width = box.hi - box.lo
+    width = box.width()
     deadline = Deadline(time_limit)
     sides = [
         (v, side) for v in variables for side in (1, -1) if mccormick.holds(v) and width[v] > 0

@@ -80,7 +80,7 @@ def tighten_by_lp(
             smaller = again
             steps.append(more)
     made = replace(model, proof=BoxProof(tuple(steps)), box=smaller)
-    old, new = (box.hi - box.lo)[open_], (smaller.hi - smaller.lo)[open_]
+    old, new = box.width()[open_], smaller.width()[open_]
     return TightenedModel(made, not is_empty(smaller) and bool(np.any(new < OBBT.lp_gained * old)))
 
 

@@ -98,11 +98,11 @@ def tighten_by_relaxation(
     TightenedBox
     """
     moved = [v for v in sorted(weights, key=lambda v: -weights[v]) if box.hi[v] > box.lo[v]]
-    start, steps, seen = (box.hi - box.lo)[moved], list[Step](), list(points)
+    start, steps, seen = box.width()[moved], list[Step](), list(points)
     weight = np.array([weights[v] for v in moved])
 
     def left() -> float:
-        return float(np.average((box.hi - box.lo)[moved] / start, weights=weight))
+        return float(np.average(box.width()[moved] / start, weights=weight))
 
     for v, side in ((v, side) for v in moved for side in (1, -1)):
         width, edge = box.hi[v] - box.lo[v], box.lo[v] if side > 0 else box.hi[v]

@@ -318,10 +318,10 @@ class _Search:
         value = max(self.tail.least, rows.prove(dual))
         open_ = np.flatnonzero(box.hi > box.lo)
         x0 = 0.5 * box.lo + 0.5 * box.hi
-        x0[open_] += 0.5 * (box.hi - box.lo)[open_] * e
+        x0[open_] += 0.5 * box.width()[open_] * e
         self._try(np.clip(x0, box.lo, box.hi))
         reach = np.abs(rows.generators[np.isfinite(rows.radius)]).max(axis=0, initial=0.0)
-        relative = (box.hi - box.lo)[open_] / np.maximum((self.box.hi - self.box.lo)[open_], 1e-300)
+        relative = box.width()[open_] / np.maximum(self.box.width()[open_], 1e-300)
         score = np.where(np.isfinite(reach) & (reach > 0), reach, relative)
         entry = int(open_[np.argmax(score)]) if open_.size else 0
         self.known[number] = box, value, dual, entry

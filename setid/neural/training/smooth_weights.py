@@ -355,7 +355,7 @@ class _Search:
     def open_(self, number: int, entry: int, side: float) -> bool:
         """Check that an end is not closed, and its box not too small to go on."""
         box = self.alive[number]
-        if np.all(box.hi - box.lo < 1e-9):
+        if np.all(box.width() < 1e-9):
             return False
         width = -self.value(entry, 1.0) - self.value(entry, -1.0)
         allowed = 0.5 * _CLOSED * width if np.isfinite(width) else 0.0
@@ -384,14 +384,14 @@ class _Search:
                 if cut is None:
                     return
                 box = cut
-            shrunk = np.prod((box.hi - box.lo) / np.maximum(before.hi - before.lo, 1e-300))
+            shrunk = np.prod(box.width() / np.maximum(before.width(), 1e-300))
             if shrunk > 0.5 or time.monotonic() > self.until:
                 break
         self.bisect(number, box)
 
     def bisect(self, number: int, box: Interval) -> None:
         reach = np.append(np.abs(self.program.phi).max(axis=0), 1.0)
-        entry = int(np.argmax((box.hi - box.lo) * np.tile(reach, self.program.width)))
+        entry = int(np.argmax(box.width() * np.tile(reach, self.program.width)))
         at = float(box.middle()[entry])
         first = len(self.steps)
         self.steps[number] = WeightStep((first, first + 1), entry, at)

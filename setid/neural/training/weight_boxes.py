@@ -219,7 +219,7 @@ class WeightSearch:
         value = program.prove(box, found.dual, infeasible)
         size, d = box.lo.size, program.phi.shape[1]
         reach = np.append(np.abs(program.phi).max(axis=0), 1.0)
-        entry = int(np.argmax((box.hi - box.lo) * np.tile(reach, program.width)))
+        entry = int(np.argmax(box.width() * np.tile(reach, program.width)))
         point = None
         if found.status == "solved":
             v = np.repeat(found.x[size : size + program.width], d + 1)

@@ -198,6 +198,11 @@ class Interval:
         """Compute a double near the middle of each (finite) interval."""
         return 0.5 * self.lo + 0.5 * self.hi
 
+    def width(self) -> NDArray[np.float64]:
+        """Compute hi - lo to nearest, to choose by; infinite where it exceeds all doubles."""
+        with np.errstate(over="ignore"):
+            return self.hi - self.lo
+
     def intersect(self, other: Interval) -> Interval:
         """Intersection; empty where lo > hi."""
         return Interval(np.maximum(self.lo, other.lo), np.minimum(self.hi, other.hi))

@@ -227,9 +227,13 @@ def test_products_with_zero_and_negation_stay_exact(x):
 
 @given(intervals())
 @settings(deadline=None)
-def test_magnitude_and_middle(a):
+def test_magnitude_width_and_middle(a):
     low, high = corners(a)
     assert Fraction(float(a.magnitude()[0])) == max(abs(low), abs(high))
+    try:
+        assert float(a.width()[0]) == float(high - low)
+    except OverflowError:  # of Fraction's conversion
+        assert a.width()[0] == np.inf
     assert holds(a, Fraction(float(a.middle()[0]))) or high - low <= Fraction(SMALLEST)
 
 
