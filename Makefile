@@ -4,7 +4,8 @@
 # make test-lowest  the same on the lowest versions that pyproject.toml allows
 # make test-newest  the same on the newest Python found, with the newest versions of all packages
 # make test-slow    the tests marked slow
-# make mutants      the fast tests of each room against deliberate faults in the trusted code
+# make mutants      the fast tests of each room against deliberate faults in the trusted code, for
+#                   twenty minutes; again goes on where it stopped
 # make test-octave  scripts that call sparsePOP from GNU Octave, skipped where it is missing
 # make bench-env    an environment for each peer of the benchmarks, in .bench-env
 # make docs         the documentation site in site/, strictly: no link may lead nowhere
@@ -52,7 +53,7 @@ test-slow: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m slow
 
 mutants: $(VENV)/.with-dev
-	$(BIN)/python tests/mutants/run.py
+	$(BIN)/python tests/mutants/run.py --minutes 20
 
 test-octave: $(VENV)/.with-dev
 	$(BIN)/python -m pytest -m 'octave or not slow' tests/compat/test_octave.py tests/compat/test_matlab_server.py

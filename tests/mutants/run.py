@@ -6,7 +6,7 @@ package, never in the work tree, with the fast tests of its room: the first test
 which finds most faults, then the others together. A fault that no test notices is a survivor.
 It needs a test, or in the list a sentence that proves it harmless.
 
-Usage: python tests/mutants/run.py [--workers 2] [--only WORD] [--again] [LIST.toml ...]
+Usage: python tests/mutants/run.py [--workers 2] [--minutes M] [--only WORD] [--again] [LIST ...]
 
 A list is a table of sources, each with its tests and its faults:
 
@@ -22,8 +22,9 @@ A list is a table of sources, each with its tests and its faults:
 
 Results are kept in .mutants/results.json as long as the file with the fault, its tests and their
 helpers stay as they are, so that an interrupted run goes on where it stopped; --again forgets
-them. Exit code: 0 if every fault is noticed or
-harmless, 1 if one survives, 2 if the list is wrong or the tests fail without a fault.
+them. With --minutes no fault is begun after that time; files take turns, so that each has faults
+among the first. Exit code: 0 if every fault that was tried is noticed or harmless, 1 if one
+survives, 2 if the list is wrong or the tests fail without a fault.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import multiprocessing
 import os
 import queue
@@ -237,10 +239,22 @@ def healthy(shop: Workshop, faults: list[Fault]) -> bool:
     return code == 0
 
 
-def try_all(faults: list[Fault], whole: str, names: list[str], workers: int) -> dict | None:
+def in_turn(faults: list[tuple[Fault, str]]) -> list[tuple[Fault, str]]:
+    """The first fault of each file, then the second of each, and so on."""
+    seen: Counter[str] = Counter()
+    turns = []
+    for fault, name in faults:
+        turns.append((seen[fault.file], len(turns), (fault, name)))
+        seen[fault.file] += 1
+    return [entry for _, _, entry in sorted(turns, key=lambda turn: turn[:2])]
+
+
+def try_all(
+    faults: list[Fault], whole: str, names: list[str], workers: int, end: float
+) -> dict | None:
     """Try the faults whose results are not known; None if the tests fail without any."""
     known = read_store()
-    left = [(f, name) for f, name in zip(faults, names, strict=True) if name not in known]
+    left = in_turn([(f, name) for f, name in zip(faults, names, strict=True) if name not in known])
     if not left:
         return known
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
@@ -250,15 +264,15 @@ def try_all(faults: list[Fault], whole: str, names: list[str], workers: int) -> 
                 if not healthy(shops[0], faults):
                     return None
                 known[whole] = ["healthy", "", 0.0]
-            try_each(left, known, shops)
+            try_each(left, known, shops, end)
         finally:
             for shop in shops:
                 shop.stop()
     return known
 
 
-def try_each(left: list[tuple[Fault, str]], known: dict, shops: list[Workshop]) -> None:
-    """Try faults in all workshops at once, and store each result."""
+def try_each(left: list[tuple[Fault, str]], known: dict, shops: list[Workshop], end: float) -> None:
+    """Try faults in all workshops at once until the clock shows ``end``, and store each result."""
     free: queue.Queue[Workshop] = queue.Queue()
     for shop in shops:
         free.put(shop)
@@ -266,6 +280,8 @@ def try_each(left: list[tuple[Fault, str]], known: dict, shops: list[Workshop]) 
     def attempt(fault: Fault) -> list:
         shop, start = free.get(), time.monotonic()
         try:
+            if start > end:
+                return []
             return [*shop.attempt(fault), round(time.monotonic() - start, 1)]
         finally:
             free.put(shop)
@@ -275,6 +291,8 @@ def try_each(left: list[tuple[Fault, str]], known: dict, shops: list[Workshop]) 
     try:
         for number, done in enumerate(as_completed(running), start=1):
             fault, name = running[done]
+            if not done.result():
+                continue
             known[name] = done.result()
             write_store(known)
             print(f"{number}/{len(left)} {known[name][0]:9} {fault.name}", flush=True)
@@ -305,6 +323,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("lists", nargs="*", type=Path, default=LISTS)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin none later")
     parser.add_argument("--only", default="", help="faults whose name contains this")
     parser.add_argument("--again", action="store_true", help="forget what earlier runs found")
     given = parser.parse_args()
@@ -319,10 +338,15 @@ def main() -> int:
     whole, names = digests(faults)
     if given.again:
         write_store({name: r for name, r in read_store().items() if name not in names})
-    known = try_all(faults, whole, names, given.workers)
+    end = time.monotonic() + 60 * given.minutes
+    known = try_all(faults, whole, names, given.workers, end)
     if known is None:
         return 2
-    return 1 if report(faults, [known[name] for name in names]) else 0
+    tried = [(f, known[name]) for f, name in zip(faults, names, strict=True) if name in known]
+    survivors = report([fault for fault, _ in tried], [result for _, result in tried])
+    if len(tried) < len(faults):
+        print(f"{len(faults) - len(tried)} faults are not tried yet: run again to go on")
+    return 1 if survivors else 0
 
 
 if __name__ == "__main__":
