@@ -1,7 +1,7 @@
 """Bound that effort auto reaches with half as much time again as the plain order takes.
 
-For each problem the plain relaxation of an order is solved and proved. Then auto gets 1.5 times that
-CPU time and 0.2 seconds, and its bound is put beside the plain one. Repeated, the medians count.
+For each problem the plain relaxation of an order is solved and proved. Then auto gets 1.5 times
+that CPU time and 0.2 seconds, and its bound is put beside the plain one. Repeated, medians count.
 """
 
 from __future__ import annotations
@@ -119,8 +119,9 @@ def beside_table(rows: Sequence[Beside]) -> str:
 
 
 def files_of(paths: Sequence[Path]) -> list[tuple[str, sp.Problem]]:
-    """Problems of ``.gms`` files, by their names."""
-    return [(path.stem, sp.read_gms(path)) for path in paths]
+    """Problems of ``.gms`` files without ratios, by their names."""
+    found = [(path, sp.read_gms(path)) for path in paths]
+    return [(path.stem, each) for path, each in found if isinstance(each, sp.Problem)]
 
 
 def members_of(family: Family, names: Sequence[str] = ()) -> Iterator[tuple[str, sp.Problem]]:
