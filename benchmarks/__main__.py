@@ -19,7 +19,7 @@ from .peers.environments import PEERS, make
 from .problems.attack import attack
 from .problems.families import REGISTRY
 from .runner import SOLVERS, ablation, run
-from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of
+from .tables.auto_beside_plain import auto_beside_plain, beside_table, files_of, members_of
 from .tables.limits import CASES, limits_table, measure_limits
 from .tables.orders import compare, order_table
 from .tables.pictures import draw_orders, draw_report
@@ -168,8 +168,13 @@ def _limits(chosen: argparse.Namespace) -> None:
 
 def _auto(chosen: argparse.Namespace) -> None:
     files = [f for each in chosen.files for f in (_gms(each) if each.is_dir() else [each])]
+    problems = files_of(files)
+    for name in chosen.families:
+        problems += members_of(REGISTRY[name], chosen.names)
+    if not problems:
+        raise BenchmarkError("FILE, --families: found no problems, expected some")
     found = []
-    for each in auto_beside_plain(files_of(files), chosen.orders, chosen.limit):
+    for each in auto_beside_plain(problems, chosen.orders, chosen.limit, chosen.repeat):
         print(f"{each.name} order {each.order}: {'reached' if each.reached else 'NOT reached'}")
         found.append(each)
     print(f"\n{beside_table(found)}")
@@ -229,10 +234,13 @@ def _times_parser(parser: argparse.ArgumentParser) -> None:
 
 
 def _auto_parser(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", nargs="+", type=Path, metavar="FILE.gms or FOLDER")
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE.gms or FOLDER")
+    parser.add_argument("--families", nargs="+", default=[], help="also problems of these, as zoo")
+    parser.add_argument("--names", nargs="+", default=[], help="of families, only such members")
     parser.add_argument(
         "--orders", nargs="+", type=int, default=[1, 2, 3], help="default: %(default)s"
     )
+    parser.add_argument("--repeat", type=int, default=1, help="medians of so many, default 1")
     parser.add_argument(
         "--limit",
         type=float,

@@ -1,21 +1,23 @@
 """Bound that effort auto reaches with half as much time again as the plain order takes.
 
-For each file the plain relaxation of an order is solved and proved. Then auto gets 1.5 times that
-CPU time and 0.2 seconds, and its bound is put beside the plain one.
+For each problem the plain relaxation of an order is solved and proved. Then auto gets 1.5 times
+that CPU time and 0.2 seconds, and its bound is put beside the plain one. Repeated, medians count.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median_low
 
 import sparsepop_py as sp
 
+from ..measuring.registry import Family, Selection
 from .text import number, table
 
-__all__ = ["Beside", "auto_beside_plain", "beside_table"]
+__all__ = ["Beside", "auto_beside_plain", "beside_table", "files_of", "members_of"]
 
 FACTOR, EXTRA = 1.5, 0.2  # CPU seconds
 TOLERANCE = 1e-6  # relative
@@ -23,7 +25,7 @@ TOLERANCE = 1e-6  # relative
 
 @dataclass(frozen=True)
 class Beside:
-    """One file at one order.
+    """One problem at one order.
 
     Parameters
     ----------
@@ -52,31 +54,43 @@ class Beside:
 
 
 def auto_beside_plain(
-    problems: Sequence[tuple[str, sp.Problem]], orders: Sequence[int], limit: float
+    problems: Iterable[tuple[str, sp.Problem]],
+    orders: Sequence[int],
+    limit: float,
+    repeat: int = 1,
 ) -> Iterator[Beside]:
     """Measure each problem at each order that the plain relaxation finishes.
 
     Parameters
     ----------
-    problems : sequence of (name, Problem)
+    problems : iterable of (name, Problem)
     orders : sequence of int
         Orders below the least of a problem are left out.
     limit : float
         CPU seconds of a plain order; what takes longer is left out.
+    repeat : int
+        Solves of each kind, of which the median counts.
     """
     for name, problem in problems:
         least = max(1, (problem.degree + 1) // 2)
         for order in [o for o in orders if o >= least]:
             settings = sp.Options(effort="plain", order=order, cpu_limit=limit, progress=False)
-            plain, seconds = _timed(problem, settings)
+            plain, seconds = _median(problem, settings, repeat)
             if plain.status is sp.Status.LIMIT:
                 continue
             allowed = FACTOR * seconds + EXTRA
-            auto, used = _timed(
-                problem, sp.Options(effort="auto", cpu_limit=allowed, progress=False)
-            )
+            settings = sp.Options(effort="auto", cpu_limit=allowed, progress=False)
+            auto, used = _median(problem, settings, repeat)
             bounds = plain.lower_bound, auto.lower_bound
             yield Beside(name, order, *bounds, seconds, used, auto.status.name)
+
+
+def _median(problem: sp.Problem, options: sp.Options, repeat: int) -> tuple[sp.Result, float]:
+    """Solve several times; return the result with the median bound, and the median seconds."""
+    runs = [_timed(problem, options) for _ in range(repeat)]
+    middle = median_low(result.lower_bound for result, _ in runs)
+    result = next(result for result, _ in runs if result.lower_bound == middle)
+    return result, median_low(seconds for _, seconds in runs)
 
 
 def _timed(problem: sp.Problem, options: sp.Options) -> tuple[sp.Result, float]:
@@ -105,5 +119,12 @@ def beside_table(rows: Sequence[Beside]) -> str:
 
 
 def files_of(paths: Sequence[Path]) -> list[tuple[str, sp.Problem]]:
-    """Problems of ``.gms`` files, by their names."""
-    return [(path.stem, sp.read_gms(path)) for path in paths]
+    """Problems of ``.gms`` files without ratios, by their names."""
+    found = [(path, sp.read_gms(path)) for path in paths]
+    return [(path.stem, each) for path, each in found if isinstance(each, sp.Problem)]
+
+
+def members_of(family: Family, names: Sequence[str] = ()) -> Iterator[tuple[str, sp.Problem]]:
+    """Problems of a family with an objective of their own, by their names."""
+    for case in family.chosen(Selection(names=tuple(names))):
+        yield case.name, case.make().problem

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import sparsepop_py as sp
-from benchmarks.tables.auto_beside_plain import Beside, auto_beside_plain, beside_table
+from benchmarks.problems.families import REGISTRY
+from benchmarks.tables.auto_beside_plain import (
+    Beside,
+    auto_beside_plain,
+    beside_table,
+    members_of,
+)
 
 
 def test_a_bound_below_the_plain_one_is_not_reached() -> None:
@@ -19,3 +25,11 @@ def test_orders_below_the_least_are_left_out() -> None:
     problem = sp.Problem(x**4 - 2 * x**2, [], -2.0, 2.0)
     [row] = auto_beside_plain([("quartic", problem)], [1, 2], 30.0)
     assert row.order == 2 and row.plain <= -1.0 <= row.plain + 1e-4 and row.auto <= -1.0
+
+
+def test_members_of_a_family_are_measured_by_name() -> None:
+    """min x1^2 x2^2 (x1^2 + x2^2 - 1) on the unit ball is -1/27 (Lasserre 2001, Example 3)."""
+    problems = members_of(REGISTRY["zoo"], ["lasserre01_ex3_ball"])
+    [row] = auto_beside_plain(problems, [3], 30.0, repeat=2)
+    assert row.name == "lasserre01_ex3_ball"
+    assert -1.0 / 27.0 - 1e-4 <= row.auto <= -1.0 / 27.0
