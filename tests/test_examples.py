@@ -360,7 +360,9 @@ def test_neural_gradients(tmp_path: Path) -> None:
     assert all(("stable," in row) == (float(row[0]) < 1) for row in table)
 
 
-@pytest.mark.parametrize("name", ["control_hairdryer", "neural_records"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("control_hairdryer", marks=pytest.mark.slow), "neural_records"]
+)
 def test_records_of_control_and_neural(name: str, tmp_path: Path) -> None:
     assert numbers(run(name, tmp_path))
 

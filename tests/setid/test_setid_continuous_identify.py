@@ -110,7 +110,7 @@ def test_proved_outputs_hold_the_recursion_of_the_truth(
         setid.predict(result)
 
 
-@pytest.mark.parametrize("size", [1e-2, 1e-8])
+@pytest.mark.parametrize("size", [1e-2, pytest.param(1e-8, marks=pytest.mark.slow)])
 def test_intervals_collapse_with_the_noise(size: float) -> None:
     """The plant is the recursion itself, so that no discretisation error remains."""
     model = C(2, 1, Ts=0.3)

@@ -40,6 +40,7 @@ def test_nine_parameters_have_a_box_from_twenty_samples() -> None:
     assert box_follows(box, formulation)
 
 
+@pytest.mark.slow
 def test_no_consistent_parameters_are_as_far_as_that() -> None:
     """Least noise levels of parameters with |gamma2| beyond the reach, by linear programs."""
     formulation, box = known()

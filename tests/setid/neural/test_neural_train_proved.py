@@ -72,7 +72,7 @@ def test_one_neuron_against_enumeration(seed: int, activation: str) -> None:
     assert found.upper_bound == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.parametrize("activation", ["relu", "leaky_relu"])
+@pytest.mark.parametrize("activation", ["relu", pytest.param("leaky_relu", marks=pytest.mark.slow)])
 def test_the_engine_against_enumeration(activation: str) -> None:
     data = record(5, 1, noise=0.5)
     expected = enumerated(data, 1, 0.2 if activation == "leaky_relu" else 0.0, 3.0)
