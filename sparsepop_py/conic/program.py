@@ -22,10 +22,10 @@ import numpy as np
 import scipy.sparse as sps
 from numpy.typing import NDArray
 
-from sparsepop_py.errors import FormatError
+from sparsepop_py.errors import FormatError, SparsePOPError
 from sparsepop_py.files import read_bytes, write_file
 
-__all__ = ["Cones", "ConicProgram", "ConicSolution", "solution"]
+__all__ = ["STATUSES", "Cones", "ConicProgram", "ConicSolution", "solution"]
 
 
 _LARGEST = 2**33  # bytes of the arrays of a stored program
@@ -148,6 +148,9 @@ class ConicProgram:
         )
 
 
+STATUSES = ("solved", "almost", "infeasible", "unbounded", "failed")  # that solvers may return
+
+
 @dataclass(frozen=True, eq=False)
 class ConicSolution:
     """Output of a conic solver. No value in it is a bound.
@@ -210,6 +213,7 @@ def solution(
     ----------
     program : ConicProgram
     status : str
+        One of :data:`STATUSES`.
     y : (M,) float
     z : (R,) float
     iterations : int
@@ -220,7 +224,21 @@ def solution(
     Returns
     -------
     ConicSolution
+
+    Raises
+    ------
+    SparsePOPError
+        If the status is none of :data:`STATUSES`, or y or z has another shape.
     """
+    if status not in STATUSES:
+        raise SparsePOPError(
+            f"solver {solver!r}: found status {status!r}, expected one of {', '.join(STATUSES)}"
+        )
+    for name, found, size in (("y", y, program.q.size), ("z", z, program.b.size)):
+        if np.shape(found) != (size,):
+            raise SparsePOPError(
+                f"solver {solver!r}: found {name} of shape {np.shape(found)}, expected ({size},)"
+            )
     y = np.where(np.isfinite(y), y, 0.0)
     z = np.where(np.isfinite(z), z, 0.0)
     residual = program.q + program.A.T @ z

@@ -81,6 +81,7 @@ def test_random_problems_as_json(seed: int, value: float) -> None:
 
 @given(SEEDS)
 @example(381269298)  # its point's value changes in the last digit when it is proved again
+@example(308)  # and once more the next time
 @settings(few, max_examples=8)
 def test_results_and_certificates_as_json(seed: int) -> None:
     """Whatever a certificate proves, it proves when it is read back."""
@@ -101,7 +102,8 @@ def test_results_and_certificates_as_json(seed: int) -> None:
             assert certificate.verify(problem) == result.certificate.verify(problem)
             assert certificate.bound == result.certificate.bound
     if result.attained is not None:
-        assert back.attained.recheck(problem).value == result.attained.recheck(problem).value
+        again = back.attained.recheck(problem).value  # of a point that was proved again when read
+        assert again == pytest.approx(result.attained.recheck(problem).value, rel=1e-12, abs=1e-12)
 
 
 def test_quoted_certificates_and_trees_as_json() -> None:
