@@ -13,6 +13,7 @@ import scipy.sparse as sps
 from numpy.typing import NDArray
 
 from sparsepop_py.errors import FormatError
+from sparsepop_py.lp.highs import QuietHighs
 
 __all__ = ["ReadModel", "read_model"]
 
@@ -66,11 +67,12 @@ def read_model(path: str | os.PathLike[str]) -> ReadModel:
     FormatError
         With the words of HiGHS: where it fails, or warns that it reads something else.
     """
-    reader = highspy.Highs()
+    reader = QuietHighs()
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder, "log")
         reader.setOptionValue("log_to_console", False)
         reader.setOptionValue("log_file", str(log))
+        reader.setOptionValue("output_flag", True)
         reader.setOptionValue("small_matrix_value", _LEAST)
         status = reader.readModel(os.fspath(path))
         reader.setOptionValue("log_file", "")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sparsepop_py.budget import spend
 
-__all__ = ["LinearModel", "LinearSolution", "SparseRows", "solve_lp"]
+__all__ = ["LinearModel", "LinearSolution", "QuietHighs", "SparseRows", "solve_lp"]
 
 _PROGRAM_WORK, _PIVOT_WORK = 2e-4, 2e-8  # a program, and a pivot for each row and column
 _OPTIONS: dict[str, bool | int | float | str] = {
@@ -40,6 +40,22 @@ _STATUS = {
     highspy.HighsModelStatus.kUnbounded: "unbounded",
     highspy.HighsModelStatus.kTimeLimit: "stopped",
 }
+
+
+class QuietHighs(highspy.Highs):
+    """Solver that prints nothing from its construction on.
+
+    The constructor enables callbacks, at which HiGHS 1.16 prints its name and licence unless
+    output is off by then.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()  # type: ignore[no-untyped-call]
+
+    def enableCallbacks(self) -> Any:  # noqa: N802 - the name that the constructor calls
+        """Turn output off, then enable callbacks."""
+        self.setOptionValue("output_flag", False)
+        return super().enableCallbacks()  # type: ignore[no-untyped-call]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +116,7 @@ class LinearModel:
         columns: tuple[NDArray[Any], NDArray[Any]],
         options: Mapping[str, bool | int | float | str] | None = None,
     ) -> None:
-        self._highs = highspy.Highs()
+        self._highs = QuietHighs()
         for name, value in {**_OPTIONS, **(options or {})}.items():
             self._highs.setOptionValue(name, value)
         self._usual = {name: self._highs.getOptionValue(name)[1] for name in _PRIMAL}
