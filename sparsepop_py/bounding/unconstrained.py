@@ -21,6 +21,7 @@ from sparsepop_py.bounding.leading_form import (
     LinearCoordinates,
     coordinates_of_leading_form,
 )
+from sparsepop_py.bounding.moved_origin import about_the_point, cancels
 from sparsepop_py.bounding.relaxation_bound import (
     Attempt,
     BoxBound,
@@ -41,7 +42,7 @@ from sparsepop_py.relaxation.moment import Relaxation
 from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.box.scaling import Scaled, scale_objective
+from sparsepop_py.verified.box.scaling import Scaled, Scaling, scale_objective
 from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof
@@ -105,7 +106,8 @@ def unconstrained_bound(
     model = bare
     for typical in (None, context.best.x if context.best is not None else None):
         with context.stages.stage("relax"):
-            model = build_relaxations(problem, (problem.objective,), bare, context.options, typical)
+            scaling = Scaling.of_box(bare.box, typical)
+            model = build_relaxations(problem, (problem.objective,), bare, context.options, scaling)
         if model.scaled is None or not model.relaxations:
             return outcome
         if outcome is None:
@@ -118,7 +120,25 @@ def unconstrained_bound(
             break  # the scale would be the same
     if outcome is not None and outcome.certificate is None and not context.deadline.over:
         outcome = better(outcome, _in_other_coordinates(context, model))
-    return outcome
+    return outcome if outcome is None else _about_the_incumbent(context, bare, outcome)
+
+
+def _about_the_incumbent(
+    context: SolveContext, bare: Model, outcome: CertifiedBound
+) -> CertifiedBound:
+    """Move the origin to the attained point where terms cancel there and a gap is left."""
+    problem, best = Problem(context.problem.objective), context.best
+    if good_enough(context, lower_bound(outcome.certificate)) or context.deadline.over:
+        return outcome
+    if best is None or not cancels(problem.objective, best.x):
+        return outcome
+    options = replace(context.options, switches=None)
+    with context.stages.stage("relax"):
+        scaling = about_the_point(problem.objective, best.x)
+        model = build_relaxations(problem, (problem.objective,), bare, options, scaling)
+    if model.scaled is None or not model.relaxations:
+        return outcome
+    return better(outcome, _from_the_interior(context, model, model.scaled, "clarabel"))
 
 
 def _in_other_coordinates(context: SolveContext, model: Model) -> CertifiedBound:
@@ -174,12 +194,14 @@ def _exactly(
     return context, certified_bound(replay, model, box_bound, relaxation)
 
 
-def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
+def _from_the_interior(
+    context: SolveContext, model: Model, scaled: Scaled, usual: str = "cliquetree"
+) -> CertifiedBound:
     """Solve the relaxation without a box and certify Gram matrices of its interior."""
     relaxation = model.relaxations[-1]
     replay, box_bound = context.at_cutoff(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
     minimised, size = scale_objective(context.problem.objective, scaled.scaling)
-    solver = "cliquetree" if context.options.solver == "auto" else context.options.solver
+    solver = usual if context.options.solver == "auto" else context.options.solver
     with context.stages.stage("assemble"):
         program = assemble(relaxation, minimised)
     sharp: NDArray[np.float64] | None = None
