@@ -142,6 +142,12 @@ class AdaptiveSearch:
             if self.search is not None:
                 self._close_search()
 
+    @property
+    def next_seconds(self) -> float:
+        """Expected seconds of the next step, 0 for branching and where nothing is left."""
+        spec = None if self.over else self._next()
+        return self.queue.seconds(spec) if isinstance(spec, RelaxationSpec) else 0.0
+
     def _costly(self, spec: RelaxationSpec | str | None) -> bool:
         """Check that the next step takes long, so that a better incumbent should precede it."""
         if not isinstance(spec, RelaxationSpec):

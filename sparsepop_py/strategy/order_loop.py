@@ -408,7 +408,8 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
         if _worth_without_box(auto.context.problem):
-            auto.run(STRATEGY.before_squares)
+            if auto.next_seconds <= STRATEGY.long_first:
+                auto.run(STRATEGY.before_squares)
             if auto.context.problem.degree > 2:  # else a bound without a box costs less than points
                 auto.search_more_starts()
             if not auto.over:

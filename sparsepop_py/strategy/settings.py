@@ -45,6 +45,8 @@ class StrategySettings:
         Share of a width: another round of OBBT follows where one fell below it.
     before_squares : int
         Steps of an objective before it is bounded on the whole space.
+    long_first : float
+        Expected seconds of the first step beyond which that bound comes before it.
     turn : int
         Steps of an objective before it is the next one's turn.
     rounding : float
@@ -90,6 +92,7 @@ class StrategySettings:
     window: int = 40
     gained: float = 0.8
     before_squares: int = 1
+    long_first: float = 0.5
     turn: int = 5
     rounding: float = 1e-12
     order_rounds: int = 3

@@ -175,6 +175,19 @@ def test_what_no_memory_holds_is_not_tried_for_a_box_either():
     assert not any("was built" in note for note in output.POP.result.notes)
 
 
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize("bound", [np.inf, 1000.0])
+def test_wide_cliques_need_only_the_monomials_whose_squares_occur(effort, bound):
+    """Cliques of 7 at degree 6: blocks of 120 were too large for memory or time."""
+    objective = problems.broyden_banded(12).objective
+    problem = sp.Problem(objective, lower=-bound, upper=bound)
+    result = sp.solve(problem, sp.Options(effort=effort, work_limit=60))
+    assert result.status is sp.Status.OPTIMAL
+    assert -1e-6 <= result.lower_bound <= result.upper_bound <= 1e-6  # zeros exist, as above
+    assert max(entry.largest_block for entry in result.history) < 60
+    assert result.certificate.verify(problem).ok
+
+
 X = sp.variables(1)[0]
 
 
