@@ -205,10 +205,10 @@ class AdaptiveSearch:
             self.seen, self.search = self.search.seen, None  # another tree must be grown
         left = self.context.deadline.expected
         with self.context.stages.stage("relax"):
-            cheap = self.queue.cheap_order(left)
-            if cheap is not None:
-                return cheap
             best, most = self.queue.best(left)
+            order = self.queue.next_order(best, left)
+        if order is not None:
+            return order
         branch = self._branch_rate()
         if branch is not None and (best is None or branch > most):
             return _BRANCH

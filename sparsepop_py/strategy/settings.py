@@ -66,6 +66,8 @@ class StrategySettings:
     cheap : float
         Expected seconds up to which the next relaxation order comes before local searches from
         more starts, before branching and before higher orders.
+    sure : float
+        Share of the time left: what is expected to take more may not end in time.
     weak_share : float
         Expected progress up to which a relaxation counts as weak.
     few_variables : int
@@ -102,6 +104,7 @@ class StrategySettings:
     obbt_too_slow: float = 3.0
     branching_gain: float = 0.1
     cheap: float = 0.1
+    sure: float = 0.5
     weak_share: float = 0.3
     few_variables: int = 12
     long_problem: int = 300
