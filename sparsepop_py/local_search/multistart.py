@@ -185,6 +185,8 @@ class Aim:
         The value of the incumbent, +inf without one.
     gain : float
         Least improvement of the value that is worth another proof.
+    brief : bool
+        Whether a start that leads back to the incumbent is left to no other method.
     """
 
     tolerance: float
@@ -192,6 +194,7 @@ class Aim:
     any: bool = False
     known: float = np.inf
     gain: float = 0.0
+    brief: bool = False
 
 
 def _candidates(
@@ -202,7 +205,7 @@ def _candidates(
     size = 1.0 + abs(aim.known)
     close = np.isfinite(size) and aim.known - aim.enough <= _CLOSE * size  # else others lead away
     accurate = not rows.given.equality.any()  # linear programs come first there, and end rough
-    near = _AGAIN * size if close and accurate else -1.0
+    near = _AGAIN * size if (close or aim.brief) and accurate and np.isfinite(size) else -1.0
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
         kept += ended
