@@ -26,6 +26,9 @@ FAST := tests/algebra tests/verified/arithmetic tests/verified/certificate tests
         tests/problem tests/lp tests/io/test_exchange_files.py tests/io/test_gams.py \
         tests/test_api.py tests/test_solve.py tests/test_cli.py
 
+# The tests start many processes: with compiled modules on disk each starts a second sooner.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test test-fast test-lowest test-newest test-slow mutants test-octave bench-env docs gallery clean
 
 demo: $(VENV)/.with-plot
