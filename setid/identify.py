@@ -655,8 +655,9 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
     made: list[sp.Result] = []
     for found in results:
         if found.attained is None and found.status is not sp.Status.INFEASIBLE:
-            again = (point.recheck(found.problem) for point in points)
-            best = min((p for p in again if p is not None), key=lambda p: p.value, default=None)
+            goal = found.problem.objective
+            again = (p.recheck(found.problem) for p in sorted(points, key=lambda p: goal(p.x)))
+            best = next((p for p in again if p is not None), None)
             if best is not None:
                 found = replace(found, attained=best, upper_bound=best.value)
         made.append(found)

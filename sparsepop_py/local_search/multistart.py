@@ -27,6 +27,7 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 __all__ = ["Aim", "best_attained", "starting_points"]
 
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
+_CREEPING = 1e-4  # relative: smaller gains in ten steps are left to other methods that are tried
 _SMALL = 12  # variables up to which several methods are tried from each start
 _AGAIN = 1e-7  # of the incumbent's value: a search that ends this near has led to it again
 _CLOSE = 0.02  # of that value: a bound this near says that the incumbent is hardly beaten
@@ -151,8 +152,9 @@ def _tries(
     first = small and branch is problem and not (bilinear and bool(problem.equality.any()))
     if first:
         yield local_search(problem, start, method, end)
+    creeping = _CREEPING if small else 0.0
     if bilinear and method is None:
-        x = local_search(problem, start, "sequential", end)
+        x = local_search(problem, start, "sequential", end, creeping)
         failed = not feasible(x)
         yield x
     if branch is not problem:
@@ -163,7 +165,8 @@ def _tries(
     if not first and (small or (failed and not (bilinear and large))):
         yield local_search(problem, start, method, end)
     if small and bilinear and method is None:
-        yield sequential_search(problem.sharpened, start, end=end)  # nothing held
+        free = problem.sharpened  # nothing held
+        yield sequential_search(free, start, end=end, creeping=creeping)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ successive linear programming, Math. Programming 43, 1989.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,7 @@ _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
 _PROMISED = 1e-11  # of the value: a step that promises less is not taken
 _LAST = 1e-9  # a step that promises less is the last one: what follows is rounding
+_WATCHED = 10  # steps over which the gain of a search is watched, where an end of creeping is asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,22 @@ class _Place:
     def merit(self, penalty: float) -> float:
         """Value plus penalised violation, which each step is to reduce."""
         return self.value + penalty * self.off
+
+
+@dataclass(eq=False)
+class _Watch:
+    """Watch on a search that creeps: that gains too little in ten steps. Mutable."""
+
+    least: float
+    merits: list[float] = field(default_factory=list)
+
+    def creeps(self, here: _Place) -> bool:
+        """Check for a feasible iterate that is hardly better than the one ten steps before."""
+        self.merits.append(here.merit(_PENALTY))
+        if self.least == 0.0 or len(self.merits) <= _WATCHED or here.off > _FEASIBLE:
+            return False
+        gained = self.merits[-1 - _WATCHED] - self.merits[-1]
+        return gained < self.least * (1.0 + abs(here.value))
 
 
 @dataclass(eq=False)
@@ -185,6 +202,7 @@ def sequential_search(
     held: tuple[int, ...] = (),
     trust: float = 0.1,
     end: float = np.inf,
+    creeping: float = 0.0,
 ) -> NDArray[np.float64]:
     """Search a local minimiser from ``start``, nearly feasible at best.
 
@@ -199,6 +217,9 @@ def sequential_search(
         First trust region, relative to the width of each variable's bounds.
     end : float
         End on the monotonic clock.
+    creeping : float
+        Relative to the value: a search that gained less in ten steps ends. Minima that are no
+        vertices are approached slowly, and others than linear programs find their last digits.
 
     Returns
     -------
@@ -210,10 +231,11 @@ def sequential_search(
     x = np.clip(start, problem.lower, problem.upper)
     search.scale = max(1e-300, float(np.abs(problem.objective_row.gradient(x) * unit).max()))
     here, penalty, small = search.place(x), _PENALTY, 0
+    watch = _Watch(creeping)
     for _ in range(_STEPS):
         bounds = search.within(here.x, trust * unit)
         promised, trial = search.ahead(here, penalty, bounds)
-        if trial is None or time.monotonic() >= end:
+        if trial is None or time.monotonic() >= end or watch.creeps(here):
             break
         size = 1.0 + abs(here.value)
         if promised <= _PROMISED * size:

@@ -390,6 +390,8 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     try:
         if _worth_without_box(auto.context.problem):
             auto.run(STRATEGY.before_squares)
+            if auto.context.problem.degree > 2:  # else a bound without a box costs less than points
+                auto.search_more_starts()
             if not auto.over:
                 state = _without_box(_state_of(auto))
                 auto.outcome, auto.history = state.outcome, list(state.history)

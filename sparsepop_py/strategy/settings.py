@@ -61,6 +61,9 @@ class StrategySettings:
         OBBT that takes this many times as long as the next relaxation is left out.
     branching_gain : float
         Share of a gap, on a logarithmic scale, that a node closes in the time of an LP.
+    cheap : float
+        Expected seconds up to which the next relaxation order comes before local searches from
+        more starts, before branching and before higher orders.
     weak_share : float
         Expected progress up to which a relaxation counts as weak.
     few_variables : int
@@ -95,6 +98,7 @@ class StrategySettings:
     most_tightened: int = 12
     obbt_too_slow: float = 3.0
     branching_gain: float = 0.1
+    cheap: float = 0.1
     weak_share: float = 0.3
     few_variables: int = 12
     long_problem: int = 300

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from search_cases import heat_exchangers
 from solved import check
 
 import sparsepop_py as sp
@@ -19,7 +20,9 @@ from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel, RelaxationSpec, families, progress
+from sparsepop_py.strategy import adaptive, relaxation_queue
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.tightening.obbt_lp import apply_steps
@@ -127,3 +130,23 @@ def test_steps_taken_again_on_a_smaller_box_keep_its_points():
         x = np.array([a, b, 1.0 - a * b])
         if problem.violation(x) == 0.0 and np.all(x <= half.hi):
             assert np.all(again.lo <= x) and np.all(x <= again.hi)
+
+
+@pytest.mark.parametrize(("cheap", "first"), [(0.1, []), (0.0, [True])])
+def test_a_cheap_order_comes_before_more_searches_and_higher_orders(monkeypatch, cheap, first):
+    """Order 2 closes the gap: starts that are left are searched from only where it is costly."""
+    searched, own = [], AdaptiveSearch.search_more_starts
+
+    def search_more_starts(self):
+        searched.append(own(self))
+        return searched[-1]
+
+    monkeypatch.setattr(AdaptiveSearch, "search_more_starts", search_more_starts)
+    for module in (adaptive, relaxation_queue):
+        monkeypatch.setattr(module, "STRATEGY", replace(STRATEGY, cheap=cheap))
+    problem = heat_exchangers()
+    result = sp.solve(problem, Options(effort="auto", work_limit=10.0, skip=("linear_tree",)))
+    check(problem, result, 7049.24802, tight=1e-6)
+    assert searched[:1] == first
+    if cheap > 0.0:
+        assert [entry.order for entry in result.history] == [0, 2]
