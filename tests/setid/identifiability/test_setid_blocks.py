@@ -267,7 +267,7 @@ def test_structures_without_normalisation_are_refused_or_reported() -> None:
 
 @pytest.mark.parametrize("initial", ["free", "zero"])
 def test_internal_signals_without_bounds_are_named(initial: str) -> None:
-    """z and -z - gamma1 / gamma2 have the same gamma1 z + gamma2 z^2: nothing bounds the first z."""
+    """z and -z - gamma1 / gamma2 have the same gamma1 z + gamma2 z^2, so nothing bounds z(0)."""
     rng = np.random.default_rng(9)
     shape = setid.TransferFunction(1, 1, 1)
     model = setid.Wiener(shape, 2, normalise="b1", initial=initial)
