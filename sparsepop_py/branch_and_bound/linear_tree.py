@@ -46,13 +46,19 @@ Floats = NDArray[np.float64]
 
 
 def suits_linear_tree(problem: Problem) -> bool:
-    """Check for a small problem of degree 1 or 2 without matrices."""
-    return (
-        problem.degree <= 2
-        and problem.dimension <= LINEAR_TREE.most_variables
-        and len(problem.constraints) <= LINEAR_TREE.most_constraints
-        and not problem.matrices.constraints.size
-    )
+    """Check for a small problem of degree 1 or 2 without matrices.
+
+    It may be larger where all its products are zero by equations of their own.
+    """
+    if problem.degree > 2 or problem.matrices.constraints.size:
+        return False
+    n, m = problem.dimension, len(problem.constraints)
+    if n <= LINEAR_TREE.most_variables and m <= LINEAR_TREE.most_constraints:
+        return True
+    larger = LINEAR_TREE.larger
+    if n > larger * LINEAR_TREE.most_variables or m > larger * LINEAR_TREE.most_constraints:
+        return False
+    return ProductModel.of(problem).disjunctive
 
 
 def convex_minimiser(model: ProductModel, data: LinearData) -> Floats | None:
@@ -163,6 +169,8 @@ class LinearTree:
         self._begin = spent()
         self._branches = np.zeros(self.model.dimension, bool)
         self._branches[self.variables] = True
+        pairs = self.model.complementary
+        self._pairs = pairs[np.all(self.box.lo[pairs] >= 0, axis=1)]
         self._width = np.maximum(self.box.width(), 1e-300)
 
     # ---- the search ---------------------------------------------------------------------------
@@ -205,15 +213,25 @@ class LinearTree:
         return self.closed
 
     @property
+    def _decides(self) -> bool:
+        """True if all products are those of complementary variables, which branches separate."""
+        return 0 < self._pairs.shape[0] == self.model.first.size
+
+    @property
     def _most_nodes(self) -> int:
-        """Nodes that the tree may have: fewer where programs are larger."""
+        """Nodes that the tree may have: fewer where programs are larger.
+
+        Where every branch decides which factor of a product is zero, the tree is finite.
+        """
+        if self._decides:
+            return LINEAR_TREE.most_decisions
         return min(LINEAR_TREE.most_nodes, LINEAR_TREE.most_columns // self.model.columns + 1)
 
     def _stalls(self, first: float) -> bool:
         """Check whether the gap shrinks too slowly for a small tree."""
         if self.nodes >= self._most_nodes or self._least < self.goal:
             return True
-        if self.nodes < min(LINEAR_TREE.patience, self._most_nodes):
+        if self._decides or self.nodes < min(LINEAR_TREE.patience, self._most_nodes):
             return False
         whole = self.goal - first
         gained = (self.bound - first) / whole if 0 < whole < np.inf else 0.0
@@ -512,6 +530,10 @@ class LinearTree:
         if not chosen.size or score.max() < 0:
             self._least = min(self._least, node.bound)
             return
+        pair = self._apart(node, program)
+        if pair is not None:
+            self._separate(node, pair)
+            return
         v = self._undecided(node, program)
         v = int(chosen[np.argmax(score)]) if v is None else v
         low, high = float(node.low[v]), float(node.high[v])
@@ -522,6 +544,10 @@ class LinearTree:
             point = LINEAR_TREE.middle * middle + (1.0 - LINEAR_TREE.middle) * value
         edge = LINEAR_TREE.edge * (high - low)
         point = float(np.clip(point, low + edge, high - edge))
+        self._split(node, v, point)
+
+    def _split(self, node: _Open, v: int, point: float) -> None:
+        """Split a node at a point of a variable, and queue both halves."""
         left, right = node.high.copy(), node.low.copy()
         left[v] = right[v] = point
         children = [(node.low.copy(), left), (right, node.high.copy())]
@@ -531,6 +557,27 @@ class LinearTree:
         )
         for number, child in enumerate(node.children):
             heapq.heappush(self._heap, (child.bound, 2 * self.nodes + number, child))
+
+    def _apart(self, node: _Open, program: _Program | None) -> tuple[int, int] | None:
+        """Find the complementary variables that are farthest from both zeros, if far."""
+        if not self._pairs.size or program is None or program.t is None:
+            return None
+        x, (i, j) = program.point, self._pairs.T
+        far = np.minimum(x[i] / self._width[i], x[j] / self._width[j])
+        far = np.where((node.low[i] <= 0) & (node.low[j] <= 0), far, 0.0)
+        place = int(np.argmax(far))
+        return (int(i[place]), int(j[place])) if far[place] > LINEAR_TREE.apart else None
+
+    def _separate(self, node: _Open, pair: tuple[int, int]) -> None:
+        """Split a node where the first of two complementary variables is zero or not.
+
+        Not quite zero: the other one is zero by propagation wherever the first is positive.
+        """
+        first, second = pair
+        self._split(node, first, LINEAR_TREE.positive)
+        positive = node.children[1]
+        positive.high[second] = 0.0
+        positive.steps.append(Propagation(1, False))
 
     def _undecided(self, node: _Open, program: _Program | None) -> int | None:
         """Find the variable of two values that is farthest from both, if far."""

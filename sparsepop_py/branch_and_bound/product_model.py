@@ -220,6 +220,21 @@ class ProductModel:
         return np.unique(v[both & (terms[row] == 2) & equal[row]])
 
     @cached_property
+    def complementary(self) -> Ints:
+        """Pairs of different variables whose product is zero by an equation, shape (K, 2)."""
+        terms = np.bincount(self.row, minlength=self.rows + 1)
+        alone = (terms == 1) & np.append(self.equality, False) & (self.constant == 0)
+        columns = self.column[alone[self.row] & (self.column >= self.dimension)]
+        product = np.unique(columns) - self.dimension
+        product = product[~self.square[product]]
+        return np.stack([self.first[product], self.second[product]], axis=1)
+
+    @property
+    def disjunctive(self) -> bool:
+        """True if there are products, and each is zero by an equation of its own."""
+        return 0 < self.first.size == self.complementary.shape[0]
+
+    @cached_property
     def least(self) -> Floats:
         """Least values of the columns over the box of t: 0 for squares, else -1."""
         return np.concatenate([-np.ones(self.dimension), np.where(self.square, 0.0, -1.0)])
@@ -317,7 +332,16 @@ class ProductModel:
         ProductModel
         """
         made = replace(self, cuts=cuts)
-        for name in ("square", "two_valued", "least", "_parts", "_places", "_envelopes", "_convex"):
+        for name in (
+            "square",
+            "two_valued",
+            "complementary",
+            "least",
+            "_parts",
+            "_places",
+            "_envelopes",
+            "_convex",
+        ):
             if name in self.__dict__:
                 made.__dict__[name] = self.__dict__[name]
         return made
