@@ -171,6 +171,9 @@ class LinearTree:
         self._branches[self.variables] = True
         pairs = self.model.complementary
         self._pairs = pairs[np.all(self.box.lo[pairs] >= 0, axis=1)]
+        found = self.model.complements
+        known = self.box.lo[found.variable] >= 0
+        self._factors, self._rows = found.variable[known], found.inequality[known]
         self._width = np.maximum(self.box.width(), 1e-300)
 
     # ---- the search ---------------------------------------------------------------------------
@@ -214,8 +217,10 @@ class LinearTree:
 
     @property
     def _decides(self) -> bool:
-        """True if all products are those of complementary variables, which branches separate."""
-        return 0 < self._pairs.shape[0] == self.model.first.size
+        """True if all products belong to factors that branches separate."""
+        found = self._pairs.shape[0] + self._factors.size
+        every = self.model.complementary.shape[0] + self.model.complements.variable.size
+        return found == every and self.model.disjunctive
 
     @property
     def _most_nodes(self) -> int:
@@ -301,7 +306,7 @@ class LinearTree:
         if found.status == "infeasible":
             program = self._farkas(data, found)
         elif found.status == "solved":
-            price = self.model.signed(found.dual)
+            price = self.model.signed(data, found.dual)
             rest = self.model.rest(data, data.cost, price)
             bound = data.constant + self.model.bound(data, rest, price)
             program = _Program(data, price, rest, data.size * bound, found.x)
@@ -367,7 +372,7 @@ class LinearTree:
         """Take the ray of an infeasible program with the sign that proves more."""
         best = _Program(data, np.zeros(data.low.size), data.cost * 0.0, -np.inf, None)
         for ray in (found.dual, -found.dual):
-            price = self.model.signed(ray)
+            price = self.model.signed(data, ray)
             largest = np.abs(price).max(initial=0.0)
             if largest == 0:
                 continue
@@ -467,9 +472,12 @@ class LinearTree:
             if found.status != "solved":
                 continue
             points.append(found.x)
-            if self.model.uses_cuts(self.model.signed(found.dual)):
+            if self.model.uses_cuts(self.model.signed(data, found.dual)):
                 continue
-            price, weight = self.model.signed(found.dual), max(0.0, -found.dual[self.model.rows])
+            price, weight = (
+                self.model.signed(data, found.dual),
+                max(0.0, -found.dual[self.model.rows]),
+            )
             rest = self.model.rest(data, cost + weight * data.cost, price)
             value = self.model.bound(data, rest, price)
             if weight:
@@ -559,21 +567,44 @@ class LinearTree:
             heapq.heappush(self._heap, (child.bound, 2 * self.nodes + number, child))
 
     def _apart(self, node: _Open, program: _Program | None) -> tuple[int, int] | None:
-        """Find the complementary variables that are farthest from both zeros, if far."""
-        if not self._pairs.size or program is None or program.t is None:
+        """Find the factors that are farthest from zero though their product is zero, if far.
+
+        The second is a variable, or -1 where it is a row.
+        """
+        none = not self._pairs.size and not self._factors.size
+        if none or program is None or program.t is None:
             return None
-        x, (i, j) = program.point, self._pairs.T
-        far = np.minimum(x[i] / self._width[i], x[j] / self._width[j])
-        far = np.where((node.low[i] <= 0) & (node.low[j] <= 0), far, 0.0)
+        x, data = program.point, program.data
+        first, second = np.append(self._pairs[:, 0], self._factors), self._pairs[:, 1]
+        height = self._heights(data, program.t)
+        other = np.append(x[second] / self._width[second], height)
+        open_ = (node.low[first] <= 0) & (node.high[first] > LINEAR_TREE.zero * self._width[first])
+        open_ &= x[first] > LINEAR_TREE.apart * node.high[first]
+        open_ &= other > LINEAR_TREE.apart
+        far = np.where(open_, np.minimum(x[first] / self._width[first], other), 0.0)
         place = int(np.argmax(far))
-        return (int(i[place]), int(j[place])) if far[place] > LINEAR_TREE.apart else None
+        if not far[place] > 0:
+            return None
+        return int(first[place]), int(second[place]) if place < second.size else -1
+
+    def _heights(self, data: LinearData, t: Floats) -> Floats:
+        """Values of the rows that are factors, relative to the sum of their terms' sizes."""
+        rows = self._rows
+        matrix = self.model.matrix(data.values)[rows]
+        size = np.abs(matrix).sum(axis=1)
+        return np.asarray((matrix @ t - data.low[rows]) / np.maximum(size, 1e-300))
 
     def _separate(self, node: _Open, pair: tuple[int, int]) -> None:
-        """Split a node where the first of two complementary variables is zero or not.
+        """Split a node where the first of two factors with product zero is zero or not.
 
-        Not quite zero: the other one is zero by propagation wherever the first is positive.
+        Not quite zero: a variable is zero by propagation wherever the other is positive. A row is
+        an equation in the linear program there, whose proof divides by the least value of the
+        variable; that must not be too small, so that zero is approached in steps.
         """
         first, second = pair
+        if second < 0:
+            self._split(node, first, LINEAR_TREE.step * float(node.high[first]))
+            return
         self._split(node, first, LINEAR_TREE.positive)
         positive = node.children[1]
         positive.high[second] = 0.0

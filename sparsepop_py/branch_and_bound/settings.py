@@ -124,10 +124,14 @@ class LinearTreeSettings:
     undecided : float
         Share of its width by which a variable of two values misses both, to be branched first.
     apart : float
-        Share of their widths by which both of two complementary variables are positive, to be
+        Share of its range by which each of two factors with product zero is positive, to be
         branched before all others.
     positive : float
-        Branching point of such a variable: less counts as zero.
+        Branching point of such a variable, where the other factor is a variable: less counts as
+        zero.
+    step, zero : float
+        Branching point as a share of the upper end, where the other factor is a row; share of
+        the first width below which such a variable counts as zero.
     middle : float
         Weight of the middle of the interval in the branching point.
     edge : float
@@ -172,6 +176,8 @@ class LinearTreeSettings:
     undecided: float = 0.1
     apart: float = 1e-7
     positive: float = 2.0**-200
+    step: float = 2.0**-16
+    zero: float = 2.0**-30
     middle: float = 0.4
     edge: float = 0.2
 
