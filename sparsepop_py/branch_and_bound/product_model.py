@@ -37,10 +37,11 @@ from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.multipliers import Multipliers
 from sparsepop_py.verified.certificate.sos_identity import Identity
 
-__all__ = ["LinearData", "ProductModel", "SquareCut"]
+__all__ = ["Complements", "LinearData", "ProductModel", "SquareCut"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+_LEAST_RATIO = 2.0**-20  # of the lower end of a positive factor to its half width, to divide by it
 _LEAST_SIZE = 1e-7  # of the largest term: where variables are nearly fixed the rest is rounding
 
 # Envelopes of w = t_i t_j: coefficients of w, t_i, t_j, and the bound families of both factors,
@@ -66,6 +67,8 @@ class LinearData:
         Objective = size * (constant + cost'z).
     sizes : (m + 1,) float
         Row of the problem = size * row of A; the objective comes last.
+    free : (R,) bool
+        Rows of A that are equations, on this box.
     """
 
     scaling: Scaling
@@ -75,6 +78,30 @@ class LinearData:
     constant: float
     size: float
     sizes: Floats
+    free: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Complements:
+    """Equations x_v g(x) = 0 with an inequality g(x) >= 0 that is linear.
+
+    Where x_v > 0 the inequality is an equation. With the lower end l > 0 of a box follows, for
+    every x in it, -g = (x_v - l) g / l - x_v g / l, so multipliers prove it.
+
+    Parameters
+    ----------
+    variable : (F,) int
+        v.
+    equation, inequality : (F,) int
+        Rows of the model.
+    factor : (F,) float
+        Row of the equation = factor * x_v * row of the inequality.
+    """
+
+    variable: Ints
+    equation: Ints
+    inequality: Ints
+    factor: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +247,81 @@ class ProductModel:
         return np.unique(v[both & (terms[row] == 2) & equal[row]])
 
     @cached_property
+    def complementary(self) -> Ints:
+        """Pairs of different variables whose product is zero by an equation, shape (K, 2)."""
+        columns = self.column[self._alone & (self.column >= self.dimension)]
+        product = np.unique(columns) - self.dimension
+        product = product[~self.square[product]]
+        return np.stack([self.first[product], self.second[product]], axis=1)
+
+    @cached_property
+    def complements(self) -> Complements:
+        """Equations whose factors are a variable and another row."""
+        forms: dict[tuple[tuple[int, str], ...], tuple[int, float]] = {}
+        for row in np.flatnonzero(~self.equality).tolist():
+            terms = self._terms(row)
+            if all(column < self.dimension for column in terms):
+                form, size = _normal(terms)
+                forms.setdefault(form, (row, size))
+        made = []
+        for row in np.flatnonzero(self.equality & (self.constant[:-1] == 0)).tolist():
+            for v, quotient in self._quotients(row):
+                for sign in (1.0, -1.0):
+                    form, size = _normal({c: sign * a for c, a in quotient.items()})
+                    if form in forms:
+                        other, own = forms[form]
+                        made.append((v, row, other, sign * size / own))
+        variable, equation, inequality = np.array([m[:3] for m in made], np.int64).reshape(-1, 3).T
+        return Complements(variable, equation, inequality, np.array([m[3] for m in made], float))
+
+    def _terms(self, row: int) -> dict[int, float]:
+        """Coefficients of a row by column, -1 for its constant."""
+        own = self.row == row
+        terms = dict(zip(self.column[own].tolist(), self.coefficient[own].tolist(), strict=True))
+        constant = float(self.constant[row])
+        return {-1: constant, **terms} if constant else terms
+
+    def _quotients(self, row: int) -> list[tuple[int, dict[int, float]]]:
+        """Divide a row without constant by each variable that all its terms contain."""
+        n = self.dimension
+        parts = [
+            ((c,), a) if c < n else ((int(self.first[c - n]), int(self.second[c - n])), a)
+            for c, a in self._terms(row).items()
+        ]
+        if not any(len(factors) == 2 for factors, _ in parts):
+            return []
+        shared = set.intersection(*(set(factors) for factors, _ in parts))
+        found = []
+        for v in sorted(shared):
+            rest = {}
+            for factors, a in parts:
+                other = -1 if len(factors) == 1 else factors[factors[0] == v]
+                rest[other] = a
+            found.append((v, rest))
+        return found
+
+    @cached_property
+    def disjunctive(self) -> bool:
+        """True if there are products, and all are in equations that branches of signs decide."""
+        decided = np.zeros(self.first.size, bool)
+        pairs = set(map(tuple, self.complementary.tolist()))
+        both = zip(self.first.tolist(), self.second.tolist(), strict=True)
+        decided[[pair in pairs for pair in both]] = True
+        products = self.column >= self.dimension
+        inside = np.isin(self.row, self.complements.equation)
+        part = self.column[products & inside] - self.dimension
+        decided[part] = True
+        decided[self.column[products & ~inside & ~self._alone] - self.dimension] = False
+        return bool(decided.size and np.all(decided))
+
+    @cached_property
+    def _alone(self) -> NDArray[np.bool_]:
+        """Terms that are the only one of an equation without constant, shape (T,)."""
+        terms = np.bincount(self.row, minlength=self.rows + 1)
+        alone = (terms == 1) & np.append(self.equality, False) & (self.constant == 0)
+        return alone[self.row]
+
+    @cached_property
     def least(self) -> Floats:
         """Least values of the columns over the box of t: 0 for squares, else -1."""
         return np.concatenate([-np.ones(self.dimension), np.where(self.square, 0.0, -1.0)])
@@ -317,7 +419,16 @@ class ProductModel:
         ProductModel
         """
         made = replace(self, cuts=cuts)
-        for name in ("square", "two_valued", "least", "_parts", "_places", "_envelopes", "_convex"):
+        for name in (
+            "square",
+            "two_valued",
+            "complementary",
+            "least",
+            "_parts",
+            "_places",
+            "_envelopes",
+            "_convex",
+        ):
             if name in self.__dict__:
                 made.__dict__[name] = self.__dict__[name]
         return made
@@ -348,7 +459,17 @@ class ProductModel:
         cost[self._places[3][own]] = values[own]
         size = float(sizes[-1])
         everything = np.concatenate([values, envelopes[2], *(part for part, _ in cuts)])
-        return LinearData(scaling, everything, low, cost, float(constant[-1]), size, sizes)
+        free = self._equations(scaling)
+        return LinearData(scaling, everything, low, cost, float(constant[-1]), size, sizes, free)
+
+    def _equations(self, scaling: Scaling) -> NDArray[np.bool_]:
+        """Mark rows of A that are equations on a box: beside all others, complements."""
+        found, v = self.complements, self.complements.variable
+        least = scaling.centre[v] - scaling.scale[v]
+        sure = (least > _LEAST_RATIO * scaling.scale[v]) & (scaling.scale[v] > 0)
+        free = self.free.copy()
+        free[found.inequality[sure]] = True
+        return free
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
@@ -358,11 +479,11 @@ class ProductModel:
 
     def high(self, data: LinearData) -> Floats:
         """Upper sides of the rows of A."""
-        return np.where(self.free, data.low, np.inf)
+        return np.where(data.free, data.low, np.inf)
 
-    def signed(self, price: Floats) -> Floats:
+    def signed(self, data: LinearData, price: Floats) -> Floats:
         """Set prices of inequalities with the wrong sign to zero, and that of the objective."""
-        kept = np.where(self.free, price, np.maximum(price, 0.0))
+        kept = np.where(data.free, price, np.maximum(price, 0.0))
         kept[self.rows] = 0.0
         return kept
 
@@ -497,10 +618,13 @@ class ProductModel:
         LinearDual
         """
         count = self.constraints + (cutoff is not None)
-        pairs = self._envelopes[3] + (cutoff is not None)
+        found, later = self.complements, int(cutoff is not None)
+        lower = 1 + self.constraints + self.dimension + found.variable
+        own = np.stack([1 + self.number[found.inequality], lower + later], axis=1)
+        pairs = np.concatenate([self._envelopes[3] + later, own])
         single = generators.count(count, self.dimension)
         above = self.rows + 1
-        table = np.array(prices)[:, : above + pairs.shape[0]]
+        table = self._without_complements(data, np.array(prices)[:, : above + self.envelopes])
         used = np.flatnonzero(np.any(table[:, above:] != 0, axis=0))
         place = np.full(pairs.shape[0], -1)
         place[used] = np.arange(used.size)
@@ -526,3 +650,41 @@ class ProductModel:
             indices(np.concatenate(owner)),
             indices(pairs[used]),
         )
+
+    def _without_complements(self, data: LinearData, table: Floats) -> Floats:
+        """Replace negative prices of inequalities, -g = (x_v - l) g / l - x_v g / l.
+
+        Parameters
+        ----------
+        data : LinearData
+        table : (K, R) float
+            Prices, without those of cuts.
+
+        Returns
+        -------
+        (K, R + F) float
+            Prices with those of the products (1 + t_v) g behind.
+        """
+        found, scaling = self.complements, data.scaling
+        v, row, equation = found.variable, found.inequality, found.equation
+        scale = scaling.scale[v]
+        least = scaling.centre[v] - scale
+        negative = np.maximum(-table[:, row], 0.0)
+        negative[:, ~data.free[row] | self.free[row]] = 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shared = np.where(negative > 0, negative / (data.sizes[row] * least), 0.0)
+        result = np.concatenate([table, shared * scale], axis=1)
+        for k in range(table.shape[0]):
+            np.add.at(result[k], row, negative[k])
+            np.subtract.at(result[k], equation, shared[k] * data.sizes[equation] / found.factor)
+        return result
+
+
+def _normal(terms: dict[int, float]) -> tuple[tuple[tuple[int, str], ...], float]:
+    """Divide a linear form by the size of its first variable's coefficient; the form and it.
+
+    Ten digits are kept: what differs by rounding is the same, and the proof pays for the rest.
+    """
+    items = sorted(terms.items())
+    size = abs(next((a for column, a in items if column >= 0), 1.0))
+    return tuple((column, f"{a / size:.9e}") for column, a in items), size

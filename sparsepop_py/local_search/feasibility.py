@@ -192,6 +192,31 @@ def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], ND
         rows, solved = _pivots(jacobian, weight, blocked)
         proof = "krawczyk" if blocked is None else "exact"
         yield equal[rows], solved, proof
+    rows, solved = _corner(problem, x, weight)
+    if rows.size:
+        yield rows, solved, "exact"
+
+
+def _corner(
+    problem: Problem, x: NDArray[Any], weight: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Select linear rows that are zero at x, and variables to solve them for.
+
+    Equations that are products of such rows hold then without rounding (complementarity), which
+    no box around a point can show.
+    """
+    degree = np.array([c.polynomial.degree for c in problem.constraints], np.int64)
+    linear, nothing = degree == 1, np.zeros(0, np.int64)
+    if not np.any(problem.equality & ~linear) or not np.any(linear & ~problem.equality):
+        return nothing, nothing
+    system = problem.rows.take(np.flatnonzero(linear))
+    jacobian = system.dense_jacobian(x)
+    size = 1.0 + np.sqrt((jacobian * jacobian).sum(axis=1))
+    active = problem.equality[linear] | (np.abs(system.values(x)) <= _ACTIVE * size)
+    rows, solved = _pivots(jacobian[active], weight, None)
+    if not 0 < rows.size <= _MANY_ROWS:
+        return nothing, nothing
+    return np.flatnonzero(linear)[active][rows], solved
 
 
 def _leading_columns(matrix: NDArray[Any]) -> NDArray[np.int64] | None:
