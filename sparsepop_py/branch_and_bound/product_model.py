@@ -681,7 +681,7 @@ class ProductModel:
 
 
 def _normal(terms: dict[int, float]) -> tuple[tuple[tuple[int, str], ...], float]:
-    """Divide a linear form by the size of its first variable's coefficient; the form and it.
+    """Divide a linear form by the size of its first coefficient; both.
 
     Ten digits are kept: what differs by rounding is the same, and the proof pays for the rest.
     """

@@ -207,7 +207,9 @@ def _corner(
     """
     degree = np.array([c.polynomial.degree for c in problem.constraints], np.int64)
     linear, nothing = degree == 1, np.zeros(0, np.int64)
-    if not np.any(problem.equality & ~linear) or not np.any(linear & ~problem.equality):
+    products, open_ = problem.equality & ~linear, linear & ~problem.equality
+    large = np.count_nonzero(linear) * x.size > 100 * _DENSE
+    if large or not np.any(products) or not np.any(open_):
         return nothing, nothing
     system = problem.rows.take(np.flatnonzero(linear))
     jacobian = system.dense_jacobian(x)
