@@ -1,4 +1,4 @@
-"""Complementarity of a variable and a row: x_v g(x) = 0 with g(x) >= 0 linear.
+"""Variables and linear rows whose product is zero: complementarity x_v g(x) = 0.
 
 Where x_v > 0 the inequality is an equation. With the lower end l > 0 of a box follows
 
