@@ -595,7 +595,7 @@ class LinearTree:
         return np.asarray((matrix @ t - data.low[rows]) / np.maximum(size, 1e-300))
 
     def _separate(self, node: _Open, pair: tuple[int, int]) -> None:
-        """Split a node where the first of two complementary factors is zero or not.
+        """Split a node where the first of two complementary factors is zero, or not.
 
         Not quite zero: a variable is zero by propagation wherever the other is positive. A row is
         an equation in the linear program there, whose proof divides by the least value of the

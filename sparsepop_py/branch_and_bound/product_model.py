@@ -28,6 +28,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.branch_and_bound.complements import Complements, Terms
 from sparsepop_py.lp.highs import SparseRows
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
@@ -37,11 +38,10 @@ from sparsepop_py.verified.certificate.lp_dual import LinearDual
 from sparsepop_py.verified.certificate.multipliers import Multipliers
 from sparsepop_py.verified.certificate.sos_identity import Identity
 
-__all__ = ["Complements", "LinearData", "ProductModel", "SquareCut"]
+__all__ = ["LinearData", "ProductModel", "SquareCut"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-_LEAST_RATIO = 2.0**-20  # of the lower end of a positive factor to its half width, to divide by it
 _LEAST_SIZE = 1e-7  # of the largest term: where variables are nearly fixed the rest is rounding
 
 # Envelopes of w = t_i t_j: coefficients of w, t_i, t_j, and the bound families of both factors,
@@ -79,29 +79,6 @@ class LinearData:
     size: float
     sizes: Floats
     free: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Complements:
-    """Equations x_v g(x) = 0 with an inequality g(x) >= 0 that is linear.
-
-    Where x_v > 0 the inequality is an equation. With the lower end l > 0 of a box follows, for
-    every x in it, -g = (x_v - l) g / l - x_v g / l, so multipliers prove it.
-
-    Parameters
-    ----------
-    variable : (F,) int
-        v.
-    equation, inequality : (F,) int
-        Rows of the model.
-    factor : (F,) float
-        Row of the equation = factor * x_v * row of the inequality.
-    """
-
-    variable: Ints
-    equation: Ints
-    inequality: Ints
-    factor: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,48 +234,23 @@ class ProductModel:
     @cached_property
     def complements(self) -> Complements:
         """Equations whose factors are a variable and another row."""
-        forms: dict[tuple[tuple[int, str], ...], tuple[int, float]] = {}
-        for row in np.flatnonzero(~self.equality).tolist():
-            terms = self._terms(row)
-            if all(column < self.dimension for column in terms):
-                form, size = _normal(terms)
-                forms.setdefault(form, (row, size))
-        made = []
-        for row in np.flatnonzero(self.equality & (self.constant[:-1] == 0)).tolist():
-            for v, quotient in self._quotients(row):
-                for sign in (1.0, -1.0):
-                    form, size = _normal({c: sign * a for c, a in quotient.items()})
-                    if form in forms:
-                        other, own = forms[form]
-                        made.append((v, row, other, sign * size / own))
-        variable, equation, inequality = np.array([m[:3] for m in made], np.int64).reshape(-1, 3).T
-        return Complements(variable, equation, inequality, np.array([m[3] for m in made], float))
+        if not np.any(self._open_equations):
+            return Complements.of([], np.zeros(0, bool))
+        rows: list[Terms] = [{(): float(c)} if c else {} for c in self.constant[:-1]]
+        n, first, second = self.dimension, self.first.tolist(), self.second.tolist()
+        entries = zip(self.row, self.column, self.coefficient, strict=True)
+        for row, column, value in ((int(r), int(c), float(a)) for r, c, a in entries):
+            if row < self.rows:
+                term = (column,) if column < n else (first[column - n], second[column - n])
+                rows[row][term] = value
+        return Complements.of(rows, self._open_equations)
 
-    def _terms(self, row: int) -> dict[int, float]:
-        """Coefficients of a row by column, -1 for its constant."""
-        own = self.row == row
-        terms = dict(zip(self.column[own].tolist(), self.coefficient[own].tolist(), strict=True))
-        constant = float(self.constant[row])
-        return {-1: constant, **terms} if constant else terms
-
-    def _quotients(self, row: int) -> list[tuple[int, dict[int, float]]]:
-        """Divide a row without constant by each variable that all its terms contain."""
-        n = self.dimension
-        parts = [
-            ((c,), a) if c < n else ((int(self.first[c - n]), int(self.second[c - n])), a)
-            for c, a in self._terms(row).items()
-        ]
-        if not any(len(factors) == 2 for factors, _ in parts):
-            return []
-        shared = set.intersection(*(set(factors) for factors, _ in parts))
-        found = []
-        for v in sorted(shared):
-            rest = {}
-            for factors, a in parts:
-                other = -1 if len(factors) == 1 else factors[factors[0] == v]
-                rest[other] = a
-            found.append((v, rest))
-        return found
+    @property
+    def _open_equations(self) -> NDArray[np.bool_]:
+        """Equations without constant that have products and other terms, shape (m,)."""
+        products = self.column >= self.dimension
+        count = np.bincount(self.row[products & ~self._alone], minlength=self.rows + 1)
+        return self.equality & (self.constant[:-1] == 0) & (count[:-1] > 0)
 
     @cached_property
     def disjunctive(self) -> bool:
@@ -464,11 +416,9 @@ class ProductModel:
 
     def _equations(self, scaling: Scaling) -> NDArray[np.bool_]:
         """Mark rows of A that are equations on a box: beside all others, complements."""
-        found, v = self.complements, self.complements.variable
-        least = scaling.centre[v] - scaling.scale[v]
-        sure = (least > _LEAST_RATIO * scaling.scale[v]) & (scaling.scale[v] > 0)
         free = self.free.copy()
-        free[found.inequality[sure]] = True
+        found = self.complements
+        free[found.inequality[found.positive(scaling)]] = True
         return free
 
     @cached_property
@@ -624,7 +574,8 @@ class ProductModel:
         pairs = np.concatenate([self._envelopes[3] + later, own])
         single = generators.count(count, self.dimension)
         above = self.rows + 1
-        table = self._without_complements(data, np.array(prices)[:, : above + self.envelopes])
+        table = np.array(prices)[:, : above + self.envelopes]
+        table = found.replaced(table, data.scaling, data.sizes, self.free)
         used = np.flatnonzero(np.any(table[:, above:] != 0, axis=0))
         place = np.full(pairs.shape[0], -1)
         place[used] = np.arange(used.size)
@@ -650,41 +601,3 @@ class ProductModel:
             indices(np.concatenate(owner)),
             indices(pairs[used]),
         )
-
-    def _without_complements(self, data: LinearData, table: Floats) -> Floats:
-        """Replace negative prices of inequalities, -g = (x_v - l) g / l - x_v g / l.
-
-        Parameters
-        ----------
-        data : LinearData
-        table : (K, R) float
-            Prices, without those of cuts.
-
-        Returns
-        -------
-        (K, R + F) float
-            Prices with those of the products (1 + t_v) g behind.
-        """
-        found, scaling = self.complements, data.scaling
-        v, row, equation = found.variable, found.inequality, found.equation
-        scale = scaling.scale[v]
-        least = scaling.centre[v] - scale
-        negative = np.maximum(-table[:, row], 0.0)
-        negative[:, ~data.free[row] | self.free[row]] = 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):
-            shared = np.where(negative > 0, negative / (data.sizes[row] * least), 0.0)
-        result = np.concatenate([table, shared * scale], axis=1)
-        for k in range(table.shape[0]):
-            np.add.at(result[k], row, negative[k])
-            np.subtract.at(result[k], equation, shared[k] * data.sizes[equation] / found.factor)
-        return result
-
-
-def _normal(terms: dict[int, float]) -> tuple[tuple[tuple[int, str], ...], float]:
-    """Divide a linear form by the size of its first coefficient; both.
-
-    Ten digits are kept: what differs by rounding is the same, and the proof pays for the rest.
-    """
-    items = sorted(terms.items())
-    size = abs(next((a for column, a in items if column >= 0), 1.0))
-    return tuple((column, f"{a / size:.9e}") for column, a in items), size
