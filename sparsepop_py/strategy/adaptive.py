@@ -142,6 +142,12 @@ class AdaptiveSearch:
             if self.search is not None:
                 self._close_search()
 
+    @property
+    def next_seconds(self) -> float:
+        """Expected seconds of the next step, 0 for branching and where nothing is left."""
+        spec = None if self.over else self._next()
+        return self.queue.seconds(spec) if isinstance(spec, RelaxationSpec) else 0.0
+
     def _costly(self, spec: RelaxationSpec | str | None) -> bool:
         """Check that the next step takes long, so that a better incumbent should precede it."""
         if not isinstance(spec, RelaxationSpec):
@@ -199,10 +205,10 @@ class AdaptiveSearch:
             self.seen, self.search = self.search.seen, None  # another tree must be grown
         left = self.context.deadline.expected
         with self.context.stages.stage("relax"):
-            cheap = self.queue.cheap_order(left)
-            if cheap is not None:
-                return cheap
             best, most = self.queue.best(left)
+            order = self.queue.next_order(best, left)
+        if order is not None:
+            return order
         branch = self._branch_rate()
         if branch is not None and (best is None or branch > most):
             return _BRANCH

@@ -75,15 +75,18 @@ class RelaxationQueue:
                 best, most = spec, rate
         return best, most
 
-    def cheap_order(self, left: float | None) -> RelaxationSpec | None:
-        """Select the next relaxation order where it costs little.
+    def next_order(self, best: RelaxationSpec | None, left: float | None) -> RelaxationSpec | None:
+        """Select the next relaxation order where it should come before all else.
 
         What an order proves is hardly known before, and a cheap one that closes the gap saves what
-        seems to gain more per second. Before the first relaxation no order is next: others that
-        cost less prove more than the least one.
+        seems to gain more per second. One that surely ends in time comes before one that may not.
+        Before the first relaxation no order is next: others that cost less prove more than the
+        least one.
 
         Parameters
         ----------
+        best : RelaxationSpec or None
+            The relaxation with the largest expected gain per second.
         left : float or None
             CPU seconds that are expected to be left.
 
@@ -91,14 +94,16 @@ class RelaxationQueue:
         -------
         RelaxationSpec or None
         """
-        if self.share == 0.0:
-            return None
         orders = [r for r in self.specs if r.whole and r.share > self.share]
         spec = min(orders, key=lambda r: r.share, default=None)
-        if spec is None:
+        if self.share == 0.0 or spec is None:
             return None
         seconds = self.seconds(spec)
-        return None if seconds > STRATEGY.cheap or self._too_long(spec, seconds, left) else spec
+        most = STRATEGY.cheap
+        if best is not None and left is not None:
+            sure = STRATEGY.sure * left
+            most = max(most, sure) if self.seconds(best) > sure else most
+        return None if seconds > most or self._too_long(spec, seconds, left) else spec
 
     def _too_long(self, spec: RelaxationSpec, seconds: float, left: float | None) -> bool:
         if left is None:

@@ -150,3 +150,27 @@ def test_a_cheap_order_comes_before_more_searches_and_higher_orders(monkeypatch,
     assert searched[:1] == first
     if cheap > 0.0:
         assert [entry.order for entry in result.history] == [0, 2]
+
+
+@pytest.mark.parametrize(
+    ("expected", "left", "share", "first"),
+    [
+        (0.05, None, 0.8, True),  # cheap
+        (0.05, 10.0, 0.8, True),
+        (0.05, None, 0.0, False),  # nothing was solved yet
+        (0.2, None, 0.8, False),
+        (0.2, 10.0, 0.8, False),  # order 3 ends in time
+        (0.2, 0.6, 0.8, True),  # order 3 may not, with 0.4 s expected, and order 2 does
+        (0.2, 0.3, 0.8, False),  # order 2 may not either
+    ],
+)
+def test_the_next_order_comes_first_where_it_is_cheap_or_alone_ends_in_time(
+    expected, left, share, first
+):
+    problem = heat_exchangers()
+    state = SharedState.of(problem, [problem.objective], Options(effort="auto"))
+    spec = {each.name: each for each in state.specs}
+    state.estimates.update({"order 2": expected, "order 3, chordal terms": 0.4})
+    queue = relaxation_queue.RelaxationQueue(state, scaled=lambda: None, share=share)
+    found = queue.next_order(spec["order 3, chordal terms"], left)
+    assert found is (spec["order 2"] if first else None)
