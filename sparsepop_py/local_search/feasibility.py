@@ -25,6 +25,7 @@ __all__ = ["prove_feasible"]
 
 _SOME_ROWS = 20  # equations from which exact repair comes second
 _MANY_ROWS = 60  # equations from which exact repair is not tried
+_CORNER_ROWS = 120  # linear rows that are solved together, which are sparse, at most
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _CUTS = 12  # linear programs at most that pull a point into a matrix
 _DENSE = 10_000  # entries of the largest Jacobian that is dense
@@ -175,8 +176,6 @@ def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], ND
     equal = np.flatnonzero(problem.equality)
     if equal.size:
         yield from _of_equations(problem, x, equal)
-        if equal.size > _MANY_ROWS:
-            return
     else:
         yield equal, equal, "exact"
     rows, solved = _corner(problem, x)
@@ -222,7 +221,7 @@ def _corner(problem: Problem, x: NDArray[Any]) -> tuple[NDArray[np.int64], NDArr
     active = problem.equality[linear] | (np.abs(system.values(x)) <= _ACTIVE * size)
     weight = np.clip(np.minimum(x - problem.lower, problem.upper - x), 0.0, 1.0)
     rows, solved = _pivots(jacobian[active], weight, None)
-    if not 0 < rows.size <= _MANY_ROWS:
+    if not 0 < rows.size <= _CORNER_ROWS:
         return nothing, nothing
     return np.flatnonzero(linear)[active][rows], solved
 
