@@ -1,4 +1,4 @@
-"""Variables and linear rows whose product is zero: complementarity x_v g(x) = 0.
+"""Variables and linear rows whose product is zero: complementarity x_v g(x) = 0, or <= 0.
 
 Where x_v > 0 the inequality is an equation. With the lower end l > 0 of a box follows
 
@@ -29,14 +29,14 @@ _LEAST_RATIO = 2.0**-20  # of the lower end of a positive factor to its half wid
 
 @dataclass(frozen=True, eq=False)
 class Complements:
-    """Equations that are the product of a variable and an inequality.
+    """Rows that say that the product of a variable and an inequality is zero.
 
     Parameters
     ----------
     variable : (F,) int
-        v.
+        v, at least zero where the rest of this is used.
     equation, inequality : (F,) int
-        Rows.
+        Rows; the first may also say that the product is at most zero.
     factor : (F,) float
         Equation = factor * x_v * inequality.
     """
@@ -61,8 +61,8 @@ class Complements:
         """
         quotients = [
             (v, row, quotient)
-            for row in np.flatnonzero(equality).tolist()
-            for v, quotient in _quotients(rows[row])
+            for row, terms in enumerate(rows)
+            for v, quotient in _quotients(terms)
         ]
         forms: dict[tuple[tuple[tuple[int, ...], str], ...], tuple[int, float]] = {}
         for row in np.flatnonzero(~equality).tolist() if quotients else ():
@@ -73,7 +73,7 @@ class Complements:
         for v, row, quotient in quotients:
             for sign in (1.0, -1.0):
                 form, size = _normal(quotient, sign)
-                if form in forms:
+                if form in forms and (equality[row] or sign < 0):
                     other, own = forms[form]
                     made.append((v, row, other, sign * size / own))
         variable, equation, inequality = np.array([m[:3] for m in made], np.int64).reshape(-1, 3).T

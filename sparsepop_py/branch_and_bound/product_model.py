@@ -225,7 +225,10 @@ class ProductModel:
 
     @cached_property
     def complementary(self) -> Ints:
-        """Pairs of different variables whose product is zero by an equation, shape (K, 2)."""
+        """Pairs of different variables whose product a row makes zero, shape (K, 2).
+
+        It may say "at most zero", which is the same where both are at least zero.
+        """
         columns = self.column[self._alone & (self.column >= self.dimension)]
         product = np.unique(columns) - self.dimension
         product = product[~self.square[product]]
@@ -233,9 +236,10 @@ class ProductModel:
 
     @cached_property
     def complements(self) -> Complements:
-        """Equations whose factors are a variable and another row."""
-        if not np.any(self._open_equations):
-            return Complements.of([], np.zeros(0, bool))
+        """Rows whose factors are a variable and another row."""
+        products = (self.column >= self.dimension) & ~self._alone & (self.row < self.rows)
+        if not np.any(self.constant[self.row[products]] == 0):
+            return Complements.of([], self.equality)
         rows: list[Terms] = [{(): float(c)} if c else {} for c in self.constant[:-1]]
         n, first, second = self.dimension, self.first.tolist(), self.second.tolist()
         entries = zip(self.row, self.column, self.coefficient, strict=True)
@@ -243,14 +247,7 @@ class ProductModel:
             if row < self.rows:
                 term = (column,) if column < n else (first[column - n], second[column - n])
                 rows[row][term] = value
-        return Complements.of(rows, self._open_equations)
-
-    @property
-    def _open_equations(self) -> NDArray[np.bool_]:
-        """Equations without constant that have products and other terms, shape (m,)."""
-        products = self.column >= self.dimension
-        count = np.bincount(self.row[products & ~self._alone], minlength=self.rows + 1)
-        return self.equality & (self.constant[:-1] == 0) & (count[:-1] > 0)
+        return Complements.of(rows, self.equality)
 
     @cached_property
     def disjunctive(self) -> bool:
@@ -268,10 +265,10 @@ class ProductModel:
 
     @cached_property
     def _alone(self) -> NDArray[np.bool_]:
-        """Terms that are the only one of an equation without constant, shape (T,)."""
+        """Terms that a row makes zero, or at most zero, alone, shape (T,)."""
         terms = np.bincount(self.row, minlength=self.rows + 1)
-        alone = (terms == 1) & np.append(self.equality, False) & (self.constant == 0)
-        return alone[self.row]
+        alone = ((terms == 1) & (self.constant == 0))[self.row] & (self.row < self.rows)
+        return alone & (np.append(self.equality, False)[self.row] | (self.coefficient < 0))
 
     @cached_property
     def least(self) -> Floats:

@@ -143,7 +143,7 @@ class LinearTreeSettings:
     most_nodes: int = 60
     most_columns: int = 3000
     larger: int = 6
-    most_decisions: int = 20_000
+    most_decisions: int = 5_000
     patience: int = 12
     pace: float = 0.9
     margin: float = 0.03

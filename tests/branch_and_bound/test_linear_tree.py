@@ -202,15 +202,19 @@ def test_complementarity_against_all_choices(seed):
     assert any(node.branch and node.branch[1] < 1e-50 for node in result.certificate.root)
 
 
-def rectified(seed, samples):
-    """Least D with |y - c - a| <= D and a (a - z) = 0, a >= z: a = max(0, z), z = w u + b."""
+def rectified(seed, samples, equal=True):
+    """Least D with |y - c - a| <= D and a (a - z) = 0, a >= z: a = max(0, z), z = w u + b.
+
+    The product may also be at most zero, since both factors are at least zero.
+    """
     rng = np.random.default_rng(seed)
     u, y = rng.uniform(-1, 1, samples).round(2), rng.uniform(0, 1, samples).round(2)
     w, b, c, d, *a = sp.variables(4 + samples)
     rows = []
     for left, right, out in zip(u.tolist(), y.tolist(), a, strict=True):
         z = left * w + b
-        rows += [out - z >= 0, 2 * out * (z - out) == 0, d >= c + out - right, d >= right - c - out]
+        rows += [2 * out * (z - out) == 0 if equal else out * (out - z) <= 0]
+        rows += [out - z >= 0, d >= c + out - right, d >= right - c - out]
     lower = [-3.0, -3.0, -3.0, 0.0] + [0.0] * samples
     return Problem(d, rows, lower, [3.0, 3.0, 3.0, 2.0] + [6.0] * samples), (u, y)
 
@@ -230,9 +234,9 @@ def least_of_all_patterns(data):
     return best
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_variable_and_a_row_with_product_zero(seed):
-    problem, data = rectified(seed, 8)
+@pytest.mark.parametrize(("seed", "equal"), [(0, True), (1, True), (2, False)])
+def test_a_variable_and_a_row_with_product_zero(seed, equal):
+    problem, data = rectified(seed, 8, equal)
     result = check(problem, sp.solve(problem, AUTO), least_of_all_patterns(data), 2e-6)
     assert result.status is Status.OPTIMAL and names(result) == ["linear tree"]
     assert suits_linear_tree(rectified(0, 70)[0])  # 74 variables
@@ -244,7 +248,10 @@ def test_multipliers_of_rows_that_are_equations_where_a_factor_is_positive(seed)
     rng = np.random.default_rng(seed)
     a, w, b = sp.variables(3)
     k = rng.uniform(-2, 2)
-    rows = [a - k * w - b >= 0, float(rng.choice([-3.0, 1.0, 0.5])) * a * (a - k * w - b) == 0]
+    size = float(rng.choice([-3.0, 1.0, 0.5]))
+    rows = [a - k * w - b >= 0, size * a * (a - k * w - b) == 0]
+    if size == 0.5:
+        rows[1] = size * a * (a - k * w - b) <= 0
     problem = Problem(b - a + k * w, rows, [0, -1, -1], [4, 1, 1])
     model = ProductModel.of(problem)
     assert model.complements.variable.tolist() == [0] and model.disjunctive
@@ -269,5 +276,7 @@ def test_larger_problems_suit_where_branches_decide_all_products():
 
 def test_complementary_pairs_are_equations_of_one_product():
     x, y, z = sp.variables(3)
-    rows = [x * y == 0, y * z == 1, x * z <= 0, z**2 == 0, x * z + y * z == 0]
+    rows = [x * y == 0, y * z == 1, x * z >= 0, z**2 == 0, x * z + y * z == 0]
     assert ProductModel.of(Problem(x, rows, 0, 1)).complementary.tolist() == [[0, 1]]
+    least = Problem(x, [x * y <= 0, x * z >= 0], 0, 1)  # as good as an equation
+    assert ProductModel.of(least).complementary.tolist() == [[0, 1]]
