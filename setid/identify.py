@@ -66,6 +66,7 @@ from setid.result.assembling import (
     empty_result,
     free_text,
     result_of,
+    signals_text,
     simpler_text,
     unbounded_text,
 )
@@ -589,6 +590,9 @@ def _by_engine(
         return task.empty(formulation, replace(outcome, samples=keys))
     items = _intervals(formulation, scaled, results, task.settings.tol)
     items = [_open(item, None, free, alone) for item in items]
+    if any(item.status is IntervalStatus.PARTIAL for item in items):
+        why = signals_text(formulation, _stated(outcome))
+        outcome = replace(outcome, notes=(*outcome.notes, *why))
     return task.result(formulation, items, outcome)
 
 

@@ -322,6 +322,10 @@ def from_jax_sysid(
     ModelError
         If the arrays are not those of such a model.
     """
+    missing = [name for name in ("params", "nx", "nu", "ny") if not hasattr(source, name)]
+    if missing:
+        raise ModelError(f"source: found {type(source).__name__} without {', '.join(missing)}, "
+                         "expected a model of jax-sysid")  # fmt: skip
     params = [_array(p) for p in source.params]
     nx, nu, ny = int(source.nx), int(source.nu), int(source.ny)
     if getattr(source, "isLinear", False):

@@ -46,13 +46,19 @@ Floats = NDArray[np.float64]
 
 
 def suits_linear_tree(problem: Problem) -> bool:
-    """Check for a small problem of degree 1 or 2 without matrices."""
-    return (
-        problem.degree <= 2
-        and problem.dimension <= LINEAR_TREE.most_variables
-        and len(problem.constraints) <= LINEAR_TREE.most_constraints
-        and not problem.matrices.constraints.size
-    )
+    """Check for a small problem of degree 1 or 2 without matrices.
+
+    It may be larger where all its products are zero by equations of their own.
+    """
+    if problem.degree > 2 or problem.matrices.constraints.size:
+        return False
+    n, m = problem.dimension, len(problem.constraints)
+    if n <= LINEAR_TREE.most_variables and m <= LINEAR_TREE.most_constraints:
+        return True
+    larger = LINEAR_TREE.larger
+    if n > larger * LINEAR_TREE.most_variables or m > larger * LINEAR_TREE.most_constraints:
+        return False
+    return ProductModel.of(problem).disjunctive
 
 
 def convex_minimiser(model: ProductModel, data: LinearData) -> Floats | None:
@@ -163,6 +169,11 @@ class LinearTree:
         self._begin = spent()
         self._branches = np.zeros(self.model.dimension, bool)
         self._branches[self.variables] = True
+        pairs = self.model.complementary
+        self._pairs = pairs[np.all(self.box.lo[pairs] >= 0, axis=1)]
+        found = self.model.complements
+        known = self.box.lo[found.variable] >= 0
+        self._factors, self._rows = found.variable[known], found.inequality[known]
         self._width = np.maximum(self.box.width(), 1e-300)
 
     # ---- the search ---------------------------------------------------------------------------
@@ -205,15 +216,27 @@ class LinearTree:
         return self.closed
 
     @property
+    def _decides(self) -> bool:
+        """True if all products belong to factors that branches separate."""
+        found = self._pairs.shape[0] + self._factors.size
+        every = self.model.complementary.shape[0] + self.model.complements.variable.size
+        return found == every and self.model.disjunctive
+
+    @property
     def _most_nodes(self) -> int:
-        """Nodes that the tree may have: fewer where programs are larger."""
+        """Nodes that the tree may have: fewer where programs are larger.
+
+        Where every branch decides which factor of a product is zero, the tree is finite.
+        """
+        if self._decides:
+            return LINEAR_TREE.most_decisions
         return min(LINEAR_TREE.most_nodes, LINEAR_TREE.most_columns // self.model.columns + 1)
 
     def _stalls(self, first: float) -> bool:
         """Check whether the gap shrinks too slowly for a small tree."""
         if self.nodes >= self._most_nodes or self._least < self.goal:
             return True
-        if self.nodes < min(LINEAR_TREE.patience, self._most_nodes):
+        if self._decides or self.nodes < min(LINEAR_TREE.patience, self._most_nodes):
             return False
         whole = self.goal - first
         gained = (self.bound - first) / whole if 0 < whole < np.inf else 0.0
@@ -283,7 +306,7 @@ class LinearTree:
         if found.status == "infeasible":
             program = self._farkas(data, found)
         elif found.status == "solved":
-            price = self.model.signed(found.dual)
+            price = self.model.signed(data, found.dual)
             rest = self.model.rest(data, data.cost, price)
             bound = data.constant + self.model.bound(data, rest, price)
             program = _Program(data, price, rest, data.size * bound, found.x)
@@ -349,7 +372,7 @@ class LinearTree:
         """Take the ray of an infeasible program with the sign that proves more."""
         best = _Program(data, np.zeros(data.low.size), data.cost * 0.0, -np.inf, None)
         for ray in (found.dual, -found.dual):
-            price = self.model.signed(ray)
+            price = self.model.signed(data, ray)
             largest = np.abs(price).max(initial=0.0)
             if largest == 0:
                 continue
@@ -449,9 +472,12 @@ class LinearTree:
             if found.status != "solved":
                 continue
             points.append(found.x)
-            if self.model.uses_cuts(self.model.signed(found.dual)):
+            if self.model.uses_cuts(self.model.signed(data, found.dual)):
                 continue
-            price, weight = self.model.signed(found.dual), max(0.0, -found.dual[self.model.rows])
+            price, weight = (
+                self.model.signed(data, found.dual),
+                max(0.0, -found.dual[self.model.rows]),
+            )
             rest = self.model.rest(data, cost + weight * data.cost, price)
             value = self.model.bound(data, rest, price)
             if weight:
@@ -512,6 +538,10 @@ class LinearTree:
         if not chosen.size or score.max() < 0:
             self._least = min(self._least, node.bound)
             return
+        pair = self._apart(node, program)
+        if pair is not None:
+            self._separate(node, pair)
+            return
         v = self._undecided(node, program)
         v = int(chosen[np.argmax(score)]) if v is None else v
         low, high = float(node.low[v]), float(node.high[v])
@@ -522,6 +552,10 @@ class LinearTree:
             point = LINEAR_TREE.middle * middle + (1.0 - LINEAR_TREE.middle) * value
         edge = LINEAR_TREE.edge * (high - low)
         point = float(np.clip(point, low + edge, high - edge))
+        self._split(node, v, point)
+
+    def _split(self, node: _Open, v: int, point: float) -> None:
+        """Split a node at a point of a variable, and queue both halves."""
         left, right = node.high.copy(), node.low.copy()
         left[v] = right[v] = point
         children = [(node.low.copy(), left), (right, node.high.copy())]
@@ -531,6 +565,50 @@ class LinearTree:
         )
         for number, child in enumerate(node.children):
             heapq.heappush(self._heap, (child.bound, 2 * self.nodes + number, child))
+
+    def _apart(self, node: _Open, program: _Program | None) -> tuple[int, int] | None:
+        """Find the factors that are farthest from zero though their product is zero, if far.
+
+        The second is a variable, or -1 where it is a row.
+        """
+        none = not self._pairs.size and not self._factors.size
+        if none or program is None or program.t is None:
+            return None
+        x, data = program.point, program.data
+        first, second = np.append(self._pairs[:, 0], self._factors), self._pairs[:, 1]
+        height = self._heights(data, program.t)
+        other = np.append(x[second] / self._width[second], height)
+        open_ = (node.low[first] <= 0) & (node.high[first] > LINEAR_TREE.zero * self._width[first])
+        open_ &= x[first] > LINEAR_TREE.apart * node.high[first]
+        open_ &= other > LINEAR_TREE.apart
+        far = np.where(open_, np.minimum(x[first] / self._width[first], other), 0.0)
+        place = int(np.argmax(far))
+        if not far[place] > 0:
+            return None
+        return int(first[place]), int(second[place]) if place < second.size else -1
+
+    def _heights(self, data: LinearData, t: Floats) -> Floats:
+        """Values of the rows that are factors, relative to the sum of their terms' sizes."""
+        rows = self._rows
+        matrix = self.model.matrix(data.values)[rows]
+        size = np.abs(matrix).sum(axis=1)
+        return np.asarray((matrix @ t - data.low[rows]) / np.maximum(size, 1e-300))
+
+    def _separate(self, node: _Open, pair: tuple[int, int]) -> None:
+        """Split a node where the first of two complementary factors is zero, or not.
+
+        Not quite zero: a variable is zero by propagation wherever the other is positive. A row is
+        an equation in the linear program there, whose proof divides by the least value of the
+        variable; that must not be too small, so that zero is approached in steps.
+        """
+        first, second = pair
+        if second < 0:
+            self._split(node, first, LINEAR_TREE.step * float(node.high[first]))
+            return
+        self._split(node, first, LINEAR_TREE.positive)
+        positive = node.children[1]
+        positive.high[second] = 0.0
+        positive.steps.append(Propagation(1, False))
 
     def _undecided(self, node: _Open, program: _Program | None) -> int | None:
         """Find the variable of two values that is farthest from both, if far."""

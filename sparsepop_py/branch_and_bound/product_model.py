@@ -28,6 +28,7 @@ import scipy.sparse as sps
 from numpy.typing import ArrayLike, NDArray
 
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
+from sparsepop_py.branch_and_bound.complements import Complements, Terms
 from sparsepop_py.lp.highs import SparseRows
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
@@ -66,6 +67,8 @@ class LinearData:
         Objective = size * (constant + cost'z).
     sizes : (m + 1,) float
         Row of the problem = size * row of A; the objective comes last.
+    free : (R,) bool
+        Rows of A that are equations, on this box.
     """
 
     scaling: Scaling
@@ -75,6 +78,7 @@ class LinearData:
     constant: float
     size: float
     sizes: Floats
+    free: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,6 +224,53 @@ class ProductModel:
         return np.unique(v[both & (terms[row] == 2) & equal[row]])
 
     @cached_property
+    def complementary(self) -> Ints:
+        """Pairs of different variables whose product a row makes zero, shape (K, 2).
+
+        It may say "at most zero", which is the same where both are at least zero.
+        """
+        columns = self.column[self._alone & (self.column >= self.dimension)]
+        product = np.unique(columns) - self.dimension
+        product = product[~self.square[product]]
+        return np.stack([self.first[product], self.second[product]], axis=1)
+
+    @cached_property
+    def complements(self) -> Complements:
+        """Rows whose factors are a variable and another row."""
+        products = (self.column >= self.dimension) & ~self._alone & (self.row < self.rows)
+        if not np.any(self.constant[self.row[products]] == 0):
+            return Complements.of([], self.equality)
+        rows: list[Terms] = [{(): float(c)} if c else {} for c in self.constant[:-1]]
+        n, first, second = self.dimension, self.first.tolist(), self.second.tolist()
+        entries = zip(self.row, self.column, self.coefficient, strict=True)
+        for row, column, value in ((int(r), int(c), float(a)) for r, c, a in entries):
+            if row < self.rows:
+                term = (column,) if column < n else (first[column - n], second[column - n])
+                rows[row][term] = value
+        return Complements.of(rows, self.equality)
+
+    @cached_property
+    def disjunctive(self) -> bool:
+        """True if there are products, and all are in equations that branches of signs decide."""
+        decided = np.zeros(self.first.size, bool)
+        pairs = set(map(tuple, self.complementary.tolist()))
+        both = zip(self.first.tolist(), self.second.tolist(), strict=True)
+        decided[[pair in pairs for pair in both]] = True
+        products = self.column >= self.dimension
+        inside = np.isin(self.row, self.complements.equation)
+        part = self.column[products & inside] - self.dimension
+        decided[part] = True
+        decided[self.column[products & ~inside & ~self._alone] - self.dimension] = False
+        return bool(decided.size and np.all(decided))
+
+    @cached_property
+    def _alone(self) -> NDArray[np.bool_]:
+        """Terms that a row makes zero, or at most zero, alone, shape (T,)."""
+        terms = np.bincount(self.row, minlength=self.rows + 1)
+        alone = ((terms == 1) & (self.constant == 0))[self.row] & (self.row < self.rows)
+        return alone & (np.append(self.equality, False)[self.row] | (self.coefficient < 0))
+
+    @cached_property
     def least(self) -> Floats:
         """Least values of the columns over the box of t: 0 for squares, else -1."""
         return np.concatenate([-np.ones(self.dimension), np.where(self.square, 0.0, -1.0)])
@@ -317,7 +368,16 @@ class ProductModel:
         ProductModel
         """
         made = replace(self, cuts=cuts)
-        for name in ("square", "two_valued", "least", "_parts", "_places", "_envelopes", "_convex"):
+        for name in (
+            "square",
+            "two_valued",
+            "complementary",
+            "least",
+            "_parts",
+            "_places",
+            "_envelopes",
+            "_convex",
+        ):
             if name in self.__dict__:
                 made.__dict__[name] = self.__dict__[name]
         return made
@@ -348,7 +408,15 @@ class ProductModel:
         cost[self._places[3][own]] = values[own]
         size = float(sizes[-1])
         everything = np.concatenate([values, envelopes[2], *(part for part, _ in cuts)])
-        return LinearData(scaling, everything, low, cost, float(constant[-1]), size, sizes)
+        free = self._equations(scaling)
+        return LinearData(scaling, everything, low, cost, float(constant[-1]), size, sizes, free)
+
+    def _equations(self, scaling: Scaling) -> NDArray[np.bool_]:
+        """Mark rows of A that are equations on a box: beside all others, complements."""
+        free = self.free.copy()
+        found = self.complements
+        free[found.inequality[found.positive(scaling)]] = True
+        return free
 
     @cached_property
     def free(self) -> NDArray[np.bool_]:
@@ -358,11 +426,11 @@ class ProductModel:
 
     def high(self, data: LinearData) -> Floats:
         """Upper sides of the rows of A."""
-        return np.where(self.free, data.low, np.inf)
+        return np.where(data.free, data.low, np.inf)
 
-    def signed(self, price: Floats) -> Floats:
+    def signed(self, data: LinearData, price: Floats) -> Floats:
         """Set prices of inequalities with the wrong sign to zero, and that of the objective."""
-        kept = np.where(self.free, price, np.maximum(price, 0.0))
+        kept = np.where(data.free, price, np.maximum(price, 0.0))
         kept[self.rows] = 0.0
         return kept
 
@@ -497,10 +565,14 @@ class ProductModel:
         LinearDual
         """
         count = self.constraints + (cutoff is not None)
-        pairs = self._envelopes[3] + (cutoff is not None)
+        found, later = self.complements, int(cutoff is not None)
+        lower = 1 + self.constraints + self.dimension + found.variable
+        own = np.stack([1 + self.number[found.inequality], lower + later], axis=1)
+        pairs = np.concatenate([self._envelopes[3] + later, own])
         single = generators.count(count, self.dimension)
         above = self.rows + 1
-        table = np.array(prices)[:, : above + pairs.shape[0]]
+        table = np.array(prices)[:, : above + self.envelopes]
+        table = found.replaced(table, data.scaling, data.sizes, self.free)
         used = np.flatnonzero(np.any(table[:, above:] != 0, axis=0))
         place = np.full(pairs.shape[0], -1)
         place[used] = np.arange(used.size)

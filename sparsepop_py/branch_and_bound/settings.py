@@ -67,6 +67,11 @@ class LinearTreeSettings:
         Sizes up to which such a tree is tried.
     most_nodes, most_columns : int
         Nodes after which it is given up, and columns of all their programs.
+    larger : int
+        Multiple of these sizes up to which a problem may be whose products are all zero by
+        equations of their own.
+    most_decisions : int
+        Nodes after which the tree of such a problem is given up.
     patience : int
         Number of nodes from which on a tree that progresses too slowly is given up.
     pace : float
@@ -118,6 +123,15 @@ class LinearTreeSettings:
         Preference of variables that are not needed to cover all products, in branching.
     undecided : float
         Share of its width by which a variable of two values misses both, to be branched first.
+    apart : float
+        Share of its range by which each of two factors with product zero is positive, to be
+        branched before all others.
+    positive : float
+        Branching point of such a variable, where the other factor is a variable: less counts as
+        zero.
+    step, zero : float
+        Branching point as a share of the upper end, where the other factor is a row; share of
+        the first width below which such a variable counts as zero.
     middle : float
         Weight of the middle of the interval in the branching point.
     edge : float
@@ -128,6 +142,8 @@ class LinearTreeSettings:
     most_constraints: int = 120
     most_nodes: int = 60
     most_columns: int = 3000
+    larger: int = 6
+    most_decisions: int = 5_000
     patience: int = 12
     pace: float = 0.9
     margin: float = 0.03
@@ -158,6 +174,10 @@ class LinearTreeSettings:
     slack: float = 1e-6
     others: float = 0.3
     undecided: float = 0.1
+    apart: float = 1e-7
+    positive: float = 2.0**-200
+    step: float = 2.0**-16
+    zero: float = 2.0**-30
     middle: float = 0.4
     edge: float = 0.2
 

@@ -25,6 +25,7 @@ __all__ = ["prove_feasible"]
 
 _SOME_ROWS = 20  # equations from which exact repair comes second
 _MANY_ROWS = 60  # equations from which exact repair is not tried
+_CORNER_ROWS = 120  # linear rows that are solved together, which are sparse, at most
 _WORSE = 1e-8  # relative loss of objective that another candidate might avoid
 _CUTS = 12  # linear programs at most that pull a point into a matrix
 _DENSE = 10_000  # entries of the largest Jacobian that is dense
@@ -171,12 +172,21 @@ def _linearised(
 
 
 def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], NDArray[Any], str]]:
-    """Yield equalities, the variables to solve them for, and the kind of proof."""
+    """Yield rows, the variables to solve them for, and the kind of proof."""
     equal = np.flatnonzero(problem.equality)
-    nothing = np.zeros(0, np.int64)
-    if equal.size == 0:
-        yield nothing, nothing, "exact"
-        return
+    if equal.size:
+        yield from _of_equations(problem, x, equal)
+    else:
+        yield equal, equal, "exact"
+    rows, solved = _corner(problem, x)
+    if rows.size:
+        yield rows, solved, "exact"
+
+
+def _of_equations(
+    problem: Problem, x: NDArray[Any], equal: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[Any], NDArray[Any], str]]:
+    """Yield equalities, the variables to solve them for, and the kind of proof."""
     system = problem.rows.take(equal)
     jacobian = system.dense_jacobian(x)
     distance = np.minimum(x - problem.lower, problem.upper - x)
@@ -192,6 +202,37 @@ def _plans(problem: Problem, x: NDArray[Any]) -> Iterator[tuple[NDArray[Any], ND
         rows, solved = _pivots(jacobian, weight, blocked)
         proof = "krawczyk" if blocked is None else "exact"
         yield equal[rows], solved, proof
+
+
+def _corner(problem: Problem, x: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Select linear rows that are zero at x, and variables to solve them for.
+
+    Products of such rows are zero then without rounding (complementarity), which no box around
+    a point can show.
+    """
+    degree = np.array([c.polynomial.degree for c in problem.constraints], np.int64)
+    linear, nothing = degree == 1, np.zeros(0, np.int64)
+    large = np.count_nonzero(linear) * x.size > 100 * _DENSE
+    if large or not np.any(linear & ~problem.equality) or not _has_products(problem, x, ~linear):
+        return nothing, nothing
+    system = problem.rows.take(np.flatnonzero(linear))
+    jacobian = system.dense_jacobian(x)
+    size = 1.0 + np.sqrt((jacobian * jacobian).sum(axis=1))
+    active = problem.equality[linear] | (np.abs(system.values(x)) <= _ACTIVE * size)
+    weight = np.clip(np.minimum(x - problem.lower, problem.upper - x), 0.0, 1.0)
+    rows, solved = _pivots(jacobian[active], weight, None)
+    if not 0 < rows.size <= _CORNER_ROWS:
+        return nothing, nothing
+    return np.flatnonzero(linear)[active][rows], solved
+
+
+def _has_products(problem: Problem, x: NDArray[Any], chosen: NDArray[np.bool_]) -> bool:
+    """Check for equations among rows, or inequalities without constant that are zero at x."""
+    if np.any(problem.equality & chosen):
+        return True
+    near = np.flatnonzero(chosen)
+    near = near[np.abs(problem.rows.take(near).values(x)) <= _ACTIVE]
+    return any(problem.constraints[k].polynomial.constant_term == 0 for k in near.tolist())
 
 
 def _leading_columns(matrix: NDArray[Any]) -> NDArray[np.int64] | None:

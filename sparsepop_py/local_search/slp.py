@@ -41,6 +41,8 @@ _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
 _PROMISED = 1e-11  # of the value: a step that promises less is not taken
 _LAST = 1e-9  # a step that promises less is the last one: what follows is rounding
+_NEAR = 1e-2  # trust region, relative, within which the violation is to be reduced
+_STUCK = 1e-6  # of the violation: less is no reduction
 _WATCHED = 10  # steps over which the gain of a search is watched, where an end of creeping is asked
 
 
@@ -62,15 +64,22 @@ class _Watch:
     """Watch on a search that creeps: that gains too little in ten steps. Mutable."""
 
     least: float
-    merits: list[float] = field(default_factory=list)
+    seen: list[_Place] = field(default_factory=list)
 
     def creeps(self, here: _Place) -> bool:
-        """Check for a feasible iterate that is hardly better than the one ten steps before."""
-        self.merits.append(here.merit(_PENALTY))
-        if self.least == 0.0 or len(self.merits) <= _WATCHED or here.off > _FEASIBLE:
+        """Check for an iterate that is hardly better than the one ten steps before.
+
+        One that is not feasible has to gain as much of its violation.
+        """
+        self.seen.append(here)
+        if self.least == 0.0 or len(self.seen) <= _WATCHED:
             return False
-        gained = self.merits[-1 - _WATCHED] - self.merits[-1]
-        return gained < self.least * (1.0 + abs(here.value))
+        before = self.seen[-1 - _WATCHED]
+        gained = before.merit(_PENALTY) - here.merit(_PENALTY)
+        if here.off <= _FEASIBLE:
+            return gained < self.least * (1.0 + abs(here.value))
+        nearer = before.off - here.off >= self.least * here.off
+        return not nearer and gained < self.least * (1.0 + abs(here.merit(_PENALTY)))
 
 
 @dataclass(eq=False)
@@ -159,6 +168,12 @@ class _Search:
         high[held] = np.minimum(high[held], x[held] + reach[held])
         return low, high
 
+    def stuck(self, at: _Place, unit: NDArray[np.float64]) -> bool:
+        """Check that no direction reduces the violation, so that no larger penalty does."""
+        bounds = self.within(at.x, _NEAR * unit)
+        found = self.step(at.x, np.zeros(at.x.size), 1.0, *bounds)
+        return found is not None and found[1] >= (1.0 - _STUCK) * at.off
+
     def ahead(
         self, at: _Place, penalty: float, bounds: tuple[NDArray[Any], NDArray[Any]]
     ) -> tuple[float, _Place | None]:
@@ -239,7 +254,7 @@ def sequential_search(
             break
         size = 1.0 + abs(here.value)
         if promised <= _PROMISED * size:
-            if here.off <= _FEASIBLE or penalty >= _MOST:
+            if here.off <= _FEASIBLE or penalty >= _MOST or search.stuck(here, unit):
                 break
             penalty *= 10.0
             continue

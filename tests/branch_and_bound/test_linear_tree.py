@@ -6,16 +6,19 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 from search_cases import bilinear, least_on_a_grid
 from solved import check
 
 import sparsepop_py as sp
 from sparsepop_py import Options, Problem, Status
 from sparsepop_py.branch_and_bound.linear_tree import LinearTree, suits_linear_tree
+from sparsepop_py.branch_and_bound.product_model import ProductModel
 from sparsepop_py.budget import Deadline
 from sparsepop_py.context import SolveContext
 from sparsepop_py.progress import Stages
 from sparsepop_py.verified.arithmetic.interval import Interval
+from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.steps import BoxProof
 
 AUTO = Options(effort="auto")
@@ -162,3 +165,118 @@ def test_only_small_problems_of_degree_two_without_matrices_suit():
     assert not suits_linear_tree(Problem(x + y, [sp.psd([[1, x], [x, 1 + y]])], -1, 1))
     many = sp.variables(200)
     assert not suits_linear_tree(Problem(sp.total(many), lower=-1, upper=1))
+
+
+def complementarity(seed, pairs, free=2):
+    """Linear problem with x_i y_i = 0, and its data: objective c, rows a v <= b, v in [0, 4]."""
+    rng = np.random.default_rng(seed)
+    n = 2 * pairs + free
+    c, a = -rng.uniform(0, 1, n).round(2), rng.normal(size=(pairs + 2, n)).round(2)
+    inside = rng.uniform(0, 2, n) * np.append(np.tile([1.0, 0.0], pairs), np.ones(free))
+    b = (a @ inside + 0.3).round(2)
+    v = sp.variables(n)
+    forms = [sum(float(w) * x for w, x in zip(row, v, strict=True)) for row in (c, *a)]
+    rows = [form <= float(right) for form, right in zip(forms[1:], b, strict=True)]
+    rows += [v[2 * k] * v[2 * k + 1] == 0 for k in range(pairs)]
+    return Problem(forms[0], rows, 0, 4), (c, a, b)
+
+
+def least_of_all_choices(data, pairs):
+    """Minimum of the linear programs in which one variable of each pair is zero."""
+    c, a, b = data
+    best = np.inf
+    for choice in product((0, 1), repeat=pairs):
+        high = np.full(c.size, 4.0)
+        high[[2 * k + side for k, side in enumerate(choice)]] = 0.0
+        found = linprog(c, a, b, bounds=np.column_stack([np.zeros(c.size), high]))
+        best = min(best, found.fun) if found.status == 0 else best
+    return best
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_complementarity_against_all_choices(seed):
+    problem, data = complementarity(seed, 6)
+    result = check(problem, sp.solve(problem, AUTO), least_of_all_choices(data, 6), 3e-6)
+    assert result.status is Status.OPTIMAL and names(result) == ["linear tree"]
+    assert result.certificate.leaves > 1  # branches at nearly zero
+    assert any(node.branch and node.branch[1] < 1e-50 for node in result.certificate.root)
+
+
+def rectified(seed, samples, equal=True):
+    """Least D with |y - c - a| <= D and a (a - z) = 0, a >= z: a = max(0, z), z = w u + b.
+
+    The product may also be at most zero, since both factors are at least zero.
+    """
+    rng = np.random.default_rng(seed)
+    u, y = rng.uniform(-1, 1, samples).round(2), rng.uniform(0, 1, samples).round(2)
+    w, b, c, d, *a = sp.variables(4 + samples)
+    rows = []
+    for left, right, out in zip(u.tolist(), y.tolist(), a, strict=True):
+        z = left * w + b
+        rows += [2 * out * (z - out) == 0 if equal else out * (out - z) <= 0]
+        rows += [out - z >= 0, d >= c + out - right, d >= right - c - out]
+    lower = [-3.0, -3.0, -3.0, 0.0] + [0.0] * samples
+    return Problem(d, rows, lower, [3.0, 3.0, 3.0, 2.0] + [6.0] * samples), (u, y)
+
+
+def least_of_all_patterns(data):
+    """Minimum over all sets of samples with z >= 0, each a linear program in w, b, c, d."""
+    (u, y), best = data, np.inf
+    for on in product((0.0, 1.0), repeat=u.size):
+        on = np.array(on)
+        one = np.ones_like(u)
+        rows = [np.c_[on * u, on, one, -one], np.c_[-on * u, -on, -one, -one]]
+        rows += [np.c_[(1 - 2 * on) * u, 1 - 2 * on, 0 * u, 0 * u]]
+        right = np.concatenate([y, -y, 0 * y])
+        bounds = [(-3, 3)] * 3 + [(0, 2)]
+        found = linprog([0, 0, 0, 1], np.vstack(rows), right, bounds=bounds)
+        best = min(best, found.fun) if found.status == 0 else best
+    return best
+
+
+@pytest.mark.parametrize(("seed", "equal"), [(0, True), (1, True), (2, False)])
+def test_a_variable_and_a_row_with_product_zero(seed, equal):
+    problem, data = rectified(seed, 8, equal)
+    result = check(problem, sp.solve(problem, AUTO), least_of_all_patterns(data), 2e-6)
+    assert result.status is Status.OPTIMAL and names(result) == ["linear tree"]
+    assert suits_linear_tree(rectified(0, 70)[0])  # 74 variables
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_multipliers_of_rows_that_are_equations_where_a_factor_is_positive(seed):
+    """min -(a - z) with a (a - z) = 0: 0 for a > 0, from duals of the linear program alone."""
+    rng = np.random.default_rng(seed)
+    a, w, b = sp.variables(3)
+    k = rng.uniform(-2, 2)
+    size = float(rng.choice([-3.0, 1.0, 0.5]))
+    rows = [a - k * w - b >= 0, size * a * (a - k * w - b) == 0]
+    if size == 0.5:
+        rows[1] = size * a * (a - k * w - b) <= 0
+    problem = Problem(b - a + k * w, rows, [0, -1, -1], [4, 1, 1])
+    model = ProductModel.of(problem)
+    assert model.complements.variable.tolist() == [0] and model.disjunctive
+    box = Interval(np.array([2.0 ** -rng.uniform(0, 15), -1, -1]), np.array([2.0, 1, 1]))
+    data = model.on_box(Scaling.of_box(box))
+    price = model.signed(data, np.where(np.arange(model.pattern[1].size - 1) == 0, -1.0, 0.0))
+    dual = model.dual(data, [price * data.sizes[0]], [1.0])
+    proved = dual.evaluate(problem.rows, problem.equality, problem.objective_row)
+    assert -1e-9 < proved[0] <= 0
+    zero = model.on_box(Scaling.of_box(Interval(np.array([0.0, -1, -1]), box.hi)))
+    assert not zero.free[0] and data.free[0]
+
+
+def test_larger_problems_suit_where_branches_decide_all_products():
+    """With 40 pairs there are 82 variables, more than the 60 of other problems."""
+    problem, _ = complementarity(0, 40)
+    x = sp.variables(82)
+    assert suits_linear_tree(problem)
+    assert not suits_linear_tree(Problem(x[0] * x[1], [x[2] * x[3] == 0], 0, 1))
+    assert not suits_linear_tree(Problem(x[0], [x[2] * x[3] <= 0.5], 0, 1))
+
+
+def test_complementary_pairs_are_equations_of_one_product():
+    x, y, z = sp.variables(3)
+    rows = [x * y == 0, y * z == 1, x * z >= 0, z**2 == 0, x * z + y * z == 0]
+    assert ProductModel.of(Problem(x, rows, 0, 1)).complementary.tolist() == [[0, 1]]
+    least = Problem(x, [x * y <= 0, x * z >= 0], 0, 1)  # as good as an equation
+    assert ProductModel.of(least).complementary.tolist() == [[0, 1]]

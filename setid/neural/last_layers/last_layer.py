@@ -131,6 +131,10 @@ class LayerBand:
         """Mean width of the band of readings."""
         return float(np.nanmean(self.reading_high - self.reading_low))
 
+    def __repr__(self) -> str:
+        count = int(np.count_nonzero(~np.isnan(self.reading_low)))
+        return f"<LayerBand: {count} readings, {self.width:.4g} wide, {len(self.outside)} outside>"
+
     def verify(self) -> Verification:
         """Draw the conclusions again from the stored multipliers, without any solver."""
         inner = self.result.verify()
@@ -291,6 +295,10 @@ def last_layer(
     rows_of(net, data)
     if net.network.activation[-1] != "identity":
         raise NoiseError("net: found a last layer that is not linear, expected 'identity'")
+    if noise is not None and not isinstance(noise, Noise):
+        raise NoiseError(
+            f"noise: found {type(noise).__name__}, expected Noise, as Noise(equation=0.1)"
+        )
     assumptions = ["the hidden layers are those of the network", *data.assumptions]
     if noise is None:
         noise, text = _noise_of(net, data, factor)

@@ -1,14 +1,14 @@
 """Training of small ReLU networks as a polynomial problem, for the engine.
 
 With output weights s_j = +-1 (normalised: v relu(w x + b) = sign(v) relu(|v| w x + |v| b)) and
-neurons of equal sign ordered by their first weight, a network's outputs p_tj = relu(z_tj),
-z_tj = w_j phi_t + b_j, are the solutions of
+neurons of equal sign ordered by their first weight, the positive and negative parts of
+z_tj = w_j phi_t + b_j are the solutions of
 
-    p >= 0,  p - z >= 0,  p (p - z) = 0.
+    p >= 0,  m >= 0,  p - m = z,  p m = 0,
 
-For leaky ReLU p and m >= 0 with p - m = z, p m = 0 give the output p - leak m. Then
-abs(y_t - c - sum_j s_j out_tj) <= D is linear. Feasible points need no search: weights alone give
-all other unknowns by simulation.
+and a neuron's output is p - leak m. Then abs(y_t - c - sum_j s_j out_tj) <= D is linear. Both
+factors of the products are unknowns, so that branches decide which of them is zero. Feasible points
+need no search: weights alone give all other unknowns by simulation.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class TrainingProblem:
     Parameters
     ----------
     problem : sparsepop_py.Problem
-        Variables: weights of each neuron, biases, c, D, then p (and m) of each sample and neuron.
+        Variables: weights of each neuron, biases, c, D, then p and m of each sample and neuron.
     phi : (T, d) float
     y : (T,) float
     signs : (k,) float
@@ -62,8 +62,7 @@ class TrainingProblem:
         c, error = 0.5 * (rest.max() + rest.min()), 0.5 * (rest.max() - rest.min())
         if error > self.cap:
             return None
-        parts = [plus.ravel()] + ([minus.ravel()] if self.leak else [])
-        return np.concatenate([np.ravel(w), np.ravel(b), [c, error], *parts])
+        return np.concatenate([np.ravel(w), np.ravel(b), [c, error], plus.ravel(), minus.ravel()])
 
 
 def training_problem(
@@ -89,7 +88,7 @@ def training_problem(
     pairs = count * k
     names = [f"w{j}_{i}" for j in range(k) for i in range(d)] + [f"b{j}" for j in range(k)]
     names += ["c", "D"] + [f"p{t}_{j}" for t in range(count) for j in range(k)]
-    names += [f"m{t}_{j}" for t in range(count) for j in range(k)] if leak else []
+    names += [f"m{t}_{j}" for t in range(count) for j in range(k)]
     x = sp.variables(len(names), names)
     base = k * d + k
     c, level = x[base], x[base + 1]
@@ -99,14 +98,9 @@ def training_problem(
         for j in range(k):
             z = sum((float(phi[t, i]) * x[j * d + i] for i in range(d)), 1.0 * x[k * d + j])
             place = start + t * k + j
-            plus = x[place]
-            if leak:
-                minus = x[place + pairs]
-                rows += [plus - minus - z == 0, plus * minus == 0]
-                output = output + float(signs[j]) * plus - float(signs[j] * leak) * minus
-            else:
-                rows += [plus - z >= 0, plus * (plus - z) == 0]
-                output = output + float(signs[j]) * plus
+            plus, minus = x[place], x[place + pairs]
+            rows += [plus - minus - z == 0, plus * minus == 0]
+            output = output + float(signs[j]) * plus - float(signs[j] * leak) * minus
         rows += [level + output - float(y[t]) >= 0, level - output + float(y[t]) >= 0]
     for j in range(k - 1):
         if signs[j] == signs[j + 1]:
@@ -114,8 +108,8 @@ def training_problem(
     # 1.001 covers the rounding of the sum: outputs of a neuron within its weights
     most = np.repeat(1.001 * weights * (np.abs(phi).sum(axis=1) + 1.0), k)
     own = np.concatenate([np.full(base, weights), [offset, cap]])
-    low = np.concatenate([-own[:-1], [0.0], np.zeros(pairs * (2 if leak else 1))])
-    high = np.concatenate([own, most, *([most] if leak else [])])
+    low = np.concatenate([-own[:-1], [0.0], np.zeros(2 * pairs)])
+    high = np.concatenate([own, most, most])
     problem = sp.Problem(level, rows, low, high)
     return TrainingProblem(
         problem, frozen(phi), frozen(y), frozen(np.asarray(signs, float)), float(leak), float(cap)
@@ -123,7 +117,7 @@ def training_problem(
 
 
 def search_by_engine(item: TrainingProblem, seconds: float) -> tuple[sp.Result, Reals | None]:
-    """Solve by branch and bound of the engine, on hidden weights and biases.
+    """Solve by branch and bound of the engine.
 
     Parameters
     ----------
@@ -137,8 +131,7 @@ def search_by_engine(item: TrainingProblem, seconds: float) -> tuple[sp.Result, 
         Hidden weights and biases that the engine proposes.
     """
     count = len(item.signs) * (item.phi.shape[1] + 1)
-    options = sp.Options(effort="auto", time_limit=max(seconds, 0.1), branch_on=tuple(range(count)))
-    result = sp.solve(item.problem, options)
+    result = sp.solve(item.problem, sp.Options(effort="auto", time_limit=max(seconds, 0.1)))
     return result, None if result.x is None else np.asarray(result.x[:count], np.float64)
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from setid import IntervalStatus, IOData, ParameterInterval, Verification
 from setid.data.checks import FrozenMapping, frozen
-from setid.neural.arithmetic import Interval, LinearModel, up
+from setid.neural.arithmetic import Interval, LinearModel, down, up
 from setid.neural.last_layers.equation_error import equation_error, rows_of
 from setid.neural.models.network import Network
 from setid.neural.models.regressor import RegressorNetwork
@@ -36,6 +36,7 @@ _CLOSED = 1e-4  # of the width of an interval: what "certified" allows between i
 _LINEAR = 0.3  # distance of the lines from the activation below which cuts are tried
 _WORTH = 0.1  # of the width of a box: what a cut must take off
 _STARTS, _TRIES = 10, 30  # local searches: at the start, and in all (successes count 6)
+_ROOMS = (1.0, 1.0 + 1e-6, 1.01, 2.0)  # multiples of the bound at which ends are looked for
 _CHECK = 0.4  # seconds that a step takes to check, of those that it takes to find
 
 
@@ -209,11 +210,16 @@ class _Task:
         first = np.arange(0, self.hidden, stride)
         return bool(np.all(box.hi[first[:-1]] >= box.lo[first[1:]]))
 
-    def cost(self, entry: int, side: float, at: float) -> Reals:
-        """Coefficients of side (q_entry - at v): above 0 where w_entry is beyond ``at``."""
+    def cost(self, box: Interval, entry: int, side: float, at: float) -> Reals:
+        """Coefficients of side v (w_entry - at), above 0 where w_entry is beyond ``at``.
+
+        That of v >= 0 is rounded down.
+        """
+        middle, radius = self.program.scale(box)
         found = np.zeros(self.size + 1)
-        found[entry] = side
-        found[self.hidden + entry // (self.program.phi.shape[1] + 1)] = -side * at
+        found[entry] = side * radius[entry]
+        place = self.hidden + entry // (self.program.phi.shape[1] + 1)
+        found[place] = down(side * (middle[entry] - at))
         return found
 
     def outer_costs(self) -> Reals:
@@ -228,7 +234,7 @@ class _Task:
         cuts = [c for c in step.cuts if c[0] in range(self.hidden) and abs(c[1]) == 1.0]
         if len(cuts) != len(step.dual):
             return box
-        costs = np.array([self.cost(int(i), side, at) for i, side, at in cuts])
+        costs = np.array([self.cost(box, int(i), side, at) for i, side, at in cuts])
         proved = self.program.bounded(box, step.dual, costs.reshape(len(cuts), self.size + 1))
         low, high = box.lo.copy(), box.hi.copy()
         for (number, side, at), value in zip(cuts, proved, strict=True):
@@ -367,15 +373,15 @@ class _Search:
         if not self.task.ordered(box):
             return
         while True:
-            matrix, low, high = self.program.rows(box)
-            columns = self.program.columns(box)
-            model = LinearModel(sps.csr_array(matrix.middle()), (low, high), columns)
+            model = self.model(box)
             cost = np.zeros(self.task.size + 1)
             cost[-1] = 1.0
             found = model.solve(cost)
-            if found.status == "infeasible" and self.program.prove(box, found.dual, True) > 0:
-                self.steps[number] = WeightStep(dual=frozen(found.dual[None]))
-                return
+            if found.status == "infeasible":
+                dual = self.empty(box, found.dual, cost)
+                if dual is not None:
+                    self.steps[number] = WeightStep(dual=frozen(dual[None]))
+                    return
             if found.status == "solved":
                 self.offer(self.point(found.x, box))
             before = box
@@ -388,6 +394,21 @@ class _Search:
             if shrunk > 0.5 or time.monotonic() > self.until:
                 break
         self.bisect(number, box)
+
+    def model(self, box: Interval, room: float = 1.0) -> LinearModel:
+        """The linear program of a box, the bound of the error times ``room``."""
+        matrix, low, high = self.program.rows(box)
+        least, most = self.program.columns(box)
+        most[-1] *= room
+        return LinearModel(sps.csr_array(matrix.middle()), (low, high), (least, most))
+
+    def empty(self, box: Interval, ray: Reals, cost: Reals) -> Reals | None:
+        """Multipliers that prove a box empty: a ray, or those of an error above the bound."""
+        if self.program.prove(box, ray, True) > 0:
+            return ray
+        found = self.model(box, np.inf).solve(cost)
+        proved = found.status == "solved" and self.program.prove(box, found.dual, True) > 0
+        return found.dual if proved else None
 
     def bisect(self, number: int, box: Interval) -> None:
         reach = np.append(np.abs(self.program.phi).max(axis=0), 1.0)
@@ -412,7 +433,7 @@ class _Search:
                 at -= side * 1e-6 * span
                 if side * (at - edge) < _WORTH * span:
                     continue
-                found = model.solve(self.task.cost(entry, side, at))
+                found = model.solve(self.task.cost(box, entry, side, at))
                 if found.status == "solved":
                     cuts.append((float(entry), side, at))
                     duals.append(found.dual)
@@ -427,22 +448,23 @@ class _Search:
     def least_ratio(
         self, model: LinearModel, start: Reals, entry: int, side: float, box: Interval
     ) -> float:
-        """The least value of side w_entry = side q_entry / v, by Dinkelbach's iteration."""
+        """The least value of side w_entry over a box, by Dinkelbach's iteration."""
+        middle, radius = self.program.scale(box)
         v = self.task.hidden + entry // (self.program.phi.shape[1] + 1)
         edge = float(box.lo[entry] if side > 0 else box.hi[entry])
         span = float(box.hi[entry] - box.lo[entry])
         at = edge + side * 1.01 * _WORTH * span
-        found = model.solve(self.task.cost(entry, side, at))
+        found = model.solve(self.task.cost(box, entry, side, at))
         if found.status != "solved" or found.value <= 0.0:
             return edge  # weights near the edge remain, so that no cut is worth its while
         x = start
         for _ in range(5):
             if x[v] < 1e-9:
                 return edge
-            new = float(x[entry] / x[v])
+            new = float(middle[entry] + radius[entry] * x[entry] / x[v])
             if side * (at - new) < 1e-6 * span and x is not start:
                 return new
-            at, found = new, model.solve(self.task.cost(entry, side, new))
+            at, found = new, model.solve(self.task.cost(box, entry, side, new))
             if found.status != "solved":
                 return edge
             x = found.x
@@ -465,10 +487,7 @@ class _Search:
 
     def point(self, x: Reals, box: Interval) -> Reals:
         """All weights of a solution, hidden ones within their box."""
-        v = np.repeat(x[self.task.hidden : -2], self.program.phi.shape[1] + 1)
-        with np.errstate(all="ignore"):
-            hidden = np.where(v > 1e-12, x[: self.task.hidden] / v, box.middle())
-        return np.concatenate([np.clip(hidden, box.lo, box.hi), x[self.task.hidden : -1]])
+        return np.concatenate([self.program.hidden(box, x), x[self.task.hidden : -1]])
 
     def offer(self, x: Reals) -> None:
         """Improve weights, and go from those that explain the record to all ends."""
@@ -497,12 +516,17 @@ class _Search:
                     self.members[entry, side] = x
 
     def ends(self, box: Interval) -> Reals:
-        """Multipliers for the ends of output weights and bias over a box."""
-        matrix, low, high = self.program.rows(box)
-        columns = self.program.columns(box)
-        model = LinearModel(sps.csr_array(matrix.middle()), (low, high), columns)
-        found = [model.solve(cost).dual for cost in self.task.outer_costs()]
-        return frozen(np.array(found))
+        """Multipliers for the ends of output weights and bias over a box.
+
+        A box that is empty but for rounding has them for a larger error.
+        """
+        costs = self.task.outer_costs()
+        for room in _ROOMS:
+            model = self.model(box, room)
+            solved = [model.solve(cost) for cost in costs]
+            if all(found.status == "solved" for found in solved):
+                return frozen(np.array([found.dual for found in solved]))
+        return frozen(np.zeros((0, 0)))
 
 
 def _intervals(

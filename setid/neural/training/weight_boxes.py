@@ -2,11 +2,14 @@
 
 On a box of hidden weights and biases every activation obeys phi(a) = lambda a + mu + s with
 abs(s) <= delta (see :func:`setid.neural.arithmetic.linearise`), delta of second order in the width.
-With output weights v_j >= 0 (signs are moved inside) and q_j = v_j w_j, r_j = v_j b_j the row
+With output weights v_j >= 0 (signs are moved inside), x_t = (phi_t, 1) and hidden weights
+m_j + r_j u_j about the middle m of the box, bias last, abs(u_j) <= 1, the row
 
-    abs(y_t - c - sum_j (lambda_tj (phi_t q_j + r_j) + mu_tj v_j)) <= D + sum_j delta_tj v_j
+    abs(y_t - c - sum_j (lambda_tj x_t (m_j v_j + r_j s_j) + mu_tj v_j)) <= D + sum_j delta_tj v_j
 
-is linear, as is the box, low_j v_j <= (q_j, r_j) <= high_j v_j. Each box needs one linear program
+with s_j = v_j u_j is linear, as is the box, abs(s_j) <= v_j. (With v_j w_j in place of s_j the rows
+of a small box would differ by rounding only, and so would what they prove of v and c.)
+Each box needs one linear program
 whose bound is proved as in :mod:`setid.neural.training.patterns`, with coefficients in intervals.
 """
 
@@ -91,8 +94,22 @@ class WeightProgram:
         high = np.full(self.width * (self.phi.shape[1] + 1), self.weights)
         return Interval(-high, high)
 
+    @staticmethod
+    def scale(box: Interval) -> tuple[Reals, Reals]:
+        """Middle and radius of a box, (k (d + 1),) each; the radius is rounded up."""
+        middle = box.middle()
+        return middle, np.asarray(up(np.maximum(up(box.hi - middle), up(middle - box.lo))))
+
+    def hidden(self, box: Interval, x: Reals) -> Reals:
+        """Hidden weights of a solution, the middle of the box where output weights are zero."""
+        middle, radius = self.scale(box)
+        v = np.repeat(x[box.lo.size : box.lo.size + self.width], self.phi.shape[1] + 1)
+        with np.errstate(all="ignore"):
+            found = middle + radius * np.where(v > 1e-12, x[: box.lo.size] / v, 0.0)
+        return np.clip(found, box.lo, box.hi)
+
     def rows(self, box: Interval) -> tuple[Interval, Reals, Reals]:
-        """Coefficients of the rows and their ends; columns (q_j, r_j) ..., v, c, D."""
+        """Coefficients of the rows and their ends; columns s_j ..., v, c, D."""
         return self._stated(box)[:3]
 
     def distance(self, box: Interval) -> float:
@@ -113,14 +130,17 @@ class WeightProgram:
         upper = Interval(np.zeros((count, size + k + 2)), np.zeros((count, size + k + 2)))
         lower = Interval(upper.lo.copy(), upper.hi.copy())
         far = 0.0
+        middle, radii = self.scale(box)
         for j in range(k):
             own = slice(j * (d + 1), (j + 1) * (d + 1))
             a = matmul(Interval.point(full), box[own][:, None])[:, 0]
             slope, offset, radius = linearise(self.name, a)
             far = max(far, float(radius.max()))
             part = Interval.point(slope[:, None]) * Interval.point(full)
-            above = Interval.point(offset) + Interval.point(radius)
-            below = Interval.point(offset) - Interval.point(radius)
+            centre = matmul(part, Interval.point(middle[own, None]))[:, 0] + Interval.point(offset)
+            above = centre + Interval.point(radius)
+            below = centre - Interval.point(radius)
+            part = part * Interval.point(radii[None, own])
             for rows, level in ((upper, above), (lower, below)):
                 rows.lo[:, own], rows.hi[:, own] = part.lo, part.hi
                 rows.lo[:, size + j], rows.hi[:, size + j] = level.lo, level.hi
@@ -130,8 +150,8 @@ class WeightProgram:
         cone = np.zeros((2 * size, size + k + 2))
         entry = np.arange(size)
         cone[entry, entry], cone[size + entry, entry] = 1.0, -1.0
-        cone[entry, size + entry // (d + 1)] = -box.lo
-        cone[size + entry, size + entry // (d + 1)] = box.hi
+        cone[entry, size + entry // (d + 1)] = 1.0
+        cone[size + entry, size + entry // (d + 1)] = 1.0
         matrix = Interval(
             np.vstack([upper.lo, lower.lo, cone]), np.vstack([upper.hi, lower.hi, cone])
         )
@@ -142,7 +162,7 @@ class WeightProgram:
 
     def columns(self, box: Interval) -> tuple[Reals, Reals]:
         """Ranges of the columns."""
-        most = up(np.maximum(np.abs(box.lo), np.abs(box.hi)) * self.weights)
+        most = np.full(box.lo.size, self.weights)
         ends = np.full(self.width, self.weights)
         return (
             np.concatenate([-most, np.zeros(self.width), [-self.bias, 0.0]]),
@@ -217,15 +237,9 @@ class WeightSearch:
         found = model.solve(cost)
         infeasible = found.status == "infeasible"
         value = program.prove(box, found.dual, infeasible)
-        size, d = box.lo.size, program.phi.shape[1]
         reach = np.append(np.abs(program.phi).max(axis=0), 1.0)
         entry = int(np.argmax(box.width() * np.tile(reach, program.width)))
-        point = None
-        if found.status == "solved":
-            v = np.repeat(found.x[size : size + program.width], d + 1)
-            with np.errstate(all="ignore"):
-                point = np.where(v > 1e-12, found.x[:size] / v, box.middle())
-            point = np.clip(point, box.lo, box.hi)
+        point = program.hidden(box, found.x) if found.status == "solved" else None
         self.known.append((box, found.dual, infeasible, entry, point))
         heapq.heappush(self.queue, (value, len(self.known) - 1))
 

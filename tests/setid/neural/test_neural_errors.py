@@ -75,10 +75,16 @@ def test_networks_with_a_state_are_refused() -> None:
         neural.equation_error(net, setid.IOData([1, 2], [1, 2]))
 
 
+def test_a_number_is_no_noise() -> None:
+    with pytest.raises(setid.NoiseError, match="noise: found float, expected Noise"):
+        neural.last_layer(*ramp(), 0.1)  # type: ignore[arg-type]
+
+
 def test_last_layer_in_closed_form() -> None:
     """|2 - w - b|, |4 - 2w - b|, |6 - 3w - b|, |b| <= 1/2: a hexagon computed by hand."""
     net, data = ramp()
     found = neural.last_layer(net, data, setid.Noise(equation=0.5))
+    assert repr(found.band()).startswith("<LayerBand: 4 readings, ")
     w, b = found.intervals["w1"], found.intervals["b"]
     assert w.outer == pytest.approx((5 / 3, 7 / 3), abs=1e-12)
     assert b.outer == pytest.approx((-0.5, 0.5), abs=1e-12)

@@ -84,6 +84,8 @@ def test_unknown_modules_are_refused_by_name() -> None:
     model = SimpleNamespace(params=[np.zeros((2, 2))], nx=2, nu=1, ny=1, isLinear=False)
     with pytest.raises(setid.ModelError, match="with its own functions"):
         neural.from_jax_sysid(model)
+    with pytest.raises(setid.ModelError, match="found int without params, nx, nu, ny"):
+        neural.from_jax_sysid(3)
 
 
 @pytest.mark.parametrize("name", ["onnx", "torch"])

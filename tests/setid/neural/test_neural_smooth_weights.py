@@ -84,6 +84,13 @@ def test_inner_ends_are_attained(found: neural.SmoothHiddenWeights) -> None:
         assert item.inner[1] - item.inner[0] > 1e-3
 
 
+def test_ends_of_the_last_layer_are_near_those_attained(found: neural.SmoothHiddenWeights) -> None:
+    """Boxes that are empty but for rounding have multipliers for both ends, too."""
+    for name in ("v1", "c"):
+        item = found.intervals[name]
+        assert np.ptp(item.outer) <= 1.5 * np.ptp(item.inner)
+
+
 def test_the_distance_from_the_lines_is_said(found: neural.SmoothHiddenWeights) -> None:
     assert f"tanh within {found.eps:.3g}" in found.assumptions[-1]
     assert f"tanh within {found.eps:.2g}" in repr(found)

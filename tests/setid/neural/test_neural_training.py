@@ -93,6 +93,7 @@ def small_state_space() -> neural.NeuralStateSpace:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("method", "package"), [("ipopt", "casadi"), ("jax-sysid", "jax_sysid")])
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # those of jax-sysid
 def test_state_spaces_are_fitted(method: str, package: str) -> None:
     pytest.importorskip(package, reason=PEER)
     data, net = planted(120, noise=0.01), small_state_space()
