@@ -329,9 +329,11 @@ class _Search:
         """Work on the ends in turn until they are closed or the time is over."""
         goals = [(entry, side) for entry in range(self.task.hidden) for side in (1.0, -1.0)]
         self.start()
-        busy = True
+        busy, rounds = True, 0
         while busy and self.alive and self.spare():
-            busy = False
+            busy, rounds = False, rounds + 1
+            if rounds & (rounds - 1) == 0:  # 1, 2, 4, 8, ...
+                self.approach(goals)
             for entry, side in goals:
                 if not self.alive or not self.spare():
                     break
@@ -503,6 +505,22 @@ class _Search:
         for entry in range(x.size):
             for side in (1.0, -1.0):
                 self.take(self.local.extreme(x, entry, side))
+
+    def approach(self, goals: list[tuple[int, float]]) -> None:
+        """Look for networks near the boxes that end intervals, which other searches may miss."""
+        for entry, side in goals:
+            number = min(self.alive, key=lambda n: self.end(n, entry, side))
+            if not self.members or not self.open_(number, entry, side) or not self.spare():
+                continue
+            box = self.alive[number]
+            cost = np.zeros(self.task.size + 1)
+            cost[-1] = 1.0
+            found = self.model(box, np.inf).solve(cost)
+            if found.status == "solved":
+                near, reach = self.point(found.x, box), float(box.width().max())
+                x, error = self.local.least(near, self.local.room, reach)
+                if error <= self.local.room:
+                    self.take(self.local.extreme(x, entry, side))
 
     def take(self, x: Reals) -> None:
         """Order neurons, and keep the network for every end at which it is the best."""
