@@ -26,7 +26,10 @@ FAST := tests/algebra tests/verified/arithmetic tests/verified/certificate tests
         tests/problem tests/lp tests/io/test_exchange_files.py tests/io/test_gams.py \
         tests/test_api.py tests/test_solve.py tests/test_cli.py
 
-.PHONY: demo test test-fast test-lowest test-newest test-slow mutants test-octave bench-env docs gallery clean
+# The tests start many processes: with compiled modules on disk each starts a second sooner.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: demo test types fast-tests test-fast test-lowest test-newest test-slow mutants test-octave bench-env docs gallery clean
 
 demo: $(VENV)/.with-plot
 	$(BIN)/python examples/demo.py
@@ -34,8 +37,14 @@ demo: $(VENV)/.with-plot
 test: $(VENV)/.with-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(MAKE) --no-print-directory --jobs 2 types fast-tests
+
+# mypy takes one core for half a minute, beside the tests
+types: $(VENV)/.with-dev
+	$(BIN)/mypy
+
+fast-tests: $(VENV)/.with-dev
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 test-fast: $(VENV)/.with-dev

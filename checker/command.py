@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from . import reading, text
+from .files import reading, text
+from .files.reading import Malformed, Problem
 from .rational import RationalProblem, check_rational_certificate, check_rational_result
-from .reading import Malformed, Problem
-from .record import Identification
+from .records.record import Identification
+from .records.structure import columns_of
 from .result import NotProved, check_certificate, check_result, remarks
-from .structure import columns_of
 
 USAGE = """usage: check.py problem.json certificate.json     (the problem also as .gms or text)
        check.py result.json

@@ -21,14 +21,14 @@ from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from checker import interval as iv  # noqa: E402
-from checker import reading  # noqa: E402
-from checker.certificate import Certificates, Part  # noqa: E402
+from checker.arithmetic import interval as iv  # noqa: E402
+from checker.arithmetic.polynomial import INF, Polynomial, Word, dyadic, powers  # noqa: E402
+from checker.certificates.certificate import Certificates, Part  # noqa: E402
+from checker.certificates.identity import Group, Identity, LinearDual  # noqa: E402
+from checker.certificates.propagation import Box, Row, Rows  # noqa: E402
 from checker.command import problem_of  # noqa: E402
-from checker.identity import Group, Identity, LinearDual  # noqa: E402
-from checker.polynomial import INF, Polynomial, Word, dyadic, powers  # noqa: E402
-from checker.propagation import Box, Row, Rows  # noqa: E402
-from checker.reading import Malformed, Problem  # noqa: E402
+from checker.files import reading  # noqa: E402
+from checker.files.reading import Malformed, Problem  # noqa: E402
 
 Ends = list[tuple[int | None, int | None]]  # of X; None is infinite
 ROUNDS = 60  # sweeps over all rows at a node

@@ -7,9 +7,9 @@ from fractions import Fraction
 from math import inf, nextafter
 from typing import Any
 
-from .certificate import Certificates
-from .polynomial import INF, Polynomial, total
-from .reading import (
+from .arithmetic.polynomial import INF, Polynomial, total
+from .certificates.certificate import Certificates
+from .files.reading import (
     Constraint,
     Malformed,
     Problem,

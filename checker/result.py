@@ -7,10 +7,10 @@ from hashlib import sha256
 from struct import pack
 from typing import Any
 
-from .certificate import Certificates
-from .point import ProvedPoint, falls_without_limit
-from .polynomial import INF
-from .reading import Malformed, Problem, fields, finite, item, problem
+from .arithmetic.polynomial import INF
+from .certificates.certificate import Certificates
+from .certificates.point import ProvedPoint, falls_without_limit
+from .files.reading import Malformed, Problem, fields, finite, item, problem
 
 STATUSES = (
     "OPTIMAL",

@@ -331,7 +331,7 @@ def _by_engine(
     def stated(factor: float) -> Formulation:
         return formulate(data, model, scaled_noise(bounds, factor), priors)
 
-    limit, x = _explaining(data, stated(1.0))
+    limit, x = _explaining(data, stated(1.0), until)
     rounding = rounding_factor(data, bounds)
     limit = max(limit, rounding)
     formulation, theta, witness, high = stated(limit), None, None, inf
@@ -457,9 +457,11 @@ def _is_boxed(formulation: Formulation, until: float) -> bool:
     return bool(np.all(np.isfinite(box.lower) & np.isfinite(box.upper)))
 
 
-def _explaining(data: IOData, formulation: Formulation) -> tuple[float, NDArray[np.float64] | None]:
+def _explaining(
+    data: IOData, formulation: Formulation, until: float
+) -> tuple[float, NDArray[np.float64] | None]:
     """A factor with which some estimate is consistent, a little more than its least one."""
-    found = _estimates(data, formulation)
+    found = _estimates(data, formulation, until=until)
     if not found:
         return 1.0, None
     level, x = found[0]
@@ -481,7 +483,7 @@ def _estimates(
     ]
     output = formulation.noise.bounds(data)[0]
     if np.any(output > 0):
-        fit = partial(least_largest_error, data, formulation.model, output)
+        fit = partial(least_largest_error, data, formulation.model, output, until=until)
         begun = [partial(fit, denominator) for denominator in denominators]
         estimates = [*begun[:1], fit, *begun[1:], *estimates]
     for estimate in estimates:

@@ -66,6 +66,7 @@ from setid.result.assembling import (
     empty_result,
     free_text,
     result_of,
+    signals_text,
     simpler_text,
     unbounded_text,
 )
@@ -589,6 +590,9 @@ def _by_engine(
         return task.empty(formulation, replace(outcome, samples=keys))
     items = _intervals(formulation, scaled, results, task.settings.tol)
     items = [_open(item, None, free, alone) for item in items]
+    if any(item.status is IntervalStatus.PARTIAL for item in items):
+        why = signals_text(formulation, _stated(outcome))
+        outcome = replace(outcome, notes=(*outcome.notes, *why))
     return task.result(formulation, items, outcome)
 
 
@@ -651,8 +655,9 @@ def _attained(results: Sequence[sp.Result], points: Sequence[sp.ProvedPoint]) ->
     made: list[sp.Result] = []
     for found in results:
         if found.attained is None and found.status is not sp.Status.INFEASIBLE:
-            again = (point.recheck(found.problem) for point in points)
-            best = min((p for p in again if p is not None), key=lambda p: p.value, default=None)
+            goal = found.problem.objective
+            again = (p.recheck(found.problem) for p in sorted(points, key=lambda p: goal(p.x)))
+            best = next((p for p in again if p is not None), None)
             if best is not None:
                 found = replace(found, attained=best, upper_bound=best.value)
         made.append(found)

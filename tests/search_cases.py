@@ -29,6 +29,21 @@ def bilinear():
     return Problem(x * y + z * w - x * w, rows, -1.0, 2.0)
 
 
+def heat_exchangers():
+    """Hock and Schittkowski 1981, problem 106: the minimum 7049.248 is no vertex."""
+    x1, x2, x3, x4, x5, x6, x7, x8 = sp.variables(8)
+    rows = [
+        0.0025 * (x4 + x6) <= 1,
+        0.0025 * (x5 + x7 - x4) <= 1,
+        0.01 * (x8 - x5) <= 1,
+        100 * x1 - x1 * x6 + 833.33252 * x4 <= 83333.333,
+        x2 * x4 - x2 * x7 - 1250 * x4 + 1250 * x5 <= 0,
+        x3 * x5 - x3 * x8 - 2500 * x5 <= -1250000,
+    ]
+    lower = [100, 1000, 1000, 10, 10, 10, 10, 10]
+    return Problem(x1 + x2 + x3, rows, lower, [700, 2000, 6000, 300, 400, 400, 400, 500])
+
+
 def least_on_a_grid(problem, steps):
     axes = [np.linspace(a, b, steps) for a, b in zip(problem.lower, problem.upper, strict=True)]
     x, y, z, w = np.meshgrid(*axes, indexing="ij")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
+import io
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -24,19 +27,17 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def run(name: str, folder: Path, *arguments: str) -> str:
-    """Output of an example, warnings being errors, started in another folder."""
-    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py"), *arguments],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": path.rstrip(os.pathsep)},
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    """Output of an example, started in another folder; pytest makes warnings errors."""
+    path = EXAMPLES / f"{name}.py"
+    printed = io.StringIO()
+    with (
+        mock.patch.object(sys, "argv", [str(path), *arguments]),
+        mock.patch.object(sys, "path", [str(path.parent), *sys.path]),
+        contextlib.chdir(folder),
+        contextlib.redirect_stdout(printed),
+    ):
+        runpy.run_path(str(path), run_name="__main__")
+    return printed.getvalue()
 
 
 def numbers(text: str) -> list[float]:

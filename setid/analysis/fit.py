@@ -360,7 +360,7 @@ def _output(
     data: IOData, model: Structure, norm: Norm, priors: tuple[Any, ...], settings: Options
 ) -> Fit:
     until = settings.deadline()
-    theta, outputs = output_error_fit(data, model)
+    theta, outputs = output_error_fit(data, model, until)
     error = _norm(data.y - outputs, norm)
     radius = float(error * (1.0 + _MARGIN))
     known: OutputErrors | None = None

@@ -106,17 +106,17 @@ def cascade_ends(
     if not np.all(np.isfinite([lower, upper])):
         return None
     fitting = Fitting(formulation, parts, lower, upper)
-    best, level = best_fit(fitting, deadline, _first(formulation, parts))
+    best, level = best_fit(fitting, deadline, _first(formulation, parts, deadline.end))
     ends = tuple(reached_ends(fitting, best, deadline)) if level < 1.0 else ()
     return CascadeEnds(fitting, frozen(best), level, ends)
 
 
-def _first(formulation: Formulation, parts: Recursion) -> Reals | None:
+def _first(formulation: Formulation, parts: Recursion, until: float) -> Reals | None:
     """Output-error fit, where a structure has measured signals only."""
     if isinstance(formulation.model, BlockStructured):
         return None
     try:
-        theta, outputs = output_error_fit(formulation.data, formulation.model)
+        theta, outputs = output_error_fit(formulation.data, formulation.model, until)
     except SetidError:
         return None
     past = []

@@ -8,7 +8,9 @@ equations, IMA Journal of Applied Mathematics 16, 1975). Nothing proved rests on
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
+from math import inf
 
 import numpy as np
 import scipy.sparse as sps
@@ -20,6 +22,7 @@ from setid.errors import ModelError
 from setid.feasible_points.estimators import least_squares
 from setid.models.equations import Structure
 from setid.simulation.responses import run
+from sparsepop_py.budget import check
 from sparsepop_py.lp.scaled import solve_scaled
 
 __all__ = ["least_largest_error", "output_error_fit"]
@@ -30,11 +33,15 @@ _PROGRAMS = 12  # linear programs
 _HUGE = 1e100  # stands for errors that overflow
 
 
+class _OutOfTime(Exception):
+    """Raised inside a search that has no time left."""
+
+
 class _Simulation:
     """Errors of a simulation as a function of parameters and free initial values."""
 
-    def __init__(self, data: IOData, model: Structure) -> None:
-        self.data, self.model = data, model
+    def __init__(self, data: IOData, model: Structure, until: float = inf) -> None:
+        self.data, self.model, self.until = data, model, until
         self.free = _free_samples(data, model)
         self.values = np.where(np.isnan(data.y), 0.0, data.y)
         self.known = ~np.isnan(data.y)
@@ -52,6 +59,7 @@ class _Simulation:
 
     def errors(self, x: Reals) -> Reals:
         """Errors at the known readings; huge where the simulation overflows."""
+        check()
         try:
             errors = (self.outputs(x) - self.data.y)[self.known]
         except (ModelError, OverflowError):
@@ -80,20 +88,37 @@ class _Simulation:
         return x
 
     def fitted(self) -> Reals:
-        """Local minimiser of the squares."""
-        if np.all(np.abs(self.errors(self.first)) < _HUGE):
-            found = gauss_newton(self.errors, self.first, x_scale="jac", max_nfev=_STEPS)
-            return np.asarray(found.x, np.float64)
-        return self.first
+        """Local minimiser of the squares, or the best vector until time is over."""
+        if np.any(np.abs(self.errors(self.first)) >= _HUGE):
+            return self.first
+        best, least = self.first, inf
+
+        def errors(x: Reals) -> Reals:
+            nonlocal best, least
+            found = self.errors(x)
+            size = float(np.linalg.norm(found))
+            if size < least:
+                best, least = x.copy(), size
+            if time.monotonic() >= self.until:
+                raise _OutOfTime
+            return found
+
+        try:
+            found = gauss_newton(errors, self.first, x_scale="jac", max_nfev=_STEPS)
+        except _OutOfTime:
+            return best
+        return np.asarray(found.x, np.float64)
 
 
-def output_error_fit(data: IOData, model: Structure) -> tuple[Reals, Reals]:
+def output_error_fit(data: IOData, model: Structure, until: float = inf) -> tuple[Reals, Reals]:
     """Fit the simulation of a structure by least squares, free initial values included.
 
     Parameters
     ----------
     data : IOData
     model : Structure
+    until : float
+        The reading of ``time.monotonic`` at which the best vector so far is taken.
 
     Returns
     -------
@@ -101,13 +126,17 @@ def output_error_fit(data: IOData, model: Structure) -> tuple[Reals, Reals]:
     outputs : (N, ny) float
         Of the model; far away where simulations overflow.
     """
-    simulation = _Simulation(data, model)
+    simulation = _Simulation(data, model, until)
     x = simulation.fitted()
     return np.asarray(x[: simulation.count], np.float64), simulation.outputs(x)
 
 
 def least_largest_error(
-    data: IOData, model: Structure, bound: Reals, denominator: Reals | None = None
+    data: IOData,
+    model: Structure,
+    bound: Reals,
+    denominator: Reals | None = None,
+    until: float = inf,
 ) -> Reals:
     """Fit the simulation of a structure so that its largest error is small.
 
@@ -119,12 +148,14 @@ def least_largest_error(
         Noise bounds: errors count as parts of them. Readings whose bound is 0 are left out.
     denominator : (n,) float, optional
         Coefficients a_1, ..., a_n of a single output, which are held.
+    until : float
+        The reading of ``time.monotonic`` at which the best vector so far is taken.
 
     Returns
     -------
     (p,) float
     """
-    simulation = _Simulation(data, model)
+    simulation = _Simulation(data, model, until)
     sizes = np.broadcast_to(bound, data.y.shape)[simulation.known]
     counted = np.flatnonzero(sizes > 0)
 
@@ -133,14 +164,16 @@ def least_largest_error(
 
     x = simulation.fitted() if denominator is None else simulation.at(denominator, shares)
     if counted.size and denominator is None and np.all(np.abs(shares(x)) < _HUGE):
-        x = _minimax(shares, x)
+        x = _minimax(shares, x, until)
     return np.asarray(x[: simulation.count], np.float64)
 
 
-def _minimax(shares: Callable[[Reals], Reals], x: Reals) -> Reals:
+def _minimax(shares: Callable[[Reals], Reals], x: Reals, until: float) -> Reals:
     """Local minimiser of the largest absolute value, by linear programs in a trust region."""
     values, radius = shares(x), 0.1
     for _ in range(_PROGRAMS):
+        if time.monotonic() >= until:
+            break
         slope = _slopes(shares, x, values)
         size = np.maximum(np.linalg.norm(slope, axis=0) / np.sqrt(values.size), 1e-12)
         largest = float(np.abs(values).max())

@@ -147,13 +147,12 @@ def affine(formulation: Stated, x: NDArray[np.float64], free: NDArray[np.int64])
     number[free + 1] = np.arange(free.size)
     value = np.append(1.0, x)
     width = max(c.polynomial.words.shape[1] for c in constraints)
-    words = np.concatenate(
-        [
-            np.pad(c.polynomial.words, ((0, 0), (width - c.polynomial.words.shape[1], 0)))
-            for c in constraints
-        ]
-    )
-    row = np.repeat(np.arange(len(constraints)), [c.polynomial.terms for c in constraints])
+    terms = [c.polynomial.terms for c in constraints]
+    words = np.zeros((sum(terms), width), np.int64)
+    for c, end in zip(constraints, np.cumsum(terms).tolist(), strict=True):
+        own = c.polynomial.words
+        words[end - len(own) : end, width - own.shape[1] :] = own
+    row = np.repeat(np.arange(len(constraints)), terms)
     coefficient = np.concatenate([c.polynomial.coefficients for c in constraints])
     column, factor = number[words], value[words]
     count = np.count_nonzero(column >= 0, axis=1)

@@ -133,6 +133,29 @@ def unbounded_text(formulation: Formulation, loose: NDArray[np.int64]) -> str:
     )
 
 
+def signals_text(formulation: Formulation, problem: sp.Problem) -> tuple[str, ...]:
+    """Say which internal signals nothing bounds, and what does.
+
+    Parameters
+    ----------
+    formulation : Formulation
+    problem : Problem
+        With the box of the parameters, as it is solved.
+    """
+    model, groups = formulation.model, formulation.layout.groups
+    if not isinstance(model, BlockStructured) or model.initial != "free":
+        return ()
+    sizes = np.maximum(np.abs(problem.lower), np.abs(problem.upper))
+    loose = [n for n in model.internal if n in groups]
+    loose = [n for n in loose if np.any(np.isinf(sizes[groups[n][groups[n] >= 0]]))]
+    if not loose:
+        return ()
+    return (
+        f"nothing bounds the internal signals {', '.join(loose)}, whose first samples are unknown: "
+        "with initial='zero', where the record begins at rest, the past bounds them",
+    )
+
+
 def free_text(free: tuple[str, ...]) -> tuple[str, ...]:
     """Say that noise alone explains the record."""
     if not free:

@@ -171,19 +171,28 @@ def _continue(model: Structure, theta: Reals, u: Reals, y: Reals) -> Reals:
     if np.any(np.isnan(y[:first])):
         raise SetidError("data: found missing outputs at the beginning, expected a start value")
     place = dict(zip(model.parameters, theta.tolist(), strict=True))
-    leads = {equation.defines: leading(equation, place) for equation in equations}
     signals: Mapping[str, Any] = {
         **{f"u{j + 1}": u[:, j] for j in range(u.shape[1])},
         **{f"y{i + 1}": result[:, i] for i in range(y.shape[1])},
     }
+    steps = [
+        (
+            signals[equation.defines],
+            leading(equation, place),
+            [
+                (-weight(term, place), [(signals[s.signal], s.lag) for s in term.signals])
+                for term in equation.explicit
+            ],
+        )
+        for equation in equations
+    ]
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(first, len(y)):
-            for equation in equations:
+            for target, lead, terms in steps:
                 value = 0.0
-                for term in equation.explicit:
-                    factor = -weight(term, place)
-                    for lagged in term.signals:
-                        factor *= signals[lagged.signal][k - lagged.lag]
+                for factor, factors in terms:
+                    for samples, lag in factors:
+                        factor *= samples[k - lag]
                     value += factor
-                signals[equation.defines][k] = value / leads[equation.defines]
+                target[k] = value / lead
     return result

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -209,7 +210,7 @@ def _simulate(
 
 def weight(term: Term, theta: Mapping[str, float]) -> float:
     """Compute the factor of the signals of a term."""
-    return term.coefficient * float(np.prod([theta[name] for name in term.parameters]))
+    return float(term.coefficient) * math.prod((theta[name] for name in term.parameters), start=1.0)
 
 
 def leading(equation: Equation, theta: Mapping[str, float]) -> float:

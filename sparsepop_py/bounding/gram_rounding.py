@@ -35,7 +35,7 @@ from sparsepop_py.relaxation.term_sparsity import term_sparse
 from sparsepop_py.solvers import solve_conic
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 
-__all__ = ["estimate", "exact_grams", "interior_grams"]
+__all__ = ["estimate", "exact_grams", "interior_grams", "where_terms_are"]
 
 
 def exact_grams(
@@ -57,7 +57,7 @@ def exact_grams(
     """
     linear = np.any(monomials.degrees(objective.words) == 1)
     for constant in (True,) if linear else (False, True):
-        sparse = _where_terms_are(objective, relaxation, constant)
+        sparse = where_terms_are(objective, relaxation, constant)
         if sparse is not None:
             yield from _rounded(objective, sparse, time_limit)
 
@@ -79,7 +79,7 @@ def interior_grams(
     ------
     ExactGram
     """
-    sparse = _where_terms_are(objective, relaxation, True)
+    sparse = where_terms_are(objective, relaxation, True)
     if sparse is None:
         return
     program, rows = _normed(objective, sparse, 0.0)
@@ -124,16 +124,31 @@ def _rounded(
         yield ExactGram(basis, first, second, np.round(value * 2.0**bits) / 2.0**bits)
 
 
-def _where_terms_are(
-    objective: Polynomial, relaxation: Relaxation, constant: bool
+def where_terms_are(
+    objective: Polynomial, relaxation: Relaxation, constant: bool, linear: bool = False
 ) -> Relaxation | None:
-    """Restrict the relaxation to squares and products that occur, None if too few."""
+    """Restrict the relaxation to squares and products that occur, None if too few.
+
+    Parameters
+    ----------
+    objective : Polynomial
+    relaxation : Relaxation
+        With moment matrices only.
+    constant, linear : bool
+        Whether 1 and the variables are kept as well, though their squares may not occur.
+
+    Returns
+    -------
+    Relaxation or None
+    """
     n = objective.dimension
     blocks: dict[int, Blocks] = {}
     for group in relaxation.groups:
         square = monomials.multiply(group.basis, group.basis).reshape(-1, 2 * group.basis.shape[2])
         held = monomials.lookup(square, objective.words, n) >= 0
         varies = square.any(axis=1)
+        if linear:
+            held |= monomials.degrees(square) == 2
         kept = np.where(varies, held, constant).reshape(group.basis.shape[:2])
         count = kept.sum(axis=1)
         for size in np.unique(count[count > 0]).tolist():

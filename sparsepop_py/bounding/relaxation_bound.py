@@ -6,7 +6,6 @@ box -> scale -> cliques -> relax -> assemble -> solve -> certify
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -418,8 +417,8 @@ def bound_order(context: SolveContext, shared: Model | None) -> CertifiedBound:
         if closed_without_relaxation(context):
             return _prove(context, model)
         with context.stages.stage("relax"):
-            typical = best.x if best is not None else None
-            scaled = build_relaxations(problem, (problem.objective,), model, options, typical)
+            scaling = Scaling.of_box(model.box, best.x if best is not None else None)
+            scaled = build_relaxations(problem, (problem.objective,), model, options, scaling)
         outcome = _prove(context, scaled)
         if options.effort == "plain":
             return _on_derived_box(context, outcome)
@@ -502,7 +501,7 @@ def build_relaxations(
     objectives: tuple[Polynomial, ...],
     model: Model,
     options: Options,
-    typical: NDArray[Any] | None = None,
+    scaling: Scaling | None = None,
 ) -> Model:
     """Scale the problem to the box of a model and build the relaxations on it.
 
@@ -512,8 +511,8 @@ def build_relaxations(
     objectives : tuple of Polynomial
     model : Model
     options : Options
-    typical : (n,) float, optional
-        Values of the variables at a typical point, for scales where no box is known.
+    scaling : Scaling, optional
+        That of the box when left out; switches have their own.
 
     Returns
     -------
@@ -522,7 +521,7 @@ def build_relaxations(
     """
     switches = options.switches
     if switches is None:
-        scaled = Scaled.of(problem, Scaling.of_box(model.box, typical), objectives)
+        scaled = Scaled.of(problem, scaling or Scaling.of_box(model.box), objectives)
     else:
         scaling = Scaling.of_bounds(model.box, switches.scaled)
         scaled = Scaled.of(problem, scaling, objectives, whole=True)

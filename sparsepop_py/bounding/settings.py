@@ -47,6 +47,8 @@ class BoundingSettings:
         Relative gap that is nearly closed, with many variables.
     few_monomials : int
         Monomials up to which rational elimination takes no time.
+    smaller_blocks : float
+        Share of the largest block: blocks of the monomials that occur are tried if no larger.
     far_incumbent : float
         Relative gap at which a better point is looked for before a relaxation is solved.
     linear_entries : int
@@ -76,6 +78,7 @@ class BoundingSettings:
     many_variables: int = 300
     small_gap: float = 1e-4
     few_monomials: int = 40
+    smaller_blocks: float = 0.5
     far_incumbent: float = 0.01
     linear_entries: int = 1_000_000
     convex_variables: int = 300

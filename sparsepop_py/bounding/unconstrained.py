@@ -16,11 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra.polynomial import Polynomial
-from sparsepop_py.bounding.gram_rounding import estimate, exact_grams, interior_grams
+from sparsepop_py.bounding.gram_rounding import (
+    estimate,
+    exact_grams,
+    interior_grams,
+    where_terms_are,
+)
 from sparsepop_py.bounding.leading_form import (
     LinearCoordinates,
     coordinates_of_leading_form,
 )
+from sparsepop_py.bounding.moved_origin import about_the_point, cancels
 from sparsepop_py.bounding.relaxation_bound import (
     Attempt,
     BoxBound,
@@ -35,13 +41,15 @@ from sparsepop_py.bounding.relaxation_bound import (
 )
 from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.context import SolveContext
+from sparsepop_py.presolve.size_limits import affordable, worth_building
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.relaxation.assemble import assemble
-from sparsepop_py.relaxation.moment import Relaxation
+from sparsepop_py.relaxation.moment import Relaxation, least_order, relax
 from sparsepop_py.relaxation.recover_multipliers import floored
 from sparsepop_py.solvers import solve_conic
+from sparsepop_py.sparsity.correlative import find_cliques
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.box.scaling import Scaled, scale_objective
+from sparsepop_py.verified.box.scaling import Scaled, Scaling, scale_objective
 from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof
@@ -101,13 +109,16 @@ def unconstrained_bound(
     if problem.degree == 0 or problem.degree % 2 or closed_without_relaxation(context):
         return None
     bare = Model(BoxProof(), Interval(problem.lower, problem.upper))
-    outcome: CertifiedBound | None = None
-    model = bare
+    outcome = _where_terms_are(context, bare)
+    if outcome is not None and good_enough(context, lower_bound(outcome.certificate)):
+        return outcome
+    fewer, outcome, model = outcome, None, bare
     for typical in (None, context.best.x if context.best is not None else None):
         with context.stages.stage("relax"):
-            model = build_relaxations(problem, (problem.objective,), bare, context.options, typical)
+            scaling = Scaling.of_box(bare.box, typical)
+            model = build_relaxations(problem, (problem.objective,), bare, context.options, scaling)
         if model.scaled is None or not model.relaxations:
-            return outcome
+            return outcome or fewer
         if outcome is None:
             context, outcome = _exactly(context, model, search)
             if good_enough(context, lower_bound(outcome.certificate)):
@@ -118,7 +129,51 @@ def unconstrained_bound(
             break  # the scale would be the same
     if outcome is not None and outcome.certificate is None and not context.deadline.over:
         outcome = better(outcome, _in_other_coordinates(context, model))
-    return outcome
+    assert outcome is not None
+    return _about_the_incumbent(context, bare, better(fewer, outcome))
+
+
+def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | None:
+    """Solve the blocks of monomials whose squares occur, None where they are not much smaller.
+
+    Cliques of seven variables have 120 monomials of degree 3. Of these, sums of squares of few
+    terms each need a third, in blocks of a tenth of the size.
+    """
+    options, problem = context.options, Problem(context.problem.objective)
+    with context.stages.stage("relax"):
+        scaled = Scaled.of(problem, Scaling.of_box(bare.box), (problem.objective,))
+        objectives, order = scaled.objectives, least_order(problem)
+        cliques = find_cliques(scaled.problem, options.sparse, options.chordal, objectives)
+        if not worth_building(cliques, order):
+            return None
+        whole = relax(scaled.problem, order, cliques=cliques, objectives=objectives, terms="sign")
+        largest = max(whole.block_sizes)
+        if largest <= BOUNDING.few_monomials:
+            return None
+        found = where_terms_are(objectives[0], whole, True, True)
+    if found is None or max(found.block_sizes) > BOUNDING.smaller_blocks * largest:
+        return None
+    if not affordable(found, options.memory_limit):
+        return None
+    return _from_the_interior(context, replace(bare, scaled=scaled, relaxations=(found,)), scaled)
+
+
+def _about_the_incumbent(
+    context: SolveContext, bare: Model, outcome: CertifiedBound
+) -> CertifiedBound:
+    """Move the origin to the attained point where terms cancel there and a gap is left."""
+    problem, best = Problem(context.problem.objective), context.best
+    if good_enough(context, lower_bound(outcome.certificate)) or context.deadline.over:
+        return outcome
+    if best is None or not cancels(problem.objective, best.x):
+        return outcome
+    options = replace(context.options, switches=None)
+    with context.stages.stage("relax"):
+        scaling = about_the_point(problem.objective, best.x)
+        model = build_relaxations(problem, (problem.objective,), bare, options, scaling)
+    if model.scaled is None or not model.relaxations:
+        return outcome
+    return better(outcome, _from_the_interior(context, model, model.scaled, "clarabel"))
 
 
 def _in_other_coordinates(context: SolveContext, model: Model) -> CertifiedBound:
@@ -174,12 +229,14 @@ def _exactly(
     return context, certified_bound(replay, model, box_bound, relaxation)
 
 
-def _from_the_interior(context: SolveContext, model: Model, scaled: Scaled) -> CertifiedBound:
+def _from_the_interior(
+    context: SolveContext, model: Model, scaled: Scaled, usual: str = "cliquetree"
+) -> CertifiedBound:
     """Solve the relaxation without a box and certify Gram matrices of its interior."""
     relaxation = model.relaxations[-1]
     replay, box_bound = context.at_cutoff(), BoxBound(Proved(-np.inf, 0.0, ""), Node())
     minimised, size = scale_objective(context.problem.objective, scaled.scaling)
-    solver = "cliquetree" if context.options.solver == "auto" else context.options.solver
+    solver = usual if context.options.solver == "auto" else context.options.solver
     with context.stages.stage("assemble"):
         program = assemble(relaxation, minimised)
     sharp: NDArray[np.float64] | None = None

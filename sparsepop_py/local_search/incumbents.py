@@ -44,7 +44,11 @@ _GAIN = 0.05  # of the allowed gap: a point that gains less is not proved while 
 
 
 def search_incumbent(
-    problem: Problem, starts: list[NDArray[Any]], context: SolveContext, proved: float = -np.inf
+    problem: Problem,
+    starts: list[NDArray[Any]],
+    context: SolveContext,
+    proved: float = -np.inf,
+    brief: bool = False,
 ) -> tuple[ProvedPoint | None, list[NDArray[Any]]]:
     """Search from several starts for a better incumbent.
 
@@ -58,6 +62,8 @@ def search_incumbent(
         Options, deadline, allowed gap and incumbent.
     proved : float
         A lower bound, -inf without one.
+    brief : bool
+        Whether a start that leads back to the incumbent is left to no other method.
 
     Returns
     -------
@@ -71,7 +77,9 @@ def search_incumbent(
         return None, []
     rough = options.effort == "auto" and options.gap_kind != "width" and not context.closed(proved)
     gain = _GAIN * context.allowed if rough else 0.0  # more points follow while the bound improves
-    aim = Aim(options.tolerance, _enough(problem, context, proved), False, context.upper, gain)
+    aim = Aim(
+        options.tolerance, _enough(problem, context, proved), False, context.upper, gain, brief
+    )
     with _counted(context):
         repaired = _with_repaired(context, starts)
         return best_attained(problem, repaired, aim, _method(context), _end(context))
@@ -164,7 +172,10 @@ def _with_repaired(context: SolveContext, starts: list[NDArray[Any]]) -> list[ND
 
 
 def update_incumbent(
-    context: SolveContext, starts: list[NDArray[Any]], proved: float = -np.inf
+    context: SolveContext,
+    starts: list[NDArray[Any]],
+    proved: float = -np.inf,
+    brief: bool = False,
 ) -> tuple[SolveContext, list[NDArray[Any]]]:
     """Search from starts and keep the better incumbent.
 
@@ -174,6 +185,8 @@ def update_incumbent(
     starts : list of (n,) float
     proved : float
         A lower bound, -inf without one.
+    brief : bool
+        As for :func:`search_incumbent`.
 
     Returns
     -------
@@ -183,7 +196,7 @@ def update_incumbent(
         All nearly feasible vectors seen.
     """
     with context.stages.stage("refine"):
-        found, vectors = search_incumbent(context.problem, starts, context, proved)
+        found, vectors = search_incumbent(context.problem, starts, context, proved, brief)
     if found is not None and found.value < context.upper:
         context = replace(context, best=found)
     return context, vectors

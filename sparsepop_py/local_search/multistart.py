@@ -27,6 +27,7 @@ from sparsepop_py.verified.points.feasible_point import ProvedPoint
 __all__ = ["Aim", "best_attained", "starting_points"]
 
 _FEW = 40  # variables up to which SLSQP may follow where sequential programs failed on a star
+_CREEPING = 1e-4  # relative: smaller gains in ten steps are left to other methods that are tried
 _SMALL = 12  # variables up to which several methods are tried from each start
 _AGAIN = 1e-7  # of the incumbent's value: a search that ends this near has led to it again
 _CLOSE = 0.02  # of that value: a bound this near says that the incumbent is hardly beaten
@@ -151,8 +152,9 @@ def _tries(
     first = small and branch is problem and not (bilinear and bool(problem.equality.any()))
     if first:
         yield local_search(problem, start, method, end)
+    creeping = _CREEPING if small else 0.0
     if bilinear and method is None:
-        x = local_search(problem, start, "sequential", end)
+        x = local_search(problem, start, "sequential", end, creeping)
         failed = not feasible(x)
         yield x
     if branch is not problem:
@@ -163,7 +165,8 @@ def _tries(
     if not first and (small or (failed and not (bilinear and large))):
         yield local_search(problem, start, method, end)
     if small and bilinear and method is None:
-        yield sequential_search(problem.sharpened, start, end=end)  # nothing held
+        free = problem.sharpened  # nothing held
+        yield sequential_search(free, start, end=end, creeping=creeping)
 
 
 @dataclass(frozen=True)
@@ -182,6 +185,8 @@ class Aim:
         The value of the incumbent, +inf without one.
     gain : float
         Least improvement of the value that is worth another proof.
+    brief : bool
+        Whether a start that leads back to the incumbent is left to no other method.
     """
 
     tolerance: float
@@ -189,6 +194,7 @@ class Aim:
     any: bool = False
     known: float = np.inf
     gain: float = 0.0
+    brief: bool = False
 
 
 def _candidates(
@@ -199,7 +205,7 @@ def _candidates(
     size = 1.0 + abs(aim.known)
     close = np.isfinite(size) and aim.known - aim.enough <= _CLOSE * size  # else others lead away
     accurate = not rows.given.equality.any()  # linear programs come first there, and end rough
-    near = _AGAIN * size if close and accurate else -1.0
+    near = _AGAIN * size if (close or aim.brief) and accurate and np.isfinite(size) else -1.0
     for number, found in enumerate(_tries(rows, start, aim.tolerance, method, end)):
         ended = _rated(rows, [found], aim)
         kept += ended

@@ -21,7 +21,7 @@ successive linear programming, Math. Programming 43, 1989.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -41,6 +41,9 @@ _PENALTY = 1e2  # first weight of violations against the scaled objective
 _MOST = 1e9  # largest such weight
 _PROMISED = 1e-11  # of the value: a step that promises less is not taken
 _LAST = 1e-9  # a step that promises less is the last one: what follows is rounding
+_NEAR = 1e-2  # trust region, relative, within which the violation is to be reduced
+_STUCK = 1e-6  # of the violation: less is no reduction
+_WATCHED = 10  # steps over which the gain of a search is watched, where an end of creeping is asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,29 @@ class _Place:
     def merit(self, penalty: float) -> float:
         """Value plus penalised violation, which each step is to reduce."""
         return self.value + penalty * self.off
+
+
+@dataclass(eq=False)
+class _Watch:
+    """Watch on a search that creeps: that gains too little in ten steps. Mutable."""
+
+    least: float
+    seen: list[_Place] = field(default_factory=list)
+
+    def creeps(self, here: _Place) -> bool:
+        """Check for an iterate that is hardly better than the one ten steps before.
+
+        One that is not feasible has to gain as much of its violation.
+        """
+        self.seen.append(here)
+        if self.least == 0.0 or len(self.seen) <= _WATCHED:
+            return False
+        before = self.seen[-1 - _WATCHED]
+        gained = before.merit(_PENALTY) - here.merit(_PENALTY)
+        if here.off <= _FEASIBLE:
+            return gained < self.least * (1.0 + abs(here.value))
+        nearer = before.off - here.off >= self.least * here.off
+        return not nearer and gained < self.least * (1.0 + abs(here.merit(_PENALTY)))
 
 
 @dataclass(eq=False)
@@ -142,6 +168,12 @@ class _Search:
         high[held] = np.minimum(high[held], x[held] + reach[held])
         return low, high
 
+    def stuck(self, at: _Place, unit: NDArray[np.float64]) -> bool:
+        """Check that no direction reduces the violation, so that no larger penalty does."""
+        bounds = self.within(at.x, _NEAR * unit)
+        found = self.step(at.x, np.zeros(at.x.size), 1.0, *bounds)
+        return found is not None and found[1] >= (1.0 - _STUCK) * at.off
+
     def ahead(
         self, at: _Place, penalty: float, bounds: tuple[NDArray[Any], NDArray[Any]]
     ) -> tuple[float, _Place | None]:
@@ -185,6 +217,7 @@ def sequential_search(
     held: tuple[int, ...] = (),
     trust: float = 0.1,
     end: float = np.inf,
+    creeping: float = 0.0,
 ) -> NDArray[np.float64]:
     """Search a local minimiser from ``start``, nearly feasible at best.
 
@@ -199,6 +232,9 @@ def sequential_search(
         First trust region, relative to the width of each variable's bounds.
     end : float
         End on the monotonic clock.
+    creeping : float
+        Relative to the value: a search that gained less in ten steps ends. Minima that are no
+        vertices are approached slowly, and others than linear programs find their last digits.
 
     Returns
     -------
@@ -210,14 +246,15 @@ def sequential_search(
     x = np.clip(start, problem.lower, problem.upper)
     search.scale = max(1e-300, float(np.abs(problem.objective_row.gradient(x) * unit).max()))
     here, penalty, small = search.place(x), _PENALTY, 0
+    watch = _Watch(creeping)
     for _ in range(_STEPS):
         bounds = search.within(here.x, trust * unit)
         promised, trial = search.ahead(here, penalty, bounds)
-        if trial is None or time.monotonic() >= end:
+        if trial is None or time.monotonic() >= end or watch.creeps(here):
             break
         size = 1.0 + abs(here.value)
         if promised <= _PROMISED * size:
-            if here.off <= _FEASIBLE or penalty >= _MOST:
+            if here.off <= _FEASIBLE or penalty >= _MOST or search.stuck(here, unit):
                 break
             penalty *= 10.0
             continue

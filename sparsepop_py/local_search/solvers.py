@@ -35,6 +35,7 @@ def local_search(
     start: NDArray[np.float64],
     method: str | None = None,
     end: float = np.inf,
+    creeping: float = 0.0,
 ) -> NDArray[np.float64]:
     """Search a local minimiser from ``start``, nearly feasible at best.
 
@@ -46,6 +47,8 @@ def local_search(
         None chooses among SciPy's methods by size and structure.
     end : float
         End on the monotonic clock; the last vector that was evaluated is returned.
+    creeping : float
+        As in :func:`sparsepop_py.local_search.slp.sequential_search`.
 
     Returns
     -------
@@ -64,7 +67,7 @@ def local_search(
             return _ipopt(problem, start)
         if method == "sequential":
             held = Products.of(problem).complicating
-            return sequential_search(problem, start, held, end=end)
+            return sequential_search(problem, start, held, end=end, creeping=creeping)
         try:
             if not problem.constraints:
                 start = zeros_of_squares(problem, start, end)

@@ -137,6 +137,12 @@ class RelaxationSpec:
         share = self.share + HIERARCHY.tighter
         return replace(self, name=f"tightened {self.name}", share=share, plain=self)
 
+    @property
+    def whole(self) -> bool:
+        """True for a full order on the usual cliques, without chordal terms and not lean."""
+        usual = self.joined == "constraints" and self.terms != "chordal"
+        return self.shape == "full" and usual and not self.lean
+
     def build(self, scaled: Scaled, cliques: Families) -> Relaxation:
         """Build the relaxation of a scaled problem for all its objectives."""
         return relax(

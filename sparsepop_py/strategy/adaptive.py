@@ -129,17 +129,36 @@ class AdaptiveSearch:
         try:
             while not self.over and done != most:
                 spec = self._next()
+                if self.costs and self._costly(spec) and self.search_more_starts():
+                    continue
                 self.exhausted = spec is None
                 if spec is None:
                     self._say_what_was_left_out()
                     break
                 self._run(spec)
-                self._search_incumbent(list(self.more_starts))  # exhausted by the first step
                 done += 1
         finally:
             self.least_cutoff = self.context.cutoff
             if self.search is not None:
                 self._close_search()
+
+    @property
+    def next_seconds(self) -> float:
+        """Expected seconds of the next step, 0 for branching and where nothing is left."""
+        spec = None if self.over else self._next()
+        return self.queue.seconds(spec) if isinstance(spec, RelaxationSpec) else 0.0
+
+    def _costly(self, spec: RelaxationSpec | str | None) -> bool:
+        """Check that the next step takes long, so that a better incumbent should precede it."""
+        if not isinstance(spec, RelaxationSpec):
+            return True
+        return self.queue.seconds(spec) > STRATEGY.cheap
+
+    def search_more_starts(self) -> bool:
+        """Search from the starts that are left, all at once; return whether there were any."""
+        starts = [] if self.over else list(self.more_starts)
+        self._search_incumbent(starts)
+        return bool(starts)
 
     def _say_what_was_left_out(self) -> None:
         text, slow = self.queue.left_out(self.context.deadline.expected)
@@ -184,8 +203,12 @@ class AdaptiveSearch:
         """Select the step with the largest expected gain per second, None if none is left."""
         if self.search is not None and not self.search.update_context(self.context):
             self.seen, self.search = self.search.seen, None  # another tree must be grown
+        left = self.context.deadline.expected
         with self.context.stages.stage("relax"):
-            best, most = self.queue.best(self.context.deadline.expected)
+            best, most = self.queue.best(left)
+            order = self.queue.next_order(best, left)
+        if order is not None:
+            return order
         branch = self._branch_rate()
         if branch is not None and (best is None or branch > most):
             return _BRANCH

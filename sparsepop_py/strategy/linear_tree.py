@@ -118,7 +118,7 @@ def by_linear_tree(
     ) -> SolveContext:
         alone = proof and now.options.refine != "none"
         options = replace(now.options, refine="prove") if alone else now.options
-        found, more = update_incumbent(replace(now, options=options), starts, bound)
+        found, more = update_incumbent(replace(now, options=options), starts, bound, brief=True)
         seen.extend(more)
         return replace(now, best=found.best)
 

@@ -35,7 +35,9 @@ from sparsepop_py.bounding.settings import BOUNDING
 from sparsepop_py.bounding.unconstrained import good_enough, may_be_squares, unconstrained_bound
 from sparsepop_py.budget import EARLY
 from sparsepop_py.context import SolveContext
+from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.local_search.incumbents import candidates_from_moments, update_incumbent
+from sparsepop_py.local_search.solvers import local_search
 from sparsepop_py.options import Options
 from sparsepop_py.presolve.initial_box import find_box, finite
 from sparsepop_py.presolve.size_limits import LEAN, affordable
@@ -323,6 +325,7 @@ def _by_gram_matrices(
         if found is None:
             return None
         bound, old = better(bound, found), context.best
+        context = _searched_about_the_origin(context, bound)
         for starts in (_candidates_from_moments(bound), more_starts):
             if not context.closed(lower_bound(bound.certificate)):
                 context, more = update_incumbent(
@@ -337,6 +340,22 @@ def _by_gram_matrices(
             break
     entry = _history_entry(context, bound, bound, time.process_time() - start)
     return SearchState(context, bound, candidates, (entry,))
+
+
+def _searched_about_the_origin(context: SolveContext, bound: CertifiedBound) -> SolveContext:
+    """Search once more where the origin was moved: there terms that cancel do not hide values."""
+    scaled = bound.model.scaled
+    if scaled is None or not scaled.scaling.translated or context.options.refine == "none":
+        return context
+    if context.closed(lower_bound(bound.certificate)):
+        return context
+    with context.stages.stage("refine"):
+        start = np.zeros(context.problem.dimension)
+        end = local_search(scaled.problem, start, None, context.deadline.end)
+        proved = prove_feasible(context.problem, scaled.scaling.point(end))
+    if proved is not None and proved.value < context.upper:
+        context = replace(context, best=proved)
+    return context
 
 
 def _run_orders(
@@ -389,7 +408,10 @@ def run_adaptive(auto: AdaptiveSearch) -> SearchState:
     """Run an adaptive search to its end and return its state."""
     try:
         if _worth_without_box(auto.context.problem):
-            auto.run(STRATEGY.before_squares)
+            if auto.next_seconds <= STRATEGY.long_first:
+                auto.run(STRATEGY.before_squares)
+            if auto.context.problem.degree > 2:  # else a bound without a box costs less than points
+                auto.search_more_starts()
             if not auto.over:
                 state = _without_box(_state_of(auto))
                 auto.outcome, auto.history = state.outcome, list(state.history)

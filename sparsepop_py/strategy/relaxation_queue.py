@@ -75,6 +75,36 @@ class RelaxationQueue:
                 best, most = spec, rate
         return best, most
 
+    def next_order(self, best: RelaxationSpec | None, left: float | None) -> RelaxationSpec | None:
+        """Select the next relaxation order where it should come before all else.
+
+        What an order proves is hardly known before, and a cheap one that closes the gap saves what
+        seems to gain more per second. One that surely ends in time comes before one that may not.
+        Before the first relaxation no order is next: others that cost less prove more than the
+        least one.
+
+        Parameters
+        ----------
+        best : RelaxationSpec or None
+            The relaxation with the largest expected gain per second.
+        left : float or None
+            CPU seconds that are expected to be left.
+
+        Returns
+        -------
+        RelaxationSpec or None
+        """
+        orders = [r for r in self.specs if r.whole and r.share > self.share]
+        spec = min(orders, key=lambda r: r.share, default=None)
+        if self.share == 0.0 or spec is None:
+            return None
+        seconds = self.seconds(spec)
+        most = STRATEGY.cheap
+        if best is not None and left is not None:
+            sure = STRATEGY.sure * left
+            most = max(most, sure) if self.seconds(best) > sure else most
+        return None if seconds > most or self._too_long(spec, seconds, left) else spec
+
     def _too_long(self, spec: RelaxationSpec, seconds: float, left: float | None) -> bool:
         if left is None:
             return False

@@ -45,6 +45,8 @@ class StrategySettings:
         Share of a width: another round of OBBT follows where one fell below it.
     before_squares : int
         Steps of an objective before it is bounded on the whole space.
+    long_first : float
+        Expected seconds of the first step beyond which that bound comes before it.
     turn : int
         Steps of an objective before it is the next one's turn.
     rounding : float
@@ -61,6 +63,11 @@ class StrategySettings:
         OBBT that takes this many times as long as the next relaxation is left out.
     branching_gain : float
         Share of a gap, on a logarithmic scale, that a node closes in the time of an LP.
+    cheap : float
+        Expected seconds up to which the next relaxation order comes before local searches from
+        more starts, before branching and before higher orders.
+    sure : float
+        Share of the time left: what is expected to take more may not end in time.
     weak_share : float
         Expected progress up to which a relaxation counts as weak.
     few_variables : int
@@ -87,6 +94,7 @@ class StrategySettings:
     window: int = 40
     gained: float = 0.8
     before_squares: int = 1
+    long_first: float = 0.5
     turn: int = 5
     rounding: float = 1e-12
     order_rounds: int = 3
@@ -95,6 +103,8 @@ class StrategySettings:
     most_tightened: int = 12
     obbt_too_slow: float = 3.0
     branching_gain: float = 0.1
+    cheap: float = 0.1
+    sure: float = 0.5
     weak_share: float = 0.3
     few_variables: int = 12
     long_problem: int = 300

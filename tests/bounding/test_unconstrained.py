@@ -173,3 +173,66 @@ def test_what_no_memory_holds_is_not_tried_for_a_box_either():
     output = sp.sparsePOP("BroydenBand(30)", {"printLevel": 0, "tighten": 0, "SDPsolverSW": 0})
     assert output.SDPinfo.rowSizeA == 0
     assert not any("was built" in note for note in output.POP.result.notes)
+
+
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize("bound", [np.inf, 1000.0])
+def test_wide_cliques_need_only_the_monomials_whose_squares_occur(effort, bound):
+    """Cliques of 7 at degree 6: blocks of 120 were too large for memory or time."""
+    objective = problems.broyden_banded(12).objective
+    problem = sp.Problem(objective, lower=-bound, upper=bound)
+    result = sp.solve(problem, sp.Options(effort=effort, work_limit=60))
+    assert result.status is sp.Status.OPTIMAL
+    assert -1e-6 <= result.lower_bound <= result.upper_bound <= 1e-6  # zeros exist, as above
+    assert max(entry.largest_block for entry in result.history) < 60
+    assert result.certificate.verify(problem).ok
+
+
+X = sp.variables(1)[0]
+
+
+def far_quartics(left, right):
+    """Both factors are least at (100, -30); all coefficients are integers below 2^53."""
+    x, y = sp.variables(2)
+    return ((x - 100) ** 4 + left * (y + 30) ** 2 + 1) * (
+        (y + 30) ** 4 + right * (x - 100) ** 2 + 2
+    )
+
+
+@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize(
+    ("objective", "optimum"),
+    [
+        (far_quartics(0.0, 0.0), 2.0),
+        (far_quartics(1.0, 1.0), 2.0),
+        (5.0 * (X - 1000) ** 4 + (X - 1000) ** 2, 0.0),
+        ((X - 100) ** 6 + (X - 100) ** 2 - 7.0, -7.0),
+    ],
+)
+def test_a_minimum_far_from_the_origin_is_proved_about_the_attained_point(
+    effort, objective, optimum
+):
+    problem = sp.Problem(objective)
+    result = sp.solve(problem, sp.Options(effort=effort, work_limit=30))
+    assert result.status is sp.Status.OPTIMAL
+    assert optimum - 2e-6 * max(1.0, optimum) <= result.lower_bound <= optimum
+    assert optimum <= result.upper_bound <= optimum + 2e-6 * max(1.0, optimum)
+    assert result.certificate.verify(problem).ok
+
+
+@pytest.mark.parametrize(
+    ("objective", "near", "below"),
+    [((3 * X - 1) ** 40, Fraction(1, 3), 1e-5), ((X - 1000) ** 6 + (X - 1000) ** 2, 1000, 65.0)],
+)
+def test_coefficients_that_cancel_leave_what_their_rounding_leaves(objective, near, below):
+    """The doubles of these coefficients fall below 0, as values in rationals show."""
+    problem = sp.Problem(objective)
+    result = sp.solve(problem, sp.Options(effort="auto", work_limit=30))
+    assert result.status is sp.Status.OPTIMAL
+    f = problem.objective
+    powers = np.count_nonzero(f.words, axis=1).tolist()
+    terms = [(Fraction(c), p) for c, p in zip(f.coefficients.tolist(), powers, strict=True)]
+    points = [near + Fraction(k, 2**9) for k in range(-64, 65)]
+    least = min(sum(c * x**p for c, p in terms) for x in points)
+    assert -below < result.lower_bound <= least < 0
+    assert result.certificate.verify(problem).ok

@@ -23,7 +23,8 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent.parent)]
 
-from checker import reading, result  # noqa: E402
+from checker import result  # noqa: E402
+from checker.files import reading  # noqa: E402
 
 CLAIMS = ("lower_bound", "upper_bound", "status", "certificate", "attained")
 Place = tuple[Any, str | int]  # a container and a key of it

@@ -15,8 +15,9 @@ sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
 from certificate_corpus import kinds  # noqa: E402
 
 import sparsepop_py as sp  # noqa: E402
-from checker import reading, result  # noqa: E402
-from checker.certificate import Certificates  # noqa: E402
+from checker import result  # noqa: E402
+from checker.certificates.certificate import Certificates  # noqa: E402
+from checker.files import reading  # noqa: E402
 
 
 def ours(found: dict) -> tuple[bool, float, str]:

@@ -23,8 +23,9 @@ import certificate_damage  # noqa: E402
 import compare_checkers  # noqa: E402
 import record_corpus  # noqa: E402
 
-from checker import reading, result  # noqa: E402
-from checker.record import Identification  # noqa: E402
+from checker import result  # noqa: E402
+from checker.files import reading  # noqa: E402
+from checker.records.record import Identification  # noqa: E402
 from setid.result.certificate_files import certificate_files  # noqa: E402
 
 

@@ -155,7 +155,7 @@ def structures() -> Iterator[Case]:
     shape, ends = setid.TransferFunction(1, 1, 1), setid.Box({"b1": (0.5, 1.5), "a1": (-0.9, 0.0)})
     models = {
         "hammerstein": (setid.Hammerstein(shape, 2, normalise="gamma1"), [-0.5, 1.0, 0.3]),
-        "wiener": (setid.Wiener(shape, 2, normalise="b1"), [-0.5, 1.0, 0.3]),
+        "wiener": (setid.Wiener(shape, 2, normalise="b1", initial="zero"), [-0.5, 1.0, 0.3]),
         "lure": (setid.Lure(shape, 2, normalise="nolinear"), [-0.5, 1.0, 0.1]),
     }
     for name, (model, theta) in models.items():

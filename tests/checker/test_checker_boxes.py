@@ -12,10 +12,10 @@ import certificate_damage as damage
 import pytest
 from record_corpus import written
 
-from checker import reading
-from checker.linear_rows import nothing
-from checker.parameter_box import cube_side, proved_box
-from checker.record import Identification
+from checker.files import reading
+from checker.records.linear_rows import nothing
+from checker.records.parameter_box import cube_side, proved_box
+from checker.records.record import Identification
 from checker.result import NotProved
 
 INF = math.inf

@@ -13,8 +13,9 @@ from certificate_corpus import FEW, solved
 from record_corpus import written
 
 import sparsepop_py as sp
-from checker import coq, reading
-from checker.certificate import Certificates
+from checker import coq
+from checker.certificates.certificate import Certificates
+from checker.files import reading
 
 COQC = shutil.which("coqc")
 NO_COQ = "Coq is no Python package (Debian: apt-get install coq)"

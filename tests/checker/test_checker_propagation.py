@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from checker import interval as iv
-from checker.polynomial import Polynomial
-from checker.propagation import Box, Row, Rows
+from checker.arithmetic import interval as iv
+from checker.arithmetic.polynomial import Polynomial
+from checker.certificates.propagation import Box, Row, Rows
 
 INF = math.inf
 

@@ -11,7 +11,8 @@ import pytest
 from test_checker_schema import SCHEMA, valid
 
 import sparsepop_py as sp
-from checker import command, rational, reading
+from checker import command, rational
+from checker.files import reading
 from checker.result import NotProved
 
 TEXTS = {

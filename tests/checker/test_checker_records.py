@@ -16,9 +16,10 @@ import record_corpus
 from record_corpus import written
 
 import setid
-from checker import command, reading
-from checker.parameter_box import KINDS
-from checker.record import Identification
+from checker import command
+from checker.files import reading
+from checker.records.parameter_box import KINDS
+from checker.records.record import Identification
 from checker.result import NotProved
 from setid.proofs.parameter_box import ProvedBox
 from setid.result.certificate_files import certificate_files
@@ -231,7 +232,7 @@ def test_hundreds_of_damaged_records_prove_nothing_false():
 
 def test_rows_of_two_denominators_are_multiplied_out():
     """(1 + a1 q^-1)(1 + a2 q^-1) y - b1 (1 + a2 q^-1) u1 - b2 (1 + a1 q^-1) u2 = 0."""
-    from checker.structure import Structure
+    from checker.records.structure import Structure
 
     table = {"na": [[1, 1]], "nb": [[1, 1]], "nk": [[0, 0]], "form": "direct", "initial": "free"}
     made = Structure(table | {"common_denominator": False, "offset": False}, 2, 1)
@@ -260,7 +261,7 @@ def test_rows_hold_at_what_made_the_record(seed):
     found = setid.formulate(
         setid.IOData(u, y + eta), setid.TransferFunction(2, 2), setid.Noise(output=0.1)
     )
-    from checker.structure import Record, Structure
+    from checker.records.structure import Record, Structure
 
     table = {"na": [[2]], "nb": [[2]], "nk": [[0]], "form": "auto", "initial": "free"}
     made = Structure(table | {"common_denominator": False, "offset": False}, 1, 1)

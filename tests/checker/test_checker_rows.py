@@ -8,13 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from checker import interval as iv
-from checker import reading
-from checker.left_inverse import contracts
-from checker.linear_rows import Regression, combined, given_row
-from checker.parameter_box import by_products, settle, total
+from checker.arithmetic import interval as iv
+from checker.certificates.left_inverse import contracts
+from checker.files import reading
+from checker.records.linear_rows import Regression, combined, given_row
+from checker.records.parameter_box import by_products, settle, total
+from checker.records.structure import Record, Structure
 from checker.result import NotProved
-from checker.structure import Record, Structure
 
 INF = math.inf
 

@@ -11,11 +11,12 @@ from fractions import Fraction
 import pytest
 from record_corpus import written
 
-from checker import reading, simulation
-from checker.linear_rows import Regression
-from checker.record import Identification
+from checker.files import reading
+from checker.records import simulation
+from checker.records.linear_rows import Regression
+from checker.records.record import Identification
+from checker.records.simulation import ONE, Form, Region, Simulation, by_simulation, down
 from checker.result import NotProved
-from checker.simulation import ONE, Form, Region, Simulation, by_simulation, down
 
 PLAIN = {"common_denominator": False, "offset": False, "form": "auto"}
 NEAR = Fraction(1, 2**200)  # what rounding may cost at most
@@ -55,7 +56,7 @@ def about(table, u, y, bound, priors=()) -> Identification:
 
 
 def reading_names(structure, inputs):
-    from checker.structure import Structure
+    from checker.records.structure import Structure
 
     return Structure(structure, inputs, 1).parameters
 

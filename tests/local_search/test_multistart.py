@@ -46,3 +46,7 @@ def test_a_search_that_finds_the_incumbent_again_is_the_last_of_its_start(
     assert len(ends) == 2
     best_attained(problem, [start], Aim(1e-6, enough=1.5, known=2.0))  # the bound is far
     assert len(ends) == 5
+    best_attained(problem, [start], Aim(1e-6, enough=1.5, known=2.0, brief=True))
+    assert len(ends) == 7
+    best_attained(problem, [start], Aim(1e-6, brief=True))  # nothing was found before
+    assert len(ends) == 10

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from random_cases import SEEDS, random_case
+from search_cases import heat_exchangers
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
@@ -114,3 +115,21 @@ def test_a_search_ends_where_rounding_is_all_that_is_left(monkeypatch):
     found = sequential_search(problem, np.array([2.0, 0.5]), (0,))
     assert len(steps) == 1
     assert found.sum() < 2.5  # the better of both ends of the step
+
+
+def test_a_search_that_creeps_ends_near_the_minimum(monkeypatch):
+    problem, programs = heat_exchangers(), []
+    own = slp._Search.step
+
+    def step(self, *args):
+        programs[-1] += 1
+        return own(self, *args)
+
+    monkeypatch.setattr(slp._Search, "step", step)
+    for creeping in (0.0, 1e-4):
+        programs.append(0)
+        middle = 0.5 * (problem.lower + problem.upper)
+        found = sequential_search(problem, middle, (1, 2, 5), creeping=creeping)
+        assert problem.violation(found) < 1e-3
+        assert problem.objective(found) == pytest.approx(7049.248, rel=1e-4)
+    assert programs[1] < 0.3 * programs[0]

@@ -7,6 +7,7 @@ import logging
 import pickle
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import setid
 import sparsepop_py as sp
 from sparsepop_py.budget import LimitReached
+from sparsepop_py.local_search.feasibility import prove_feasible
 
 THETA = {"a1": -0.6, "b0": 1.5}
 
@@ -91,6 +93,22 @@ def test_a_stage_without_time_loses_nothing_else(stage, monkeypatch) -> None:
     result = setid.identify(record(), MODEL, NOISE, options=OPTIONS)
     assert holds_the_truth(result)
     assert stage != "find_box" or any("search for a box" in note for note in result.notes)
+
+
+def test_points_known_when_time_ends_are_proved_once_for_each_end(monkeypatch) -> None:
+    """Of points that are in (0, 1), (1, 0) and (1, 1) each end claims the best, by one proof."""
+    x, y = sp.variables(2)
+    box = sp.Problem(x, [x + y >= 1], lower=0.0, upper=1.0)
+    points = [prove_feasible(box, np.array(p, float)) for p in ((0, 1), (1, 0), (1, 1))]
+    ends = [sp.solve(box.with_objective(p), sp.Options(refine="none")) for p in (x, -x, y, -y)]
+    ends = [replace(end, attained=None, upper_bound=np.inf) for end in ends]
+    proofs, own = [], sp.ProvedPoint.recheck
+    monkeypatch.setattr(
+        sp.ProvedPoint, "recheck", lambda self, about: proofs.append(1) or own(self, about)
+    )
+    attained = sys.modules[setid.identify.__module__]._attained
+    assert [end.upper_bound for end in attained(ends, points)] == [0.0, -1.0, 0.0, -1.0]
+    assert len(proofs) == len(ends)
 
 
 def test_a_cpu_limit_leaves_honest_gaps() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from search_cases import heat_exchangers
 from solved import check
 
 import sparsepop_py as sp
@@ -19,7 +20,9 @@ from sparsepop_py.local_search.feasibility import prove_feasible
 from sparsepop_py.presolve.initial_box import find_box
 from sparsepop_py.progress import Stages
 from sparsepop_py.relaxation.hierarchy import CostModel, RelaxationSpec, families, progress
+from sparsepop_py.strategy import adaptive, relaxation_queue
 from sparsepop_py.strategy.adaptive import AdaptiveSearch
+from sparsepop_py.strategy.settings import STRATEGY
 from sparsepop_py.strategy.shared_state import SharedState
 from sparsepop_py.tightening.mccormick import LinearRelaxation, tighten_bounds
 from sparsepop_py.tightening.obbt_lp import apply_steps
@@ -127,3 +130,47 @@ def test_steps_taken_again_on_a_smaller_box_keep_its_points():
         x = np.array([a, b, 1.0 - a * b])
         if problem.violation(x) == 0.0 and np.all(x <= half.hi):
             assert np.all(again.lo <= x) and np.all(x <= again.hi)
+
+
+@pytest.mark.parametrize(("cheap", "first"), [(0.1, []), (0.0, [True])])
+def test_a_cheap_order_comes_before_more_searches_and_higher_orders(monkeypatch, cheap, first):
+    """Order 2 closes the gap: starts that are left are searched from only where it is costly."""
+    searched, own = [], AdaptiveSearch.search_more_starts
+
+    def search_more_starts(self):
+        searched.append(own(self))
+        return searched[-1]
+
+    monkeypatch.setattr(AdaptiveSearch, "search_more_starts", search_more_starts)
+    for module in (adaptive, relaxation_queue):
+        monkeypatch.setattr(module, "STRATEGY", replace(STRATEGY, cheap=cheap))
+    problem = heat_exchangers()
+    result = sp.solve(problem, Options(effort="auto", work_limit=10.0, skip=("linear_tree",)))
+    check(problem, result, 7049.24802, tight=1e-6)
+    assert searched[:1] == first
+    if cheap > 0.0:
+        assert [entry.order for entry in result.history] == [0, 2]
+
+
+@pytest.mark.parametrize(
+    ("expected", "left", "share", "first"),
+    [
+        (0.05, None, 0.8, True),  # cheap
+        (0.05, 10.0, 0.8, True),
+        (0.05, None, 0.0, False),  # nothing was solved yet
+        (0.2, None, 0.8, False),
+        (0.2, 10.0, 0.8, False),  # order 3 ends in time
+        (0.2, 0.6, 0.8, True),  # order 3 may not, with 0.4 s expected, and order 2 does
+        (0.2, 0.3, 0.8, False),  # order 2 may not either
+    ],
+)
+def test_the_next_order_comes_first_where_it_is_cheap_or_alone_ends_in_time(
+    expected, left, share, first
+):
+    problem = heat_exchangers()
+    state = SharedState.of(problem, [problem.objective], Options(effort="auto"))
+    spec = {each.name: each for each in state.specs}
+    state.estimates.update({"order 2": expected, "order 3, chordal terms": 0.4})
+    queue = relaxation_queue.RelaxationQueue(state, scaled=lambda: None, share=share)
+    found = queue.next_order(spec["order 3, chordal terms"], left)
+    assert found is (spec["order 2"] if first else None)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from operator import add
 
@@ -20,7 +21,14 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.budget import check
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
 
-__all__ = ["Factors", "expand_affine", "jacobian_range", "monomial_ranges", "range_over"]
+__all__ = [
+    "Factors",
+    "expand_affine",
+    "expand_exactly",
+    "jacobian_range",
+    "monomial_ranges",
+    "range_over",
+]
 
 _LARGEST_KNOWN = 4096  # letters; the leaves of a tree use the same words again and again
 
@@ -133,6 +141,45 @@ def expand_affine(
         value = scaled
     check()
     return layout.merged(value)
+
+
+def expand_exactly(
+    system: PolynomialSystem, centre: NDArray[np.float64], scale: NDArray[np.float64]
+) -> tuple[Words, NDArray[np.int64], Interval]:
+    """Polynomials in t as by :func:`expand_affine`, their coefficients from exact rationals.
+
+    Where powers of a centre cancel, rounding on the way may hide what is left of them.
+
+    Parameters
+    ----------
+    system : PolynomialSystem
+        With finite coefficients.
+    centre, scale : (n,) float
+        Finite.
+
+    Returns
+    -------
+    words : (T', D) int32, row : (T',) int, coefficients : Interval (T',)
+    """
+    layout = _layout_of(system, centre == 0, scale == 0)
+    value = [Fraction(v) for v in system.coefficients.tolist()]
+    c = [*map(Fraction, centre.tolist()), Fraction(0)]
+    w = [*map(Fraction, scale.tolist()), Fraction(1)]
+    for copy, variable, power, dropped in layout.slots:
+        check()
+        factors = list(zip(variable.tolist(), power.tolist(), dropped.tolist(), strict=True))
+        known = {
+            (v, p, d): math.comb(p, d) * c[v] ** d * w[v] ** (p - d) for v, p, d in set(factors)
+        }
+        pairs = zip(copy.tolist(), factors, strict=True)
+        value = [value[k] * known[factor] for k, factor in pairs]
+    sums = [Fraction(0)] * layout.row.size
+    for place, part in zip(layout.place.tolist(), value, strict=True):
+        sums[place] += part
+    keep = np.flatnonzero([bool(total) for total in sums])
+    ends = [Interval.of_fraction(sums[k]) for k in keep.tolist()]
+    enclosed = Interval(np.array([e.lo for e in ends]), np.array([e.hi for e in ends]))
+    return layout.words[keep], layout.row[keep], enclosed
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,18 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sparsepop_py.algebra import monomials
+from sparsepop_py.algebra.monomials import Words
 from sparsepop_py.algebra.polynomial import Constraint, Polynomial
 from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import generators
 from sparsepop_py.problem.problem import Problem
 from sparsepop_py.verified.arithmetic.array_cache import interned
 from sparsepop_py.verified.arithmetic.interval import Interval
-from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
+from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine, expand_exactly
 
 __all__ = ["Scaled", "Scaling", "scale_objective"]
 
 _LEAST_WIDTH = 2.0**-300  # half widths below this are rounding; their powers would underflow
 _TINY = 2.0**-300  # ends of t below this could underflow when multiplied
+_FEW = 5_000  # letters of polynomials up to which rationals take no time
 _SLACK = 1.0 + 2.0**-40  # a replayed box may differ in the last digits and must still fit
 
 
@@ -105,6 +107,13 @@ class Scaling:
         scale, centre = np.where(fixed, 0.0, size), np.where(fixed | one, start, 0.0)
         return Scaling(centre, scale, boxed, np.zeros(boxed.size, int), (ends[0], ends[1]))
 
+    @staticmethod
+    def about(
+        x: NDArray[np.float64], scale: NDArray[np.float64], boxed: NDArray[np.bool_]
+    ) -> Scaling:
+        """Scale variables without bounds about a point x, shape (n,); none is ``boxed``."""
+        return Scaling(x, scale, interned(boxed), interned(np.zeros(x.size, int)))
+
     def fits(self, n: int) -> bool:
         """Check that every array has n entries and t's ends are sensible.
 
@@ -161,13 +170,34 @@ class Scaling:
         """Convert t to x."""
         return self.centre + self.scale * t
 
+    @property
+    def translated(self) -> bool:
+        """True if a variable without any bound has another origin than 0."""
+        low, high = self.bounds
+        free = np.isinf(low) & np.isinf(high)
+        known = np.isfinite(self.centre) & np.isfinite(self.scale)
+        return bool(np.any(free & (self.centre != 0)) and np.all(known))
+
+    def expanded(self, system: PolynomialSystem) -> tuple[Words, NDArray[np.int64], Interval]:
+        """Enclose the coefficients of polynomials in t: words (T, D), row (T,), (T,).
+
+        They are exact where an origin is moved: a far one lets their powers cancel.
+        """
+        if (
+            self.translated
+            and system.words.size <= _FEW
+            and np.all(np.isfinite(system.coefficients))
+        ):
+            return expand_exactly(system, self.centre, self.scale)
+        return expand_affine(system, self.centre, self.scale)
+
     def expand(self, system: PolynomialSystem) -> PolynomialSystem:
         """Expand polynomials in t, rounded; terms that rounding may hide are dropped.
 
         Polynomials with a coefficient that no double holds become empty: what is made of them
         proposes proofs that say nothing of them.
         """
-        words, row, value = expand_affine(system, self.centre, self.scale)
+        words, row, value = self.expanded(system)
         overflows = np.zeros(system.size, bool)
         overflows[row[~np.isfinite(value.hi - value.lo)]] = True
         keep = np.flatnonzero(((value.lo > 0) | (value.hi < 0)) & ~overflows[row])

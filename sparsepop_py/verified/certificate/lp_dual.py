@@ -31,7 +31,6 @@ from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import indices
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by
-from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.multipliers import ScaledGenerators
 from sparsepop_py.verified.certificate.sos_identity import losses
@@ -117,7 +116,7 @@ class LinearDual:
         place, term = made.system.terms_of(generator)
         words = monomials.multiply(self.word[keep][place], made.system.words[term])
         part = -(Interval.point(value[keep][place]) * made.value[term])
-        asked, row, constant = expand_affine(objectives, self.scaling.centre, self.scaling.scale)
+        asked, row, constant = self.scaling.expanded(objectives)
         width = max(words.shape[1], asked.shape[1])
         distinct, number = monomials.collect(
             np.concatenate([monomials.widen(w, width) for w in (words, asked)]), n

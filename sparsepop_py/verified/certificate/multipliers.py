@@ -28,7 +28,6 @@ from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_cache import interned
 from sparsepop_py.verified.arithmetic.array_checks import are_indices
 from sparsepop_py.verified.arithmetic.interval import Interval, gram
-from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine
 from sparsepop_py.verified.box.scaling import Scaling
 
 __all__ = ["Multipliers", "ScaledGenerators"]
@@ -171,7 +170,7 @@ class ScaledGenerators:
     def entries(matrices: Matrices, scaling: Scaling) -> ScaledGenerators:
         """Scale the entries of matrices to t."""
         given = matrices.system
-        words, row, value = expand_affine(given, scaling.centre, scaling.scale)
+        words, row, value = scaling.expanded(given)
         system = PolynomialSystem(words, value.lo, row, given.size, given.dimension)
         return ScaledGenerators(system, value, matrices)
 
@@ -181,7 +180,7 @@ class ScaledGenerators:
     ) -> ScaledGenerators:
         """Expand them around the centre of the scaling; products (P, 2) follow at the end."""
         n, m = constraints.dimension, constraints.size
-        words, row, value = expand_affine(constraints, scaling.centre, scaling.scale)
+        words, row, value = scaling.expanded(constraints)
         lower, upper = scaling.bounds
         bound_words, bound_values, bound_rows = generators.bound_terms(lower, upper, m)
         low, high = bound_values, bound_values

@@ -38,7 +38,7 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.problem import generators
 from sparsepop_py.verified.arithmetic.array_checks import are_indices, are_numbers
 from sparsepop_py.verified.arithmetic.interval import Interval, sum_by, up
-from sparsepop_py.verified.arithmetic.polynomial_range import expand_affine, monomial_ranges
+from sparsepop_py.verified.arithmetic.polynomial_range import monomial_ranges
 from sparsepop_py.verified.box.scaling import Scaling
 from sparsepop_py.verified.certificate.multipliers import Multipliers, ScaledGenerators
 
@@ -206,7 +206,7 @@ class Identity:
         n, scaling = constraints.dimension, self.scaling
         made = ScaledGenerators.of(constraints, scaling, self.products)
         entries = ScaledGenerators.entries(matrices, scaling)
-        words, _, value = expand_affine(objective, scaling.centre, scaling.scale)
+        words, _, value = scaling.expanded(objective)
         all_words, all_values = [words], [value]
         if self.priced is not None:
             all_words.append(self.priced.words)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
 import setid
+from setid.feasible_points import output_error
 from setid.feasible_points.output_error import least_largest_error, output_error_fit
+from sparsepop_py.budget import Deadline, LimitReached
 
 TRUTH = [-0.7, 1.5]
 MODEL = setid.TransferFunction(1, 1, nk=1)
@@ -52,6 +56,28 @@ def test_no_readings_with_a_bound_leave_the_fit_of_least_squares() -> None:
     data = record(40, 0.1)
     found = least_largest_error(data, MODEL, np.zeros((40, 1)))
     assert found == pytest.approx(output_error_fit(data, MODEL)[0])
+
+
+def test_fits_without_time_take_the_best_vector_so_far(monkeypatch) -> None:
+    """The first simulation counts; gradients of a fit and programs for it take many more."""
+    data, runs = record(40, 0.1), []
+    own = output_error.run
+    monkeypatch.setattr(output_error, "run", lambda *args: runs.append(1) or own(*args))
+    theta, outputs = output_error_fit(data, MODEL, until=time.monotonic())
+    first = len(runs)
+    assert first <= 4
+    assert outputs.shape == (40, 1) and np.all(np.isfinite(theta))
+    minimax = least_largest_error(data, MODEL, np.full((40, 1), 0.1), until=time.monotonic())
+    assert len(runs) - first <= 6 and np.all(np.isfinite(minimax))
+    runs.clear()
+    fitted = output_error_fit(data, MODEL)[1]
+    assert len(runs) > first
+    assert np.linalg.norm(fitted - data.y) <= np.linalg.norm(outputs - data.y)
+
+
+def test_a_fit_looks_at_the_limit_that_is_kept() -> None:
+    with Deadline(1e-9).kept(), pytest.raises(LimitReached):
+        output_error_fit(record(40, 0.1), MODEL)
 
 
 @pytest.mark.slow

@@ -140,6 +140,7 @@ def test_bounds_of_products_alone_may_show_that_a_face_is_empty() -> None:
     assert not faces.holds(3, 100.0, None)
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
     formulation, box = known()
     rows, last = formulation.products, box.rounds[-1]

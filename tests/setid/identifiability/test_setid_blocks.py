@@ -265,6 +265,23 @@ def test_structures_without_normalisation_are_refused_or_reported() -> None:
     assert result.intervals["a1"].outer == pytest.approx(named.intervals["a1"].outer, abs=2e-3)
 
 
+@pytest.mark.parametrize("initial", ["free", "zero"])
+def test_internal_signals_without_bounds_are_named(initial: str) -> None:
+    """z and -z - gamma1 / gamma2 have the same gamma1 z + gamma2 z^2, so nothing bounds z(0)."""
+    rng = np.random.default_rng(9)
+    shape = setid.TransferFunction(1, 1, 1)
+    model = setid.Wiener(shape, 2, normalise="b1", initial=initial)
+    noise = setid.Noise(output=0.02)
+    u = rng.uniform(-1.0, 1.0, 6)
+    made = setid.simulate_record(model, [-0.5, 1.0, 0.3], u, noise, rng)
+    box = setid.Box({"a1": (-0.9, 0.0), "gamma1": (0.5, 1.5), "gamma2": (0.0, 1.0)})
+    options = setid.Options(time_limit=3.0, progress=False)
+    found = setid.identify(made.data, model, noise, box, options=options)
+    assert found.verify()
+    named = [note for note in found.notes if "nothing bounds the internal signals z" in note]
+    assert bool(named) == (initial == "free") == any("initial='zero'" in n for n in found.notes)
+
+
 def test_missing_boxes_are_named() -> None:
     model = setid.Wiener(ONE, 2, "gamma1", initial="zero")
     result = setid.identify(simulated("wiener", 0.02).data, model, setid.Noise(output=0.01))

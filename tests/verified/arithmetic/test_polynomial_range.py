@@ -15,6 +15,7 @@ from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.arithmetic.polynomial_range import (
     expand_affine,
+    expand_exactly,
     jacobian_range,
     range_over,
 )
@@ -148,11 +149,12 @@ def substituted(table, centre, scale):
     return {key: v for key, v in result.items() if v}
 
 
+@pytest.mark.parametrize("expand", [expand_affine, expand_exactly])
 @given(systems, centres, scales)
 @settings(max_examples=80, deadline=None)
-def test_expansion_holds_the_exact_coefficients(rows, centre, scale):
+def test_expansion_holds_the_exact_coefficients(expand, rows, centre, scale):
     system = stack(rows)
-    words, row, value = expand_affine(system, np.array(centre), np.array(scale))
+    words, row, value = expand(system, np.array(centre), np.array(scale))
     letters = [tuple(np.bincount(w, minlength=N + 1)[1:].tolist()) for w in words]
     keys = list(zip(row.tolist(), letters, strict=True))
     assert len(set(keys)) == len(keys)
@@ -184,6 +186,28 @@ def test_the_identity_changes_nothing(rows):
     assert np.array_equal(row, system.row)
     assert np.array_equal(value.lo, system.coefficients)
     assert np.array_equal(value.hi, system.coefficients)
+
+
+@given(systems, centres, scales)
+@settings(max_examples=40, deadline=None)
+def test_exact_expansions_are_the_tightest_doubles(rows, centre, scale):
+    words, row, value = expand_exactly(stack(rows), np.array(centre), np.array(scale))
+    for k, (w, number) in enumerate(zip(words, row.tolist(), strict=True)):
+        letter = tuple(np.bincount(w, minlength=N + 1)[1:].tolist())
+        exact = substituted(rows[number], centre, scale)[letter]
+        assert holds(value, exact, k)
+        assert value.lo[k] == value.hi[k] or value.hi[k] == np.nextafter(value.lo[k], np.inf)
+
+
+def test_powers_of_a_far_centre_cancel_exactly():
+    """(x - 100)^8 is t^8 about 100, where rounding leaves intervals of width 2 and more."""
+    x = sp.variables(1)[0]
+    system = PolynomialSystem.stack([(x - 100) ** 8], 1)
+    words, _, value = expand_exactly(system, np.array([100.0]), np.array([2.0]))
+    assert words.tolist() == [[1] * 8]
+    assert value.lo.tolist() == value.hi.tolist() == [256.0]
+    rounded = expand_affine(system, np.array([100.0]), np.array([2.0]))[2]
+    assert rounded.width().max() > 2.0
 
 
 def test_everything_fixed_leaves_the_value():

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import sparsepop_py as sp
 from sparsepop_py import Problem
+from sparsepop_py.algebra.polynomial_system import PolynomialSystem
 from sparsepop_py.verified.arithmetic.interval import Interval
 from sparsepop_py.verified.box.scaling import Scaled, Scaling
 
@@ -257,3 +258,49 @@ def test_powers_that_overflow_are_no_wrong_input(effort):
     result = sp.solve(problem, sp.Options(effort=effort, time_limit=5))
     assert result.lower_bound <= -1 <= result.upper_bound
     assert result.certificate.verify(problem).ok
+
+
+FREE = np.zeros(2, bool)
+
+
+def test_a_moved_origin_is_expanded_exactly():
+    """(x - 100)^8 + y is 2^8 t^8 + 4 s - 30 with x = 100 + 2 t and y = -30 + 4 s."""
+    x, y = sp.variables(2)
+    scaling = Scaling.about(np.array([100.0, -30.0]), np.array([2.0, 4.0]), FREE)
+    assert scaling.translated
+    assert scaling.contains(Interval(np.full(2, -np.inf), np.full(2, np.inf)))
+    words, _, value = scaling.expanded(PolynomialSystem.stack([(x - 100) ** 8 + y], 2))
+    found = {tuple(w[w > 0].tolist()): k for k, w in enumerate(words)}
+    assert found.keys() == {(), (2,), (1,) * 8}
+    assert np.array_equal(value.lo, value.hi)
+    assert [value.lo[found[w]] for w in ((), (2,), (1,) * 8)] == [-30.0, 4.0, 256.0]
+
+
+@pytest.mark.parametrize(
+    ("centre", "side", "boxed", "expected"),
+    [
+        ([0.0, 0.0], [0, 0], [False, False], False),
+        ([0.0, 3.0], [0, 0], [False, False], True),
+        ([0.0, 3.0], [0, 1], [False, False], False),  # starts at its bound
+        ([0.0, 3.0], [0, -1], [False, False], False),
+        ([0.0, 3.0], [0, 0], [False, True], False),
+        ([np.nan, 3.0], [0, 0], [False, False], False),
+        ([0.0, np.inf], [0, 0], [False, False], False),
+    ],
+)
+def test_only_origins_of_free_variables_are_moved(centre, side, boxed, expected):
+    scaling = Scaling(np.array(centre), np.ones(2), np.array(boxed), np.array(side))
+    assert scaling.translated is expected
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_no_number_at_all_is_no_rational(number):
+    """Forged scalings and coefficients are refused elsewhere; nothing is raised here."""
+    x, y = sp.variables(2)
+    system = PolynomialSystem.stack([x + y], 2)
+    for centre, scale in (([number, 1.0], [1.0, 1.0]), ([1.0, 1.0], [number, 1.0])):
+        Scaling.about(np.array(centre), np.array(scale), FREE).expanded(system)
+    forged = PolynomialSystem(
+        system.words, np.full(system.row.size, number), system.row, 1, system.dimension
+    )
+    Scaling.about(np.ones(2), np.ones(2), FREE).expanded(forged)

@@ -11,11 +11,10 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from . import interval as iv
-from .certificate import Certificates
-from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, nothing
-from .polynomial import INF, Polynomial, Word
-from .reading import (
+from ..arithmetic import interval as iv
+from ..arithmetic.polynomial import INF, Polynomial, Word
+from ..certificates.certificate import Certificates
+from ..files.reading import (
     Constraint,
     Malformed,
     Problem,
@@ -30,7 +29,8 @@ from .reading import (
     unit,
     whole,
 )
-from .result import NotProved
+from ..result import NotProved
+from .linear_rows import ZERO, Ends, Regression, by_inverse, by_tree, met, nothing
 from .simulation import by_simulation
 
 LARGEST = Fraction(4)  # s above this needs no proof

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from .polynomial import Polynomial
+from ..arithmetic.polynomial import Polynomial
 
 Disc = tuple[int, int]
 BITS = (300, 1200, 4800, 19200, 76800)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+from ..arithmetic.polynomial import INF, Polynomial, Word, power_of_two
+from ..files.reading import Malformed, alike, below, fields, items, rational
 from .gram import ExactGram
 from .identity import Row
-from .polynomial import INF, Polynomial, Word, power_of_two
-from .reading import Malformed, alike, below, fields, items, rational
 
 
 class ExactDual:

@@ -6,16 +6,16 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from . import interval as iv
+from ..arithmetic import interval as iv
+from ..arithmetic.interval import Interval
+from ..arithmetic.polynomial import INF, Polynomial, Word
+from ..files.reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
 from .exact_dual import ExactDual
 from .gram import ExactGram
 from .identity import Identity, LinearDual, Row
-from .interval import Interval
 from .left_inverse import contracts
-from .polynomial import INF, Polynomial, Word
 from .propagation import Box, Rows
 from .propagation import Row as BoxRow
-from .reading import Malformed, Problem, alike, below, fields, finite, item, items, whole
 
 Holds = Callable[[int, int, int], "Fraction | None"]
 MOST_SWEEPS = 200  # the box of fewer sweeps is larger, so that nothing false follows

@@ -12,9 +12,9 @@ from __future__ import annotations
 from math import isqrt
 from typing import Any
 
-from . import interval as iv
-from .interval import WHOLE, End, Interval
-from .polynomial import INF, Polynomial, powers
+from ..arithmetic import interval as iv
+from ..arithmetic.interval import WHOLE, End, Interval
+from ..arithmetic.polynomial import INF, Polynomial, powers
 
 Factors = list[tuple[int, int]]
 

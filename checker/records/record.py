@@ -6,12 +6,10 @@ from fractions import Fraction
 from types import SimpleNamespace
 from typing import Any
 
-from .certificate import Certificates
-from .linear_rows import Ends, bound_rows, combined, move
-from .parameter_box import proved_box
-from .point import ProvedPoint, infeasible
-from .polynomial import INF
-from .reading import (
+from ..arithmetic.polynomial import INF
+from ..certificates.certificate import Certificates
+from ..certificates.point import ProvedPoint, infeasible
+from ..files.reading import (
     Constraint,
     Malformed,
     fields,
@@ -25,7 +23,9 @@ from .reading import (
     unit,
     whole,
 )
-from .result import NotProved, shown
+from ..result import NotProved, shown
+from .linear_rows import Ends, bound_rows, combined, move
+from .parameter_box import proved_box
 from .structure import ZERO, Record, Structure, Terms
 
 GROUPS = {"eta": "output", "xi": "input", "e": "equation"}

@@ -8,11 +8,11 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from . import interval as iv
-from .left_inverse import contracts
-from .polynomial import INF, Word
-from .reading import Malformed, alike, below, fields, finite, item, items, rational, whole
-from .result import NotProved
+from ..arithmetic import interval as iv
+from ..arithmetic.polynomial import INF, Word
+from ..certificates.left_inverse import contracts
+from ..files.reading import Malformed, alike, below, fields, finite, item, items, rational, whole
+from ..result import NotProved
 
 ZERO = Fraction(0)
 Ends = list[list[Any]]  # lower ends, upper ends: Fractions, INF or -INF

@@ -12,7 +12,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from .polynomial import INF, Polynomial
+from ..arithmetic.polynomial import INF, Polynomial
 from .reading import Constraint, Malformed, Problem
 
 TOKEN = re.compile(

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from . import interval as iv
-from .interval import Interval
-from .polynomial import dyadic
+from ..arithmetic import interval as iv
+from ..arithmetic.interval import Interval
+from ..arithmetic.polynomial import dyadic
 
 
 def reached(

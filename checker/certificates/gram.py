@@ -6,8 +6,8 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
-from .polynomial import INF, Polynomial
-from .reading import Malformed, alike, below, fields
+from ..arithmetic.polynomial import INF, Polynomial
+from ..files.reading import Malformed, alike, below, fields
 
 Rows = dict[int, dict[int, Fraction]]
 

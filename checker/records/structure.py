@@ -15,7 +15,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .reading import Malformed, fields, finite, item, items, whole
+from ..files.reading import Malformed, fields, finite, item, items, whole
 
 ZERO = Fraction(0)
 Terms = dict[tuple[int, ...], Fraction]  # polynomials in the unknowns: sorted letters from 1

@@ -5,9 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from . import interval as iv
-from .polynomial import INF, Polynomial, Substitution, Word, dyadic, powers, total
-from .reading import Constraint, Malformed, alike, array, below, fields, items
+from ..arithmetic import interval as iv
+from ..arithmetic.polynomial import INF, Polynomial, Substitution, Word, dyadic, powers, total
+from ..files.reading import Constraint, Malformed, alike, array, below, fields, items
 
 Range = tuple[Any, Any]  # rational ends, INF or -INF
 ONE = Polynomial({(): 1})

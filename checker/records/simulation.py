@@ -14,10 +14,10 @@ from fractions import Fraction
 from operator import mul
 from typing import Any, NamedTuple
 
+from ..arithmetic.polynomial import INF
+from ..files.reading import Malformed, alike, below, fields, finite, items, text, whole
+from ..result import NotProved
 from .linear_rows import Ends, Regression
-from .polynomial import INF
-from .reading import Malformed, alike, below, fields, finite, items, text, whole
-from .result import NotProved
 from .structure import Term
 
 _K = 320

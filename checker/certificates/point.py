@@ -7,12 +7,12 @@ from fractions import Fraction
 from itertools import product
 from typing import Any
 
-from . import interval as iv
+from ..arithmetic import interval as iv
+from ..arithmetic.interval import Interval
+from ..arithmetic.polynomial import INF, Polynomial, power_of_two
+from ..files.reading import Constraint, Malformed, Problem, alike, below, fields
 from .gram import semidefinite
-from .interval import Interval
 from .left_inverse import dot, reached
-from .polynomial import INF, Polynomial, power_of_two
-from .reading import Constraint, Malformed, Problem, alike, below, fields
 from .substitution import substituted
 
 RADII = (200, 150, 100, 60, 45, 38, 33, 30, 27)  # boxes of 2**-k are tried, small ones first

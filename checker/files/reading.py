@@ -11,7 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from .polynomial import INF, Polynomial, Word
+from ..arithmetic.polynomial import INF, Polynomial, Word
 
 OLD_NAMES: dict[Any, list[tuple[str, str]]] = {
     "part": [("cut", "branch")],

@@ -1,0 +1,1 @@
+"""Exact polynomials, and intervals in fixed point."""

@@ -1,0 +1,1 @@
+"""Arguments, steps and trees, attained points and rays."""

@@ -1,0 +1,1 @@
+"""Identifications: rows, boxes of the parameters, intervals."""
