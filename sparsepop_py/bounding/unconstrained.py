@@ -161,7 +161,7 @@ def _where_terms_are(context: SolveContext, bare: Model) -> CertifiedBound | Non
 def _about_the_incumbent(
     context: SolveContext, bare: Model, outcome: CertifiedBound
 ) -> CertifiedBound:
-    """Move the origin to the attained point where terms cancel there."""
+    """Move the origin to the attained point where terms cancel and a gap is left."""
     problem, best = Problem(context.problem.objective), context.best
     if good_enough(context, lower_bound(outcome.certificate)) or context.deadline.over:
         return outcome

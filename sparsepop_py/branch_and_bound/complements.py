@@ -1,4 +1,4 @@
-"""Variables and linear rows whose product is zero: complementarity x_v g(x) = 0, or <= 0.
+"""Variables and linear rows whose product is zero, or at most zero: complementarity.
 
 Where x_v > 0 the inequality is an equation. With the lower end l > 0 of a box follows
 

@@ -343,7 +343,7 @@ def _by_gram_matrices(
 
 
 def _searched_about_the_origin(context: SolveContext, bound: CertifiedBound) -> SolveContext:
-    """Search once more about a moved origin, where terms that cancel hide no values."""
+    """Search once more where the origin was moved: terms that cancel hide values otherwise."""
     scaled = bound.model.scaled
     if scaled is None or not scaled.scaling.translated or context.options.refine == "none":
         return context

@@ -60,10 +60,10 @@ class MemberSearch:
         found = LinearModel(matrix, rows, (low, high)).solve(cost)
         return np.clip(x + found.x[:-1], self.low, self.high) if found.status == "solved" else None
 
-    def least(self, x: Reals) -> tuple[Reals, float]:
-        """Weights near x of least error, until it is below the bound."""
+    def least(self, x: Reals, enough: float = 0.0, reach: float = 0.5) -> tuple[Reals, float]:
+        """Weights near x of least error, or of an error that is small enough."""
         x = np.clip(x, self.low, self.high)
-        value, reach = self.error(x), 0.5
+        value = self.error(x)
         cost = np.append(np.zeros(x.size), 1.0)
         for _ in range(_ROUNDS):
             trial = self.step(x, reach, cost, np.inf)
@@ -72,7 +72,7 @@ class MemberSearch:
                 x, value, reach = trial, reached, 2.0 * reach
             else:
                 reach /= 3.0
-            if reach < _SMALL:
+            if reach < _SMALL or value <= enough:
                 break
         return x, value
 

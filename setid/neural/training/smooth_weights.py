@@ -37,6 +37,7 @@ _LINEAR = 0.3  # distance of the lines from the activation below which cuts are 
 _WORTH = 0.1  # of the width of a box: what a cut must take off
 _STARTS, _TRIES = 10, 30  # local searches: at the start, and in all (successes count 6)
 _ROOMS = (1.0, 1.0 + 1e-6, 1.01, 2.0)  # multiples of the bound at which ends are looked for
+_HIDDEN = 0.85  # of the time for the ends of hidden weights, before those of v and c
 _CHECK = 0.4  # seconds that a step takes to check, of those that it takes to find
 
 
@@ -324,33 +325,66 @@ class _Search:
         self.members: dict[tuple[int, float], Reals] = {}
         self.tries, self.begin = 0, time.monotonic()
         self.local = MemberSearch(task.program, task.bound)
+        self.last: dict[int, Reals] = {}  # ends of v, -v, ..., c, -c over boxes
 
     def run(self) -> None:
         """Work on the ends in turn until they are closed or the time is over."""
         goals = [(entry, side) for entry in range(self.task.hidden) for side in (1.0, -1.0)]
         self.start()
-        busy = True
+        busy, rounds = True, 0
+        while busy and self.alive and self.spare(_HIDDEN):
+            busy, rounds = False, rounds + 1
+            if rounds & (rounds - 1) == 0:  # 1, 2, 4, 8, ...
+                self.approach(goals)
+            for entry, side in goals:
+                if not self.alive or not self.spare(_HIDDEN):
+                    break
+                number = min(self.alive, key=lambda n: self.end(n, entry, side))
+                if self.open_(number, entry, side):
+                    self.work(number)
+                    busy = True
+        self.run_last()
+
+    def run_last(self) -> None:
+        """Bound output weights and bias over all boxes, and work on their ends in turn."""
+        entries = range(self.task.hidden, self.task.size)
+        goals = [(entry, side) for entry in entries for side in (1.0, -1.0)]
+        self.bound_last()
+        busy, rounds = True, 0
         while busy and self.alive and self.spare():
-            busy = False
+            busy, rounds = False, rounds + 1
+            if rounds & (rounds - 1) == 0:
+                self.approach(goals)
             for entry, side in goals:
                 if not self.alive or not self.spare():
                     break
                 number = min(self.alive, key=lambda n: self.end(n, entry, side))
                 if self.open_(number, entry, side):
                     self.work(number)
+                    self.bound_last()
                     busy = True
-        for number, box in self.alive.items():
-            if time.monotonic() > self.until:
-                break
-            self.steps[number] = WeightStep(ends=self.ends(box))
 
-    def spare(self) -> bool:
+    def bound_last(self) -> None:
+        """Bound output weights and bias over boxes that are new."""
+        costs = self.task.outer_costs()
+        for number, box in self.alive.items():
+            if number in self.last or time.monotonic() > self.until:
+                continue
+            duals = self.ends(box)
+            self.steps[number] = WeightStep(ends=duals)
+            self.last[number] = self.program.bounded(box, duals, costs)
+
+    def spare(self, share: float = 1.0) -> bool:
         """Check that time is left beyond what the ends of v and c and a last check need."""
-        now = time.monotonic()
-        each = (now - self.begin) / len(self.steps)
-        return now + each * (len(self.alive) + _CHECK * len(self.steps)) < self.until
+        now, until = time.monotonic(), self.begin + share * (self.until - self.begin)
+        each, new = (now - self.begin) / len(self.steps), len(self.alive) - len(self.last)
+        return now + each * (max(new, 0) + _CHECK * len(self.steps)) < until
 
     def end(self, number: int, entry: int, side: float) -> float:
+        if entry >= self.task.hidden:
+            found = self.last.get(number)
+            place = 2 * (entry - self.task.hidden) + (side < 0)
+            return -np.inf if found is None else float(found[place])
         box = self.alive[number]
         return float(box.lo[entry] if side > 0 else -box.hi[entry])
 
@@ -370,6 +404,7 @@ class _Search:
     def work(self, number: int) -> None:
         """Prove a box empty, cut it, or bisect it."""
         box = self.alive.pop(number)
+        self.last.pop(number, None)
         if not self.task.ordered(box):
             return
         while True:
@@ -503,6 +538,22 @@ class _Search:
         for entry in range(x.size):
             for side in (1.0, -1.0):
                 self.take(self.local.extreme(x, entry, side))
+
+    def approach(self, goals: list[tuple[int, float]]) -> None:
+        """Look for networks near the boxes that end intervals, which other searches may miss."""
+        for entry, side in goals:
+            number = min(self.alive, key=lambda n: self.end(n, entry, side))
+            if not self.members or not self.open_(number, entry, side) or not self.spare():
+                continue
+            box = self.alive[number]
+            cost = np.zeros(self.task.size + 1)
+            cost[-1] = 1.0
+            found = self.model(box, np.inf).solve(cost)
+            if found.status == "solved":
+                near, reach = self.point(found.x, box), float(box.width().max())
+                x, error = self.local.least(near, self.local.room, reach)
+                if error <= self.local.room:
+                    self.take(self.local.extreme(x, entry, side))
 
     def take(self, x: Reals) -> None:
         """Order neurons, and keep the network for every end at which it is the best."""

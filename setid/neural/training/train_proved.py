@@ -247,9 +247,10 @@ def _by_engine(
     for signs in choices:
         _simulated(best, _program(network, phi, y, signs, weights, _cap(y)), np.array(signs))
     cap = best.value * (1.0 + 1e-9) + 1e-300
-    trees: dict[tuple[float, ...], Any] = {}
-    lower, count = cap, 0
-    for number, signs in enumerate(choices):
+    exact = best.value <= tolerance * best.scale  # 0 is bound enough
+    trees: dict[tuple[float, ...], Any] = dict.fromkeys(choices) if exact else {}
+    lower, count = 0.0 if exact else cap, 0
+    for number, signs in enumerate(() if exact else choices):
         item = _stated(network, phi, y, signs, weights, cap)
         share = (until - time.monotonic()) / (len(choices) - number)
         result, point = search_by_engine(item, share)

@@ -98,6 +98,22 @@ def test_the_engine_proves_what_patterns_prove(rows: int) -> None:
     )
 
 
+@pytest.mark.slow
+def test_the_engine_proves_two_neurons() -> None:
+    by_patterns = neural.train_proved(structure(2, "relu"), record(10), weights=3.0)
+    found = neural.train_proved(structure(2, "relu"), record(10), weights=3.0, method="engine")
+    assert found.status == by_patterns.status == "proved" and found.verify()
+    assert found.lower_bound <= by_patterns.upper_bound
+    assert by_patterns.lower_bound <= found.upper_bound
+
+
+def test_the_engine_is_not_asked_where_a_network_is_exact() -> None:
+    """Ten weights fit six rows: the least error is 0."""
+    found = neural.train_proved(structure(2, "relu"), record(6), weights=3.0, method="engine")
+    assert found.status == "proved" and found.verify() and found.nodes == 0
+    assert found.lower_bound == 0.0 <= found.upper_bound < 1e-12
+
+
 def test_solve_alone_proves_the_global_optimum_of_training() -> None:
     """No limit from simulated weights: the error of the best constant is the largest error."""
     from setid.neural.training.engine import training_problem
