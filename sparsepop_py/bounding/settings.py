@@ -47,6 +47,8 @@ class BoundingSettings:
         Relative gap that is nearly closed, with many variables.
     few_monomials : int
         Monomials up to which rational elimination takes no time.
+    denominators : int
+        Largest denominator of coordinates that exact bounds are expected at.
     far_incumbent : float
         Relative gap at which a better point is looked for before a relaxation is solved.
     linear_entries : int
@@ -76,6 +78,7 @@ class BoundingSettings:
     many_variables: int = 300
     small_gap: float = 1e-4
     few_monomials: int = 40
+    denominators: int = 12
     far_incumbent: float = 0.01
     linear_entries: int = 1_000_000
     convex_variables: int = 300
