@@ -49,6 +49,8 @@ class BoundingSettings:
         Monomials up to which rational elimination takes no time.
     smaller_blocks : float
         Share of the largest block: blocks of the monomials that occur are tried if no larger.
+    denominators : int
+        Largest denominator of coordinates that exact bounds are expected at.
     far_incumbent : float
         Relative gap at which a better point is looked for before a relaxation is solved.
     linear_entries : int
@@ -79,6 +81,7 @@ class BoundingSettings:
     small_gap: float = 1e-4
     few_monomials: int = 40
     smaller_blocks: float = 0.5
+    denominators: int = 12
     far_incumbent: float = 0.01
     linear_entries: int = 1_000_000
     convex_variables: int = 300

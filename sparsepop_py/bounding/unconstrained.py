@@ -54,6 +54,8 @@ from sparsepop_py.verified.certificate.certificate import Node, Proved, prove
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
 from sparsepop_py.verified.certificate.steps import BoxProof
 
+Search = Callable[[float, CertifiedBound | None], SolveContext]
+
 __all__ = ["good_enough", "may_be_squares", "unconstrained_bound"]
 
 
@@ -90,7 +92,7 @@ def may_be_squares(objective: Polynomial) -> bool:
 
 
 def unconstrained_bound(
-    context: SolveContext, search: Callable[[float], SolveContext] | None = None
+    context: SolveContext, search: Search | None = None
 ) -> CertifiedBound | None:
     """Bound the objective without constraints and bounds, None where that does not apply.
 
@@ -98,8 +100,10 @@ def unconstrained_bound(
     ----------
     context : SolveContext
     search : callable, optional
-        Looks for better points, and returns the context with its incumbent. Called once at most,
-        with the value that a Gram matrix seems to prove, where the incumbent is far from it.
+        Looks for better points up to a value, from the moments of a relaxation where one is
+        given, and returns the context with its incumbent. Called anew where the incumbent tells
+        that no exact bound is to be expected, and with the value that a Gram matrix seems to
+        prove, where the incumbent is far from it.
 
     Returns
     -------
@@ -119,11 +123,16 @@ def unconstrained_bound(
             model = build_relaxations(problem, (problem.objective,), bare, context.options, scaling)
         if model.scaled is None or not model.relaxations:
             return outcome or fewer
+        inside: CertifiedBound | None = None
         if outcome is None:
+            context, inside = _interior_first(context, model, model.scaled, search)
+            if inside is not None and _suffices(context, inside, model.relaxations[-1]):
+                return inside
             context, outcome = _exactly(context, model, search)
             if good_enough(context, lower_bound(outcome.certificate)):
                 break
-        outcome = better(outcome, _from_the_interior(context, model, model.scaled))
+        inside = inside or _from_the_interior(context, model, model.scaled)
+        outcome = better(outcome, inside)
         known = outcome.certificate is not None or context.deadline.over
         if known or context.best is None or np.all(np.abs(context.best.x) <= 1.0):
             break  # the scale would be the same
@@ -176,6 +185,60 @@ def _about_the_incumbent(
     return better(outcome, _from_the_interior(context, model, model.scaled, "clarabel"))
 
 
+def _interior_first(
+    context: SolveContext,
+    model: Model,
+    scaled: Scaled,
+    search: Search | None,
+) -> tuple[SolveContext, CertifiedBound | None]:
+    """Certify Gram matrices of the interior first, where no exact bound is to be expected.
+
+    A better point is looked for before: local minimisers say little.
+    """
+    relaxation = model.relaxations[-1]
+    if search is None or not _tends_to_no_exact_bound(context, relaxation):
+        return context, None
+    context = search(context.upper - BOUNDING.far_incumbent * (1.0 + abs(context.upper)), None)
+    if not _tends_to_no_exact_bound(context, relaxation):
+        return context, None
+    inside = _from_the_interior(context, model, scaled)
+    bound = lower_bound(inside.certificate)
+    if bound > -np.inf and not context.closed(bound):
+        context = search(bound, inside)
+    return context, inside
+
+
+def _suffices(context: SolveContext, inside: CertifiedBound, relaxation: Relaxation) -> bool:
+    """Check for a bound that closes the gap where no exact one is to be expected."""
+    closed = context.closed(lower_bound(inside.certificate))
+    return closed and _tends_to_no_exact_bound(context, relaxation)
+
+
+def _tends_to_no_exact_bound(context: SolveContext, relaxation: Relaxation) -> bool:
+    """Check for many monomials and an incumbent that is neither rational nor a square root.
+
+    A rational Gram matrix that proves a minimum has its minimisers in the kernel, and with them
+    their conjugates. Coordinates are compared with fractions of small denominators and with
+    their square roots: does that point attain as much, an exact bound is worth its time.
+    """
+    if context.best is None or relaxation.moments.shape[0] <= BOUNDING.few_monomials:
+        return False
+    x = context.best.x
+    fraction = _near_fraction(x)
+    root = np.copysign(np.sqrt(_near_fraction(x**2)), x)
+    near = np.where(np.abs(fraction - x) <= np.abs(root - x), fraction, root)
+    value = float(context.problem.objective(near))
+    return not value <= context.upper + context.allowed
+
+
+def _near_fraction(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round each number to the nearest fraction with a small denominator."""
+    scales = np.arange(1.0, 1.0 + BOUNDING.denominators)[:, None]
+    rounded = np.round(x * scales) / scales
+    best = np.abs(rounded - x).argmin(axis=0)
+    return rounded[best, np.arange(x.size)]
+
+
 def _in_other_coordinates(context: SolveContext, model: Model) -> CertifiedBound:
     """Certify a Gram matrix of coordinates in which the leading form is a monomial."""
     f, replay = context.problem.objective, context.at_cutoff()
@@ -206,7 +269,7 @@ def _grams(
 
 
 def _exactly(
-    context: SolveContext, model: Model, search: Callable[[float], SolveContext] | None
+    context: SolveContext, model: Model, search: Search | None
 ) -> tuple[SolveContext, CertifiedBound]:
     """Certify the first exact Gram matrix that is found, however singular."""
     relaxation = model.relaxations[-1]
@@ -219,7 +282,7 @@ def _exactly(
                 expected = estimate(gram, f)
                 far = BOUNDING.far_incumbent * (1.0 + abs(context.upper))
                 if search is not None and far < context.upper - expected < np.inf:
-                    context, search = search(expected), None
+                    context, search = search(expected, None), None
                 if not good_enough(context, expected):
                     continue  # rationals would take long to prove little
             proved = prove(replay, model.box, gram, False)

@@ -30,6 +30,7 @@ Method = Literal["auto", "min-degree", "min-fill", "mcs-m"]
 _FILL_VARIABLES = 1000  # up to which "auto" tries minimum fill: 0.02 s at 500 variables
 _MCS_VARIABLES = 300  # ... and MCS-M, which is quadratic: 0.4 s at 200 variables
 _SMALL_CLIQUE = 10  # largest clique up to which a smaller one gains too little for MCS-M
+_CYCLE = 3  # largest clique of any extension of a graph that has a cycle, at least
 Members = tuple[tuple[int, ...], ...]
 
 
@@ -62,8 +63,8 @@ def chordal_extension(
         ``"min-degree"``: greedy minimum degree elimination, nearly linear on sparse problems.
         ``"min-fill"``: networkx's elimination by least fill. ``"mcs-m"``: networkx's MCS-M,
         whose fill is minimal but which needs quadratic time. ``"auto"``: minimum degree, and
-        where that adds edges and the graph is small enough for them, the two others too; the
-        extension with the smallest largest clique is taken.
+        where that adds edges, makes cliques of more than three and the graph is small enough for
+        them, the two others too; the extension with the smallest largest clique is taken.
 
     Returns
     -------
@@ -104,6 +105,8 @@ def _smallest(graph: sps.csr_array) -> tuple[sps.csr_array, NDArray[np.int64]]:
     if best[0].nnz == graph.nnz or n > _FILL_VARIABLES:  # chordal already, or large
         return best
     size = _cost(*best)
+    if size[0] <= _CYCLE:
+        return best
     for method, limit in (("min-fill", _FILL_VARIABLES), ("mcs-m", _MCS_VARIABLES)):
         if n > limit or (method == "mcs-m" and size[0] <= _SMALL_CLIQUE):
             continue

@@ -308,11 +308,13 @@ def _by_gram_matrices(
     context: SolveContext, candidates: list[NDArray[Any]], more_starts: Iterator[NDArray[Any]]
 ) -> SearchState | None:
     """Bound the objective by Gram matrices without a box, searching points between rounds."""
-    start, bound = time.process_time(), None
+    start, bound, starts_left = time.process_time(), None, list[NDArray[Any]]()
 
-    def search(expected: float) -> SolveContext:
+    def search(expected: float, found: CertifiedBound | None) -> SolveContext:
         nonlocal context, candidates
-        context, more = update_incumbent(context, list(more_starts), expected)
+        starts_left.extend(more_starts)
+        starts = starts_left if found is None else list(_candidates_from_moments(found))
+        context, more = update_incumbent(context, starts, expected)
         candidates = candidates + more
         return context
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 import sparsepop_py as sp
 from sparsepop_py import problems
 from sparsepop_py.algebra import monomials
+from sparsepop_py.bounding import unconstrained
 from sparsepop_py.bounding.gram_rounding import exact_grams
 from sparsepop_py.verified.arithmetic.sum_of_squares import constant_above
 from sparsepop_py.verified.certificate.rational_gram import ExactGram
@@ -36,6 +37,20 @@ def test_expanded_chains_get_their_exact_optimum(make, optimum):
     assert result.lower_bound == optimum
     assert isinstance(result.certificate.root.argument, ExactGram)
     assert result.certificate.verify(problem).ok
+
+
+def test_minima_at_irrational_points_take_no_time_for_exact_matrices(monkeypatch):
+    """Broyden's tridiagonal function is 0 where its ends are neither rational nor square roots."""
+
+    def refused(*_):
+        raise AssertionError("an exact Gram matrix was looked for")
+
+    monkeypatch.setattr(unconstrained, "exact_grams", refused)
+    problem = expanded(problems.broyden_tridiagonal(40))
+    result = sp.solve(problem)
+    assert result.status is sp.Status.OPTIMAL
+    assert isinstance(result.certificate.root.argument, Identity)
+    assert -1e-6 < result.lower_bound <= 0.0 <= result.upper_bound
 
 
 def test_gram_matrices_inside_the_cone_need_no_box():

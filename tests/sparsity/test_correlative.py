@@ -14,6 +14,7 @@ from sparsepop_py import problems
 from sparsepop_py.algebra.polynomial import Constraint, Kind, Polynomial
 from sparsepop_py.errors import ProblemError
 from sparsepop_py.problem.problem import Problem
+from sparsepop_py.sparsity import chordal
 from sparsepop_py.sparsity.correlative import (
     Cliques,
     chordal_extension,
@@ -249,6 +250,20 @@ def test_auto_takes_the_smallest_largest_clique(seed):
     sizes = {method: largest_clique(chordal_extension(graph, method)[0]) for method in METHODS}
     assert len(set(sizes.values())) > 1  # the choice matters
     assert largest_clique(chordal_extension(graph)[0]) == min(sizes.values())
+
+
+def test_auto_ends_at_triangles(monkeypatch):
+    """Any extension of a ring has triangles: no other heuristic makes smaller cliques."""
+
+    def refused(graph):
+        raise AssertionError("a heuristic was run that can gain nothing")
+
+    for method in METHODS[1:]:
+        monkeypatch.setitem(chordal._METHODS, method, refused)
+    ring = sps.csr_array(np.roll(np.eye(12), 1, axis=0) + np.roll(np.eye(12), -1, axis=0))
+    extended, _ = chordal_extension(ring)
+    assert largest_clique(extended) == 3
+    assert extended.nnz // 2 == 12 + 9  # a triangulated polygon of 12 corners has 9 chords
 
 
 @pytest.mark.parametrize("method", ["auto", *METHODS])
