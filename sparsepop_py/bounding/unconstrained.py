@@ -209,7 +209,7 @@ def _interior_first(
 
 
 def _suffices(context: SolveContext, inside: CertifiedBound, relaxation: Relaxation) -> bool:
-    """Check for a bound that closes the gap where no exact one is to be expected."""
+    """Check for a bound that closes the gap where no exact one is expected."""
     closed = context.closed(lower_bound(inside.certificate))
     return closed and _tends_to_no_exact_bound(context, relaxation)
 
