@@ -45,8 +45,8 @@ def test_both_checkers_agree(group):
 
 def test_the_few_are_of_all_kinds():
     seen = set()
-    for group, most in FEW.items():
-        for text in solved(group, most).values():
+    for group in FEW.keys() - {"zoo", "examples"}:
+        for text in solved(group, FEW[group]).values():
             seen |= corpus.kinds(json.loads(text)["result"])
     assert seen >= {"Identity", "LinearDual", "ExactGram", "ExactDual"}
     assert seen >= {"Propagation", "Sublevel", "LeftInverse"}
