@@ -69,6 +69,7 @@ def test_published_optima_are_proved(problem, optimum):
     assert result.upper_bound == pytest.approx(optimum, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_equations_alone_are_searched_without_vertices():
     """798 variables at an order above the least: the first point makes the box."""
     first, second = (

@@ -340,6 +340,7 @@ def test_objectives_without_a_common_box_get_their_own():
     assert falls.lower_bound == -INF
 
 
+@pytest.mark.slow
 def test_an_empty_set_is_empty_for_every_objective():
     problem = sp.parse(EMPTY["just empty"])
     x, y = sp.variables(2)

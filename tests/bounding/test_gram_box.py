@@ -18,7 +18,7 @@ def quartic():
     return sp.Problem(f, [*rows, x[0] * x[4] == 2])
 
 
-@pytest.mark.parametrize("effort", ["presolve", "auto"])
+@pytest.mark.parametrize("effort", [pytest.param("presolve", marks=pytest.mark.slow), "auto"])
 def test_a_quartic_in_free_variables_under_nonlinear_equations(effort):
     """Its least value is 0.0787768 (loc. cit.); before, 0 was proved, by the squares alone."""
     result = sp.solve(quartic(), sp.Options(effort=effort, time_limit=60))

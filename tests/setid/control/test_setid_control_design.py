@@ -82,7 +82,7 @@ def test_dddc_lab_ideal_at_other_sampling_times(
         assert value - 1e-4 < low <= value + 1e-7 and value - 1e-7 <= high < value + 1e-4
 
 
-@pytest.mark.parametrize("integrator", [True, False])
+@pytest.mark.parametrize("integrator", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_noise_on_the_controllers_input(integrator: bool) -> None:
     """Noise .005 on 60 samples: row by row, outer ends were 10 to 100 times too wide."""
     found = control.design(experiment(0.005), M, control.LTI(3, integrator), 0.005, options=QUICK)
@@ -94,6 +94,7 @@ def test_noise_on_the_controllers_input(integrator: bool) -> None:
     assert not any("Box" in text for text in found.assumptions)
 
 
+@pytest.mark.slow
 def test_the_integrator_is_exact() -> None:
     found = control.design(experiment(0.005), M, control.LTI(3), 0.005, options=QUICK)
     for controller in (found.centre, found.feasible, found.estimate):
@@ -213,6 +214,7 @@ def least_noise(record: setid.IOData, theta: list[float]) -> float:
     return float(answer.fun) if answer.success else np.inf
 
 
+@pytest.mark.slow
 def test_a_measured_record_where_the_noise_decides_whether_there_are_controllers() -> None:
     """The least noise of PID controllers of this record lies between two bounds, by scipy."""
     record = setid.IOData.from_csv(DRYER, inputs="u", outputs="y", Ts=0.08).detrend()
